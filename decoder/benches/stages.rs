@@ -22,15 +22,17 @@ use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use cobscope_decoder::Reading;
-use cobscope_decoder::capture::{Batch, Packing, ReadOptions, Reader, WRITABLE, WriteOptions};
+use cobscope_decoder::capture::{
+    Batch, CaptureCompression, CaptureReader, ReadOptions, WRITABLE, WriteOptions,
+};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::profile::{Catalogue, ProfileError};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, Observer, SessionOptions};
 use cobscope_decoder::sink::EventSink as _;
-use cobscope_decoder::sink::jsonl::Jsonl;
-use cobscope_decoder::sink::text::{Text, TextOptions};
+use cobscope_decoder::sink::jsonl::JsonlSink;
+use cobscope_decoder::sink::text::{TextOptions, TextSink};
 use machine::devices::{DEVICES, Devices};
 use machine::engine::Engine;
 use machine::formats::Format;
@@ -82,9 +84,11 @@ const STAGES: [(&str, Run); 33] = [
     ("candump to findings", |captures| judge(&captures.normal, SessionOptions::default())),
     ("J1939 to events", |captures| decode(&captures.engine, &mut ignore)),
     ("J1939 to findings", |captures| judge(&captures.engine, SessionOptions::default())),
-    ("candump to JSON Lines", |captures| decode(&captures.normal, &mut ToJsonl(Jsonl::new(output())))),
+    ("candump to JSON Lines", |captures| decode(&captures.normal, &mut ToJsonl(JsonlSink::new(output())))),
     ("candump to text", |captures| decode(&captures.normal, &mut to_text())),
-    ("known mappings to JSON Lines", |captures| decode(&captures.mapped, &mut ToJsonl(Jsonl::new(output())))),
+    ("known mappings to JSON Lines", |captures| {
+        decode(&captures.mapped, &mut ToJsonl(JsonlSink::new(output())))
+    }),
     ("fault storm to events", |captures| decode(&captures.storm, &mut ignore)),
     ("fault storm to findings", |captures| judge(&captures.storm, SessionOptions::default())),
     ("fault storm to text", |captures| decode(&captures.storm, &mut to_text())),
@@ -97,14 +101,14 @@ const STAGES: [(&str, Run); 33] = [
     ("pcap to events", |captures| decode(&captures.pcap, &mut ignore)),
     ("pcapng, frames only", |captures| read(&captures.pcapng)),
     ("pcapng to events", |captures| decode(&captures.pcapng, &mut ignore)),
-    ("write candump", |captures| rewrite(captures, "candump", Packing::None)),
-    ("write pcapng", |captures| rewrite(captures, "pcapng", Packing::None)),
-    ("write asc", |captures| rewrite(captures, "asc", Packing::None)),
-    ("write trc", |captures| rewrite(captures, "trc", Packing::None)),
-    ("write csv", |captures| rewrite(captures, "csv", Packing::None)),
-    ("write MCAP, not packed", |captures| rewrite(captures, "mcap", Packing::None)),
-    ("write MCAP, lz4", |captures| rewrite(captures, "mcap", Packing::Lz4)),
-    ("write MCAP, zstd", |captures| rewrite(captures, "mcap", Packing::Zstd)),
+    ("write candump", |captures| rewrite(captures, "candump", CaptureCompression::None)),
+    ("write pcapng", |captures| rewrite(captures, "pcapng", CaptureCompression::None)),
+    ("write asc", |captures| rewrite(captures, "asc", CaptureCompression::None)),
+    ("write trc", |captures| rewrite(captures, "trc", CaptureCompression::None)),
+    ("write csv", |captures| rewrite(captures, "csv", CaptureCompression::None)),
+    ("write MCAP, not packed", |captures| rewrite(captures, "mcap", CaptureCompression::None)),
+    ("write MCAP, lz4", |captures| rewrite(captures, "mcap", CaptureCompression::Lz4)),
+    ("write MCAP, zstd", |captures| rewrite(captures, "mcap", CaptureCompression::Zstd)),
     ("mcap crate alone, not packed", |captures| crate_alone(captures, None)),
     ("mcap crate alone, lz4", |captures| crate_alone(captures, Some(mcap::Compression::Lz4))),
     ("mcap crate alone, zstd", |captures| crate_alone(captures, Some(mcap::Compression::Zstd))),
@@ -214,7 +218,8 @@ fn to_mcap(from: &Path, to: &Path) -> io::Result<PathBuf> {
     let format = format.ok_or_else(|| io::Error::other("this build cannot write MCAP"))?;
     let output = Box::new(BufWriter::with_capacity(CHUNK, File::create(to)?));
     let mut writer = (format.writer)(output, &WriteOptions::default());
-    let mut reader = Reader::open(File::open(from)?, &ReadOptions::default()).map_err(io::Error::other)?;
+    let mut reader =
+        CaptureReader::open(File::open(from)?, &ReadOptions::default()).map_err(io::Error::other)?;
     let mut batch = Batch::new();
     while reader.read(&mut batch).map_err(io::Error::other)? {
         for frame in batch.frames() {
@@ -253,7 +258,7 @@ fn count_newlines(path: &Path) -> Outcome {
 }
 
 fn read(path: &Path) -> Outcome {
-    let mut reader = Reader::open(File::open(path)?, &ReadOptions::default())?;
+    let mut reader = CaptureReader::open(File::open(path)?, &ReadOptions::default())?;
     let mut batch = Batch::new();
     while reader.read(&mut batch)? {
         black_box(batch.frames());
@@ -263,7 +268,8 @@ fn read(path: &Path) -> Outcome {
 
 /// Reads the first frames of a capture.
 fn first(path: &Path) -> io::Result<Vec<Frame>> {
-    let mut reader = Reader::open(File::open(path)?, &ReadOptions::default()).map_err(io::Error::other)?;
+    let mut reader =
+        CaptureReader::open(File::open(path)?, &ReadOptions::default()).map_err(io::Error::other)?;
     let (mut batch, mut frames) = (Batch::new(), Vec::new());
     while frames.len() < WRITTEN && reader.read(&mut batch).map_err(io::Error::other)? {
         frames.extend_from_slice(batch.frames());
@@ -273,7 +279,7 @@ fn first(path: &Path) -> io::Result<Vec<Frame>> {
 }
 
 /// Writes the same number of frames as in the captures.
-fn rewrite(captures: &Captures, name: &str, packing: Packing) -> Outcome {
+fn rewrite(captures: &Captures, name: &str, packing: CaptureCompression) -> Outcome {
     let mut known = WRITABLE.iter();
     let format = known.find(|format| format.name == name).ok_or("no such format")?;
     let output = Box::new(BufWriter::with_capacity(OUTPUT, io::sink()));
@@ -318,7 +324,7 @@ fn decode(path: &Path, out: &mut dyn Observer) -> Outcome {
 }
 
 fn decode_with(path: &Path, options: SessionOptions, out: &mut dyn Observer) -> Outcome {
-    let mut reader = Reader::open(File::open(path)?, &ReadOptions::default())?;
+    let mut reader = CaptureReader::open(File::open(path)?, &ReadOptions::default())?;
     let mut decoder = Decoder::new(options);
     let mut batch = Batch::new();
     while reader.read(&mut batch)? {
@@ -329,7 +335,7 @@ fn decode_with(path: &Path, options: SessionOptions, out: &mut dyn Observer) -> 
             decoder.push(frame, reader.buses(), out);
         }
     }
-    decoder.finish(reader.buses(), out);
+    decoder.finish_capture(reader.buses(), out);
     Ok(())
 }
 
@@ -350,22 +356,22 @@ fn output() -> Box<dyn Write> {
     Box::new(BufWriter::with_capacity(OUTPUT, io::sink()))
 }
 
-struct ToJsonl(Jsonl<Box<dyn Write>>);
+struct ToJsonl(JsonlSink<Box<dyn Write>>);
 
 impl Observer for ToJsonl {
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        self.0.write(event, bus);
+    fn on_event(&mut self, event: &Event, bus: &Bus) {
+        self.0.write_event(event, bus);
     }
 }
 
-struct ToText(Text<Box<dyn Write>>);
+struct ToText(TextSink<Box<dyn Write>>);
 
 fn to_text() -> ToText {
-    ToText(Text::new(output(), TextOptions::default()))
+    ToText(TextSink::new(output(), TextOptions::default()))
 }
 
 impl Observer for ToText {
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        self.0.write(event, bus);
+    fn on_event(&mut self, event: &Event, bus: &Bus) {
+        self.0.write_event(event, bus);
     }
 }

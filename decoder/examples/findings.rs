@@ -17,11 +17,11 @@ fn main() -> Result<ExitCode, Box<dyn Error>> {
     reading.run(File::open(capture)?)?;
     let findings = reading.finish().findings;
     let mut out = stdout().lock();
-    for group in findings.counting() {
+    for group in findings.reported_groups() {
         let node = group.key.node.map_or_else(|| group.bus.to_string(), NodeId::label);
         let (severity, count) = (group.severity.name(), group.count);
         writeln!(out, "{severity:<8}  {node:<6}  {} [{}], count {count}", group.text, group.rule)?;
     }
-    let has_errors = findings.number(Severity::Error) > 0;
+    let has_errors = findings.reported_count(Severity::Error) > 0;
     Ok(if has_errors { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }

@@ -25,10 +25,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     for step in 0..40 {
         let now = Timestamp(step * 100 * MILLISECOND);
         // SYNC of another node, which continues.
-        let sync = Frame { bus: can0, time: Some(now), ..Frame::data_frame(CanId::standard(0x080), &[]) };
+        let sync =
+            Frame { bus: can0, time: Some(now), ..Frame::data_frame(CanId::from_standard(0x080), &[]) };
         reading.push(&sync);
         if step <= 10 {
-            let heartbeat = Frame { id: CanId::standard(0x705), time: Some(now.plus(MILLISECOND)), ..sync };
+            let heartbeat =
+                Frame { id: CanId::from_standard(0x705), time: Some(now.plus(MILLISECOND)), ..sync };
             reading.push(&Frame { length: 1, bytes: [5; 64], ..heartbeat });
         }
         // On a quiet bus, deadlines expire only by the clock.

@@ -8,7 +8,7 @@ use std::error::Error;
 use std::fs::File;
 use std::io::{Write as _, stdout};
 
-use cobscope_decoder::{Bus, Event, NodeId, Reading, Signal};
+use cobscope_decoder::{Bus, DecodedSignal, Event, NodeId, Reading};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -19,7 +19,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut table = String::new();
     let add_rows = |event: &Event, _: &Bus| {
         let time = event.time.map_or_else(|| "-".into(), |time| time.to_string());
-        let wanted = event.signals().filter(|signal| event.node == Some(node) && signal.name() == Some(name));
+        let wanted =
+            event.decode_signals().filter(|signal| event.node == Some(node) && signal.name() == Some(name));
         table.extend(wanted.map(|signal| format!("{time}  {}\n", row(&signal))));
     };
     let mut reading = Reading::builder().device(node, profile).build(add_rows)?;
@@ -28,8 +29,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(stdout().write_all(table.as_bytes())?)
 }
 
-fn row(signal: &Signal<'_>) -> String {
-    match (signal.label(), signal.scaled()) {
+fn row(signal: &DecodedSignal<'_>) -> String {
+    match (signal.label(), signal.scaled_value()) {
         (Some(label), _) => label.to_owned(),
         (None, Some(quantity)) => format!("{quantity:8.2} {}", signal.unit()),
         (None, None) => signal.value.to_string(),

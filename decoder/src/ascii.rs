@@ -7,7 +7,7 @@ use bytemuck::must_cast;
 use wide::{u8x16, u16x8};
 
 /// The byte, repeated in a register of eight.
-const fn each(byte: u8) -> u64 {
+const fn repeat_byte(byte: u8) -> u64 {
     u64::from_le_bytes([byte; 8])
 }
 
@@ -55,7 +55,7 @@ pub(crate) fn push_padded(out: &mut Vec<u8>, value: u64, width: usize) {
     let digits = decimal_digits(value);
     let leading = (digits.trailing_zeros() / 8).min(7);
     let kept = u64::MAX << (leading * 8);
-    let text = (digits | each(b'0')) & kept | each(b' ') & !kept;
+    let text = (digits | repeat_byte(b'0')) & kept | repeat_byte(b' ') & !kept;
     if width > 8 {
         push_blanks(out, width, 8);
     }
@@ -68,7 +68,7 @@ pub(crate) fn push_padded(out: &mut Vec<u8>, value: u64, width: usize) {
 #[inline]
 pub(crate) fn short_digits(value: u64) -> Option<(u64, usize)> {
     (value < PART).then(|| {
-        let (text, length) = short(value);
+        let (text, length) = format_short(value);
         (u64::from_le_bytes(text), length)
     })
 }
@@ -77,7 +77,7 @@ pub(crate) fn short_digits(value: u64) -> Option<(u64, usize)> {
 #[inline]
 pub(crate) fn push_enclosed(out: &mut Vec<u8>, before: [u8; 2], value: u64, after: [u8; 2]) {
     if value < PART {
-        let (text, length) = short(value);
+        let (text, length) = format_short(value);
         let (text, after) = (u128::from(u64::from_le_bytes(text)), u128::from(u16::from_le_bytes(after)));
         let text = u128::from(u16::from_le_bytes(before)) | (text | after << (length * 8)) << 16;
         push_part(out, text.to_le_bytes(), length + 4);
@@ -91,16 +91,16 @@ pub(crate) fn push_enclosed(out: &mut Vec<u8>, before: [u8; 2], value: u64, afte
 /// Appends a number below [`PART`].
 #[inline]
 fn push_short(out: &mut Vec<u8>, value: u64) {
-    let (text, length) = short(value);
+    let (text, length) = format_short(value);
     push_part(out, text, length);
 }
 
 /// Digits of a number below [`PART`], and their count.
 #[inline]
-fn short(value: u64) -> ([u8; 8], usize) {
+fn format_short(value: u64) -> ([u8; 8], usize) {
     let digits = decimal_digits(value);
     let leading = (digits.trailing_zeros() / 8).min(7);
-    (((digits | each(b'0')) >> (leading * 8)).to_le_bytes(), 8 - leading as usize)
+    (((digits | repeat_byte(b'0')) >> (leading * 8)).to_le_bytes(), 8 - leading as usize)
 }
 
 fn push_long(out: &mut Vec<u8>, value: u64) {
@@ -117,7 +117,8 @@ fn push_long(out: &mut Vec<u8>, value: u64) {
 /// The digits of any number, and the offset of the first digit after leading zeros.
 pub(crate) fn long_digits(value: u64) -> ([u8; 24], usize) {
     let parts = [value / PART / PART, value / PART % PART, value % PART];
-    let text: [u8; 24] = must_cast(parts.map(|part| (decimal_digits(part) | each(b'0')).to_le_bytes()));
+    let text: [u8; 24] =
+        must_cast(parts.map(|part| (decimal_digits(part) | repeat_byte(b'0')).to_le_bytes()));
     let leading = text.iter().take(23).take_while(|digit| **digit == b'0').count();
     (text, leading)
 }
@@ -146,7 +147,7 @@ pub(crate) fn push_fixed(out: &mut Vec<u8>, value: i64, digits: u8) {
         // Padded to eight digits, first digit in the lowest byte: trailing zeros are the uppermost bytes.
         let text = decimal_digits(fraction * (PART / unit));
         let kept = 8 - text.leading_zeros() as usize / 8;
-        push_part(out, (text | each(b'0')).to_le_bytes(), kept);
+        push_part(out, (text | repeat_byte(b'0')).to_le_bytes(), kept);
     }
 }
 
@@ -158,7 +159,7 @@ const POWERS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_
 pub(crate) fn nine_digits(value: u64) -> [u8; 9] {
     let mut text = [b'0' | (value % 10).to_le_bytes()[0]; 9];
     if let Some(first) = text.first_chunk_mut() {
-        *first = (decimal_digits(value / 10 % PART) | each(b'0')).to_le_bytes();
+        *first = (decimal_digits(value / 10 % PART) | repeat_byte(b'0')).to_le_bytes();
     }
     text
 }
@@ -173,7 +174,7 @@ pub(crate) fn push_nine(out: &mut Vec<u8>, value: u64) {
 #[inline]
 pub(crate) fn push_digits(out: &mut Vec<u8>, value: u64, digits: usize) {
     let digits = digits.clamp(1, 8);
-    let text = (decimal_digits(value % PART) | each(b'0')) >> ((8 - digits) * 8);
+    let text = (decimal_digits(value % PART) | repeat_byte(b'0')) >> ((8 - digits) * 8);
     push_part(out, text.to_le_bytes(), digits);
 }
 
@@ -214,7 +215,7 @@ pub(crate) fn push_hex(out: &mut Vec<u8>, bytes: &[u8]) {
         push_hex_word(out, *word, 8);
     }
     if !rest.is_empty() {
-        push_hex_word(out, padded(rest), rest.len());
+        push_hex_word(out, pad_to_eight(rest), rest.len());
     }
 }
 
@@ -233,7 +234,7 @@ pub(crate) fn push_spaced_word(out: &mut Vec<u8>, bytes: [u8; 8], kept: usize) {
 #[inline]
 pub(crate) fn push_spaced_hex(out: &mut Vec<u8>, bytes: &[u8]) {
     for chunk in bytes.chunks(8) {
-        push_spaced_word(out, padded(chunk), chunk.len());
+        push_spaced_word(out, pad_to_eight(chunk), chunk.len());
     }
 }
 
@@ -256,7 +257,7 @@ pub(crate) fn push_code(out: &mut Vec<u8>, value: u32, digits: usize) {
 
 /// The bytes, padded with zeros to eight.
 #[inline]
-pub(crate) fn padded(bytes: &[u8]) -> [u8; 8] {
+pub(crate) fn pad_to_eight(bytes: &[u8]) -> [u8; 8] {
     let mut word = [0; 8];
     for (target, byte) in word.iter_mut().zip(bytes) {
         *target = *byte;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::event::{Event, EventKind, FrameRange, Protocol};
+use crate::event::{Event, EventKind, EventProtocol, FrameRange};
 use crate::frame::{BusIndex, Frame, LinkState, Timestamp};
 use crate::session::{BusDecoder, Buses, Observer, SessionOptions};
 
@@ -82,7 +82,7 @@ impl Decoder {
     }
 
     /// Handles a notice of the reader.
-    pub fn notice(&mut self, notice: &Notice, names: &BusNames, out: &mut dyn Observer) {
+    pub fn on_notice(&mut self, notice: &Notice, names: &BusNames, out: &mut dyn Observer) {
         let mut bus = BusIndex(0);
         let kind = match notice {
             Notice::Unreadable { place, reason } | Notice::CutOff { place, reason } => {
@@ -104,9 +104,9 @@ impl Decoder {
                 EventKind::LostFrames { count: *count }
             }
             Notice::Link { bus, time, state, bit_rate } => {
-                return self.link(*bus, *time, (*state, *bit_rate), names, out);
+                return self.on_link_change(*bus, *time, (*state, *bit_rate), names, out);
             }
-            Notice::Quiet(time) => return self.advance(*time, out),
+            Notice::Quiet(time) => return self.advance_time(*time, out),
             Notice::ClockSet { bus, time, step } => {
                 if let Some(bus) = self.buses.get_mut(usize::from(bus.0)) {
                     bus.set_clock(*time, *step, out);
@@ -114,31 +114,31 @@ impl Decoder {
                 return;
             }
         };
-        self.emit(bus, kind, names, out);
+        self.emit_event(bus, kind, names, out);
     }
 
     /// Handles the end of the capture: closes open transfers and emits totals.
-    pub fn finish(&mut self, names: &BusNames, out: &mut dyn Observer) {
+    pub fn finish_capture(&mut self, names: &BusNames, out: &mut dyn Observer) {
         for bus in &mut self.buses {
-            bus.finish(out);
+            bus.finish_bus(out);
         }
         let more = self.unreadable.saturating_sub(SHOWN_UNREADABLE);
         if more > 0 {
             let reason = format!("{more} more, {} in total", self.unreadable);
             let kind = EventKind::Unreadable { file: None, line: None, offset: None, count: more, reason };
-            self.emit(BusIndex(0), kind, names, out);
+            self.emit_event(BusIndex(0), kind, names, out);
         }
     }
 
     /// Advances the time of a live bus without a frame.
-    pub fn advance(&mut self, now: Timestamp, out: &mut dyn Observer) {
+    pub fn advance_time(&mut self, now: Timestamp, out: &mut dyn Observer) {
         for bus in &mut self.buses {
-            bus.advance(now, out);
+            bus.advance_time(now, out);
         }
     }
 
     /// Handles a change of the link to a bus, after all deadlines before it.
-    fn link(
+    fn on_link_change(
         &mut self,
         bus: BusIndex,
         time: Timestamp,
@@ -146,7 +146,7 @@ impl Decoder {
         names: &BusNames,
         out: &mut dyn Observer,
     ) {
-        self.advance(time, out);
+        self.advance_time(time, out);
         self.last_time = Some(time);
         let index = usize::from(bus.0);
         if index >= self.buses.len() {
@@ -155,15 +155,15 @@ impl Decoder {
         if let (Some(rate), Some(bus)) = (bit_rate, self.buses.get_mut(index)) {
             bus.set_recorded_bit_rate(rate);
         }
-        self.emit(bus, EventKind::Link { state, bit_rate }, names, out);
+        self.emit_event(bus, EventKind::Link { state, bit_rate }, names, out);
     }
 
-    fn emit(&mut self, bus: BusIndex, kind: EventKind, names: &BusNames, out: &mut dyn Observer) {
+    fn emit_event(&mut self, bus: BusIndex, kind: EventKind, names: &BusNames, out: &mut dyn Observer) {
         let event = Event {
             time: self.last_time,
             bus,
             frames: FrameRange::one(self.last_frame),
-            protocol: Protocol::Capture,
+            protocol: EventProtocol::Capture,
             node: None,
             presumed: false,
             routine: false,
@@ -174,12 +174,12 @@ impl Decoder {
             self.add_buses(index, names);
         }
         if let Some(bus) = self.buses.get(index) {
-            out.event(&event, bus.bus());
+            out.on_event(&event, bus.bus());
         }
     }
 
     /// Number of the last frame decoded.
-    pub fn frames(&self) -> u64 {
+    pub fn frame_count(&self) -> u64 {
         self.last_frame
     }
 
@@ -189,7 +189,7 @@ impl Decoder {
     }
 
     /// Number of unreadable lines or records.
-    pub fn unreadable(&self) -> u64 {
+    pub fn unreadable_count(&self) -> u64 {
         self.unreadable
     }
 

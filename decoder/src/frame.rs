@@ -79,12 +79,12 @@ pub enum CanId {
 
 impl CanId {
     /// A base identifier; bits above the eleventh are dropped.
-    pub const fn standard(id: u16) -> Self {
+    pub const fn from_standard(id: u16) -> Self {
         Self::Standard(id & 0x7FF)
     }
 
     /// An extended identifier; bits above the 29th are dropped.
-    pub const fn extended(id: u32) -> Self {
+    pub const fn from_extended(id: u32) -> Self {
         Self::Extended(id & 0x1FFF_FFFF)
     }
 
@@ -275,7 +275,7 @@ mod tests {
 
     #[test]
     fn a_remote_frame_has_a_length_but_no_data() {
-        let mut frame = Frame::data_frame(CanId::standard(0x701), &[1]);
+        let mut frame = Frame::data_frame(CanId::from_standard(0x701), &[1]);
         frame.flags = FrameFlags::REMOTE;
         assert_eq!(frame.length, 1);
         assert_eq!(frame.data(), &[] as &[u8]);
@@ -283,8 +283,8 @@ mod tests {
 
     #[test]
     fn identifiers_are_cut_to_their_width_and_print_as_candump_does() {
-        assert_eq!(CanId::standard(0xF81).to_string(), "781");
-        assert_eq!(CanId::extended(0xFFFF_FFFF).to_string(), "1FFFFFFF");
+        assert_eq!(CanId::from_standard(0xF81).to_string(), "781");
+        assert_eq!(CanId::from_extended(0xFFFF_FFFF).to_string(), "1FFFFFFF");
     }
 
     #[test]
@@ -295,7 +295,7 @@ mod tests {
 
     #[test]
     fn a_dlc_is_the_one_sent_or_the_least_that_holds_the_payload() {
-        let frame = Frame::data_frame(CanId::standard(1), &[0; 8]);
+        let frame = Frame::data_frame(CanId::from_standard(1), &[0; 8]);
         assert_eq!((frame.dlc(), Frame { raw_dlc: 13, ..frame }.dlc()), (8, 13));
         let of = |length| Frame { length, flags: FrameFlags::FD, ..Frame::EMPTY }.dlc();
         assert_eq!([0, 8, 9, 12, 13, 48, 49, 64].map(of), [0, 8, 9, 9, 10, 14, 15, 15]);
@@ -303,7 +303,7 @@ mod tests {
 
     #[test]
     fn data_longer_than_fd_allows_is_cut() {
-        let frame = Frame::data_frame(CanId::standard(1), &[7; 80]);
+        let frame = Frame::data_frame(CanId::from_standard(1), &[7; 80]);
         assert_eq!(frame.data().len(), 64);
     }
 }

@@ -1,7 +1,7 @@
 //! Decodes CAN captures and live CAN frames to events of CANopen, J1939/ISOBUS and UDS devices, and checks
 //! them with rules.
 //!
-//! [`Reading`] combines all stages: it reads a capture from any [`Read`](std::io::Read) (candump, pcap, ASC,
+//! [`Reading`] combines all stages: it reads a capture from any [`FieldPresentation`](std::io::FieldPresentation) (candump, pcap, ASC,
 //! BLF, TRC, MDF4, MCAP, CSV and others, plain or compressed), or accepts single frames, and passes each [`Event`]
 //! to a [`ReadingPart`](reading::ReadingPart), such as a closure.
 //!
@@ -35,7 +35,7 @@
 //! | task | start at |
 //! | --- | --- |
 //! | Read a capture | [`Reading::run`], example `print_events` |
-//! | Values of PDOs and messages, with units | [`Event::signals`], [`Signal`], example `signal_table` |
+//! | Values of PDOs and messages, with units | [`Event::decode_signals`], [`DecodedSignal`], example `signal_table` |
 //! | Findings, for example in CI | [`Summary::findings`], [`Severity`], example `findings` |
 //! | Frames of a live bus | [`Reading::push`], [`Reading::advance`], example `live_frames` |
 //! | Names, devices, bit rates, databases | [`ReadingBuilder`] |
@@ -91,9 +91,9 @@ pub mod words;
 
 pub use decoder::Decoder;
 pub use event::{Event, EventKind};
-pub use finding::{Findings, Severity};
+pub use finding::{CaptureFindings, Severity};
 pub use frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
-pub use profile::Signal;
+pub use profile::DecodedSignal;
 pub use query::Filter;
 pub use reading::{Reading, ReadingBuilder, ReadingError, Summary};
 pub use session::{Bus, Node, Observer};

@@ -19,7 +19,7 @@ pub(crate) struct MarkedLine {
 
 impl MarkedLine {
     /// Marks the bytes `place` of a line, at least one character; a place beyond the end is the end.
-    pub(crate) fn of(line: &str, place: Range<usize>) -> Self {
+    pub(crate) fn mark_place(line: &str, place: Range<usize>) -> Self {
         let start = line.floor_char_boundary(place.start);
         let (before, rest) = line.split_at(start);
         let marked =
@@ -28,13 +28,13 @@ impl MarkedLine {
         let skipped = before.saturating_sub(BEFORE);
         let indent = before - skipped;
         let width = marked.chars().take(SHOWN - indent).count().max(1);
-        let shown = line.chars().skip(skipped).take(SHOWN).map(visible).collect();
+        let shown = line.chars().skip(skipped).take(SHOWN).map(replace_control).collect();
         Self { shown, carets: format!("{}{}", " ".repeat(indent), "^".repeat(width)) }
     }
 }
 
 /// Control characters as one column.
-pub(crate) fn visible(letter: char) -> char {
+pub(crate) fn replace_control(letter: char) -> char {
     match letter {
         '\t' | '\n' => ' ',
         letter if letter.is_control() => char::REPLACEMENT_CHARACTER,
@@ -49,7 +49,7 @@ mod tests {
     use super::*;
 
     fn marked(line: &str, place: Range<usize>) -> (String, String) {
-        let MarkedLine { shown, carets } = MarkedLine::of(line, place);
+        let MarkedLine { shown, carets } = MarkedLine::mark_place(line, place);
         (shown, carets)
     }
 
@@ -77,7 +77,7 @@ mod tests {
     proptest! {
         #[test]
         fn any_place_is_marked_within_the_width(line in ".{0,300}", start in 0_usize..400, length in 0_usize..400) {
-            let MarkedLine { shown, carets } = MarkedLine::of(&line, start..start + length);
+            let MarkedLine { shown, carets } = MarkedLine::mark_place(&line, start..start + length);
             prop_assert!(shown.chars().count() <= SHOWN);
             prop_assert!(carets.len() <= SHOWN && carets.ends_with('^'));
             prop_assert!(!shown.contains(char::is_control));

@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use crate::frame::BusIndex;
-use crate::profile::device::{Boot, Hint, Sign};
-use crate::profile::{Catalogue, Device, little_endian};
-use crate::session::{Bus, Node, OriginKind, Signs};
+use crate::profile::device::{BootSign, HintSign, ProfileHint};
+use crate::profile::{Catalogue, DeviceProfile, little_endian};
+use crate::session::{Bus, Node, OriginKind, ProfileSigns};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -42,22 +42,22 @@ impl Suggestion {
         let Self { node, profile, title, because, .. } = self;
         let place = if is_only { String::new() } else { format!("{}:", bus.name()) };
         let because = because.join("; ");
-        format!("{} behaves like {title}: --node {place}{node}={profile} ({because})", node.words())
+        format!("{} behaves like {title}: --node {place}{node}={profile} ({because})", node.sentence_label())
     }
 }
 
 /// Observed behaviour of one node.
-struct Behaviour<'a> {
-    signs: &'a Signs,
+struct ObservedBehaviour<'a> {
+    signs: &'a ProfileSigns,
     /// Indexes of the objects in known mappings.
     mapped: BTreeSet<u16>,
     /// Objects that were read or written, with their sizes in bytes.
     transferred: Vec<(ObjectAddress, u64)>,
 }
 
-impl<'a> Behaviour<'a> {
-    fn of(node: &'a Node) -> Self {
-        Self { signs: node.signs(), mapped: mapped(node), transferred: transferred(node) }
+impl<'a> ObservedBehaviour<'a> {
+    fn observe_node(node: &'a Node) -> Self {
+        Self { signs: node.signs(), mapped: mapped_indexes(node), transferred: transferred_objects(node) }
     }
 
     fn is_any(&self) -> bool {
@@ -65,13 +65,13 @@ impl<'a> Behaviour<'a> {
     }
 
     /// Whether the node has an object with this index.
-    fn has(&self, index: u16) -> bool {
+    fn has_object(&self, index: u16) -> bool {
         self.mapped.contains(&index) || self.transferred.iter().any(|(object, _)| object.index == index)
     }
 }
 
 /// Objects that the node read out or confirmed. The communication area is common to all devices (CiA 301 §7.4.1).
-fn transferred(node: &Node) -> Vec<(ObjectAddress, u64)> {
+fn transferred_objects(node: &Node) -> Vec<(ObjectAddress, u64)> {
     let all = node.store().sorted().into_iter();
     let by_sdo = all.filter(|(object, entry)| {
         object.index >= 0x2000 && matches!(entry.origin.kind, OriginKind::Upload | OriginKind::Download)
@@ -81,7 +81,7 @@ fn transferred(node: &Node) -> Vec<(ObjectAddress, u64)> {
 
 /// Indexes of the objects in the mapping parameters of a node, 1600 to 17FF and 1A00 to 1BFF (CiA 301 §7.5.2.36): the
 /// upper 16 bits of an entry are the index.
-fn mapped(node: &Node) -> BTreeSet<u16> {
+fn mapped_indexes(node: &Node) -> BTreeSet<u16> {
     let is_mapping =
         |object: &ObjectAddress| matches!(object.index, 0x1600..=0x17FF | 0x1A00..=0x1BFF) && object.sub > 0;
     let entries = node.store().sorted().into_iter().filter(|(object, _)| is_mapping(object));
@@ -95,13 +95,13 @@ pub fn firm_suggestions(bus: &Bus) -> Vec<Suggestion> {
 }
 
 /// Possible profiles of the nodes of a bus that have none; of one node if `wanted`.
-pub fn suggestions(bus: &Bus, catalogue: &Catalogue, wanted: Option<NodeId>) -> Vec<Suggestion> {
+pub fn suggest_profiles(bus: &Bus, catalogue: &Catalogue, wanted: Option<NodeId>) -> Vec<Suggestion> {
     of_bus(bus, (catalogue, false), wanted)
 }
 
 fn of_bus(bus: &Bus, catalogue: (&Catalogue, bool), wanted: Option<NodeId>) -> Vec<Suggestion> {
     let is_open = |node: &&Node| {
-        node.assigned().is_none()
+        node.assigned_by().is_none()
             && wanted.is_none_or(|wanted| wanted == node.id())
             && !bus.is_withdrawn(Some(node.id()))
     };
@@ -112,18 +112,18 @@ fn of_bus(bus: &Bus, catalogue: (&Catalogue, bool), wanted: Option<NodeId>) -> V
 /// Profiles with a fitting hint, no contradicting hint and no contradicting identity.
 fn of_node(bus: BusIndex, node: &Node, catalogue: (&Catalogue, bool)) -> Vec<Suggestion> {
     // Only values read from the node, without presumed ones.
-    let reported = |object| node.store().seen(object).map(|entry| little_endian(&entry.value));
-    let behaviour = Behaviour::of(node);
+    let reported = |object| node.store().seen_value(object).map(|entry| little_endian(&entry.value));
+    let behaviour = ObservedBehaviour::observe_node(node);
     if !behaviour.is_any() {
         return Vec::new();
     }
-    fitting(&behaviour, (bus, node.id()), reported, catalogue)
+    fitting_profiles(&behaviour, (bus, node.id()), reported, catalogue)
 }
 
 /// Firm suggestions; without one the weak ones, unless `is_firm`. Devices share codes and lengths: 8302 is one of the
 /// IFB and of the VPCD.
-fn fitting(
-    behaviour: &Behaviour<'_>,
+fn fitting_profiles(
+    behaviour: &ObservedBehaviour<'_>,
     place: (BusIndex, NodeId),
     reported: impl Fn(ObjectAddress) -> Option<u64>,
     (catalogue, is_firm): (&Catalogue, bool),
@@ -139,14 +139,14 @@ fn fitting(
 
 /// Suggestions of all devices with a firm hint, or with any hint.
 fn of_devices(
-    behaviour: &Behaviour<'_>,
+    behaviour: &ObservedBehaviour<'_>,
     place: (BusIndex, NodeId),
     reported: &impl Fn(ObjectAddress) -> Option<u64>,
     (catalogue, is_firm): (&Catalogue, bool),
 ) -> Vec<Suggestion> {
     let hints = catalogue.hints();
-    let is_fitting = |hints: &[Hint]| {
-        let mut fitting = hints.iter().filter(|hint| fits(behaviour, hint) == Some(true));
+    let is_fitting = |hints: &[ProfileHint]| {
+        let mut fitting = hints.iter().filter(|hint| is_hint_fitting(behaviour, hint) == Some(true));
         // Several weak hints are firm too.
         fitting.next().is_some_and(|hint| !is_firm || !hint.sign.is_weak()) || fitting.next().is_some()
     };
@@ -161,13 +161,13 @@ fn of_devices(
 
 /// The suggestion of a device with a fitting hint and no contradicting one.
 fn of_device(
-    device: &Device,
-    behaviour: &Behaviour<'_>,
+    device: &DeviceProfile,
+    behaviour: &ObservedBehaviour<'_>,
     (bus, node): (BusIndex, NodeId),
 ) -> Option<Suggestion> {
     let variant = device.variant.as_deref().unwrap_or_default();
-    let hints = device.hints.iter().filter(|hint| hint.only.allows(variant));
-    let judged: Vec<_> = hints.map(|hint| (hint, fits(behaviour, hint))).collect();
+    let hints = device.hints.iter().filter(|hint| hint.only.allows_variant(variant));
+    let judged: Vec<_> = hints.map(|hint| (hint, is_hint_fitting(behaviour, hint))).collect();
     if judged.iter().any(|(_, fits)| *fits == Some(false)) {
         return None;
     }
@@ -182,36 +182,36 @@ fn of_device(
 }
 
 /// Whether a hint fits; `None` if not yet observed.
-fn fits(behaviour: &Behaviour<'_>, hint: &Hint) -> Option<bool> {
+fn is_hint_fitting(behaviour: &ObservedBehaviour<'_>, hint: &ProfileHint) -> Option<bool> {
     match hint.sign {
-        Sign::ReadyTelegram => behaviour.signs.is_ready_sent.then_some(true),
-        Sign::Pdo => {
-            let length = behaviour.signs.length(hint.pdo.as_deref()?)?;
+        HintSign::ReadyTelegram => behaviour.signs.is_ready_sent.then_some(true),
+        HintSign::Pdo => {
+            let length = behaviour.signs.pdo_length(hint.pdo.as_deref()?)?;
             Some(length.is_some() && length == hint.length)
         }
-        Sign::Mapped => {
+        HintSign::Mapped => {
             let is_mapped = hint.objects.iter().all(|index| behaviour.mapped.contains(index));
             (is_mapped && !hint.objects.is_empty()).then_some(true)
         }
-        Sign::Objects => {
-            let count = hint.objects.iter().filter(|index| behaviour.has(**index)).count();
+        HintSign::Objects => {
+            let count = hint.objects.iter().filter(|index| behaviour.has_object(**index)).count();
             (count >= hint.at_least.unwrap_or(1).max(1)).then_some(true)
         }
-        Sign::Emcy => hint.codes.iter().any(|code| behaviour.signs.codes.contains(code)).then_some(true),
+        HintSign::Emcy => hint.codes.iter().any(|code| behaviour.signs.codes.contains(code)).then_some(true),
     }
 }
 
 /// Whether the identity of a node, an ordinary boot-up message, or the size of an object contradicts the device.
 fn is_denied(
-    device: &Device,
-    behaviour: &Behaviour<'_>,
+    device: &DeviceProfile,
+    behaviour: &ObservedBehaviour<'_>,
     reported: impl Fn(ObjectAddress) -> Option<u64>,
 ) -> bool {
-    let sends_no_boot_up = device.nmt.boot == Boot::ReadyTelegram;
+    let sends_no_boot_up = device.nmt.boot == BootSign::ReadyTelegram;
     (sends_no_boot_up && behaviour.signs.is_boot_up_sent)
         || behaviour.transferred.iter().any(|transferred| has_another_size(device, *transferred))
         || TELLING.iter().any(|(object, mask)| {
-            let entry = device.dictionary.find(*object).and_then(|found| found.entry);
+            let entry = device.dictionary.find_object(*object).and_then(|found| found.entry);
             let wanted = entry.and_then(|entry| entry.default_number(None)).map(i64::cast_unsigned);
             reported(*object).zip(wanted).is_some_and(|(reported, wanted)| reported & mask != wanted & mask)
         })
@@ -220,8 +220,8 @@ fn is_denied(
 /// Whether an object in the manufacturer area has another size than in the device. Objects of standards are left out:
 /// their types are the same in all devices of a class. A server may send four bytes without stating the size (CiA 301
 /// §7.2.4.3.6).
-fn has_another_size(device: &Device, (object, size): (ObjectAddress, u64)) -> bool {
-    let entry = device.dictionary.find(object).and_then(|found| found.entry);
+fn has_another_size(device: &DeviceProfile, (object, size): (ObjectAddress, u64)) -> bool {
+    let entry = device.dictionary.find_object(object).and_then(|found| found.entry);
     let bits = entry.filter(|_| object.index < 0x6000).and_then(|entry| entry.data_type?.bits());
     let wanted = bits.map(|bits| u64::from(bits.div_ceil(8)));
     wanted.is_some_and(|wanted| size < wanted || (size != wanted && size != 4))
@@ -231,15 +231,15 @@ fn has_another_size(device: &Device, (object, size): (ObjectAddress, u64)) -> bo
 mod tests {
     use super::*;
 
-    fn of<'a>(signs: &'a Signs, mapped: &[u16]) -> Behaviour<'a> {
-        Behaviour { signs, mapped: mapped.iter().copied().collect(), transferred: Vec::new() }
+    fn of<'a>(signs: &'a ProfileSigns, mapped: &[u16]) -> ObservedBehaviour<'a> {
+        ObservedBehaviour { signs, mapped: mapped.iter().copied().collect(), transferred: Vec::new() }
     }
 
     #[test]
     fn a_drive_maps_its_mode_or_target_position_next_to_control_and_status_word() {
-        let signs = Signs::default();
+        let signs = ProfileSigns::default();
         let with = |mapped: &[u16]| -> Vec<String> {
-            let found = fitting(
+            let found = fitting_profiles(
                 &of(&signs, mapped),
                 (BusIndex(0), 2.into()),
                 |_| None,
@@ -255,31 +255,39 @@ mod tests {
     }
 
     fn profiles(ready: bool, pdos: &[(&str, u8)]) -> Vec<String> {
-        suggestions(ready, pdos, &[])
+        suggest_profiles(ready, pdos, &[])
     }
 
     /// Whether the first suggestion is weak.
     fn is_weak(ready: bool, pdos: &[(&str, u8)]) -> bool {
-        let mut signs = Signs { is_ready_sent: ready, ..Signs::default() };
+        let mut signs = ProfileSigns { is_ready_sent: ready, ..ProfileSigns::default() };
         for (name, length) in pdos {
-            signs.pdo(name.parse().unwrap(), *length);
+            signs.note_pdo(name.parse().unwrap(), *length);
         }
-        let found =
-            fitting(&of(&signs, &[]), (BusIndex(0), 2.into()), |_| None, (&Catalogue::default(), false));
+        let found = fitting_profiles(
+            &of(&signs, &[]),
+            (BusIndex(0), 2.into()),
+            |_| None,
+            (&Catalogue::default(), false),
+        );
         found[0].is_weak
     }
 
-    fn suggestions(ready: bool, pdos: &[(&str, u8)], values: &[(u16, u8, u64)]) -> Vec<String> {
-        let mut signs = Signs { is_ready_sent: ready, ..Signs::default() };
+    fn suggest_profiles(ready: bool, pdos: &[(&str, u8)], values: &[(u16, u8, u64)]) -> Vec<String> {
+        let mut signs = ProfileSigns { is_ready_sent: ready, ..ProfileSigns::default() };
         for (name, length) in pdos {
-            signs.pdo(name.parse().unwrap(), *length);
+            signs.note_pdo(name.parse().unwrap(), *length);
         }
         let value_of = |object: ObjectAddress| {
             let of = |(index, sub, _): &&(u16, u8, u64)| (*index, *sub) == (object.index, object.sub);
             values.iter().find(of).map(|(_, _, value)| *value)
         };
-        let found =
-            fitting(&of(&signs, &[]), (BusIndex(0), 2.into()), value_of, (&Catalogue::default(), false));
+        let found = fitting_profiles(
+            &of(&signs, &[]),
+            (BusIndex(0), 2.into()),
+            value_of,
+            (&Catalogue::default(), false),
+        );
         found.into_iter().map(|suggestion| suggestion.profile).collect()
     }
 
@@ -300,17 +308,23 @@ mod tests {
     #[test]
     fn an_ordinary_boot_up_contradicts_a_device_without_one() {
         // The SYDFEC sends an empty EMCY instead of 700h + node-ID with 00.
-        let mut signs = Signs { is_ready_sent: true, is_boot_up_sent: true, ..Signs::default() };
-        signs.pdo("TPDO1".parse().unwrap(), 5);
+        let mut signs =
+            ProfileSigns { is_ready_sent: true, is_boot_up_sent: true, ..ProfileSigns::default() };
+        signs.note_pdo("TPDO1".parse().unwrap(), 5);
         assert!(
-            fitting(&of(&signs, &[]), (BusIndex(0), 2.into()), |_| None, (&Catalogue::default(), false))
-                .is_empty()
+            fitting_profiles(
+                &of(&signs, &[]),
+                (BusIndex(0), 2.into()),
+                |_| None,
+                (&Catalogue::default(), false)
+            )
+            .is_empty()
         );
     }
 
     #[test]
     fn the_identity_of_a_node_overrides_hints() {
-        let with = |reported| suggestions(false, &[("TPDO1", 2)], reported);
+        let with = |reported| suggest_profiles(false, &[("TPDO1", 2)], reported);
         // CiA 408 with other equipment, and the vendor-ID of Wandfluh.
         assert_eq!(with(&[(0x1000, 0, 0x0001_0198), (0x1018, 1, 0x14D)]), ["wandfluh-md2"]);
         // CiA 402; another manufacturer.
@@ -320,17 +334,18 @@ mod tests {
 
     /// Profiles that fit transferred objects with their sizes, EMCY codes and lengths of TPDO1.
     fn by_objects(objects: &[(u16, u64)], codes: &[u16], length: Option<u8>, is_firm: bool) -> Vec<String> {
-        let mut signs = Signs::default();
+        let mut signs = ProfileSigns::default();
         for code in codes {
-            signs.emcy(*code);
+            signs.note_emcy(*code);
         }
         if let Some(length) = length {
-            signs.pdo("TPDO1".parse().unwrap(), length);
+            signs.note_pdo("TPDO1".parse().unwrap(), length);
         }
         let transferred =
             objects.iter().map(|(index, size)| (ObjectAddress::new(*index, 0), *size)).collect();
-        let behaviour = Behaviour { signs: &signs, mapped: BTreeSet::new(), transferred };
-        let found = fitting(&behaviour, (BusIndex(0), 5.into()), |_| None, (&Catalogue::default(), is_firm));
+        let behaviour = ObservedBehaviour { signs: &signs, mapped: BTreeSet::new(), transferred };
+        let found =
+            fitting_profiles(&behaviour, (BusIndex(0), 5.into()), |_| None, (&Catalogue::default(), is_firm));
         found.into_iter().map(|suggestion| suggestion.profile).collect()
     }
 

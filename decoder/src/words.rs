@@ -7,13 +7,13 @@
 use std::fmt::Display;
 
 /// A count with its noun in singular or plural: `1 error`, `2 errors`.
-pub fn plural<N: Copy + Display + PartialEq + From<u8>>(count: N, what: &str) -> String {
+pub fn count_noun<N: Copy + Display + PartialEq + From<u8>>(count: N, what: &str) -> String {
     let ending = if count == N::from(1) { "" } else { "s" };
     format!("{count} {what}{ending}")
 }
 
 /// A count with a comma after each group of three digits: `1,204`.
-pub fn grouped(count: u64) -> String {
+pub fn group_digits(count: u64) -> String {
     let digits = count.to_string();
     let mut text = String::new();
     for (place, digit) in digits.chars().enumerate() {
@@ -31,8 +31,8 @@ mod tests {
 
     #[test]
     fn one_thing_is_not_several() {
-        assert_eq!([plural(0_u64, "frame"), plural(1_usize, "frame")], ["0 frames", "1 frame"]);
-        assert_eq!(plural(2_u32, "byte"), "2 bytes");
-        assert_eq!([grouped(0), grouped(800), grouped(1_204_007)], ["0", "800", "1,204,007"]);
+        assert_eq!([count_noun(0_u64, "frame"), count_noun(1_usize, "frame")], ["0 frames", "1 frame"]);
+        assert_eq!(count_noun(2_u32, "byte"), "2 bytes");
+        assert_eq!([group_digits(0), group_digits(800), group_digits(1_204_007)], ["0", "800", "1,204,007"]);
     }
 }

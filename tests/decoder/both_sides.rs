@@ -7,13 +7,15 @@ use std::fmt::Write as _;
 use std::fs;
 use std::sync::Arc;
 
-use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader};
-use cobscope_decoder::comparison::{CaptureRecord, Ending, Observation, Recorder, compare};
+use cobscope_decoder::capture::{Batch, BatchItem, CaptureReader, ReadOptions};
+use cobscope_decoder::comparison::{
+    BehaviourRecorder, CaptureEnding, CaptureRecord, Observation, compare_captures,
+};
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::diagnosis::{Diagnosis, Setting};
+use cobscope_decoder::diagnosis::{Diagnosis, DiagnosisContext};
 use cobscope_decoder::event::Event;
 use cobscope_decoder::query::Filter;
-use cobscope_decoder::rules::{Engine, Judge};
+use cobscope_decoder::rules::{Judge, RuleEngine};
 use cobscope_decoder::session::Bus;
 use serde::Deserialize;
 
@@ -82,49 +84,59 @@ fn finding_texts(limit: &Limit, capture: Annotated) -> Vec<String> {
 /// Number of events that match the filter of a limit.
 fn event_count(limit: &Limit, capture: Annotated) -> usize {
     let filter: Filter = limit.event.parse().unwrap_or_else(|error| panic!("{}: {error}", limit.of));
-    let mut reader = Reader::open(capture.frames.as_bytes(), &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(capture.frames.as_bytes(), &ReadOptions::default()).unwrap();
     let mut decoder = Decoder::new(capture.options);
     let (mut batch, mut count) = (Batch::new(), 0);
-    let mut observer = |event: &Event, bus: &Bus| count += usize::from(filter.matches(event, bus, None));
+    let mut observer =
+        |event: &Event, bus: &Bus| count += usize::from(filter.matches_event(event, bus, None));
     while reader.read(&mut batch).unwrap() {
         for item in batch.items() {
-            if let Item::Frame(frame) = item {
+            if let BatchItem::Frame(frame) = item {
                 decoder.push(frame, reader.buses(), &mut observer);
             }
         }
     }
-    decoder.finish(reader.buses(), &mut observer);
+    decoder.finish_capture(reader.buses(), &mut observer);
     count
 }
 
 /// What `cobscope diff` compares of a capture.
 fn record(capture: Annotated) -> CaptureRecord {
-    let mut reader = Reader::open(capture.frames.as_bytes(), &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(capture.frames.as_bytes(), &ReadOptions::default()).unwrap();
     let mut decoder = Decoder::new(capture.options);
-    let mut engine = Engine::new(Arc::new(capture.setup));
-    let mut recorder = Recorder::new(None);
+    let mut engine = RuleEngine::new(Arc::new(capture.setup));
+    let mut recorder = BehaviourRecorder::new(None);
     let (mut batch, mut zero) = (Batch::new(), None);
     while reader.read(&mut batch).unwrap() {
         for item in batch.items() {
-            let Item::Frame(frame) = item else { continue };
+            let BatchItem::Frame(frame) = item else { continue };
             zero = zero.or(frame.time);
-            engine.frame(frame);
-            recorder.frame(frame);
+            engine.on_frame(frame);
+            recorder.count_frame(frame);
             decoder.push(frame, reader.buses(), &mut Judge { engine: &mut engine, out: &mut recorder });
         }
     }
-    decoder.finish(reader.buses(), &mut Judge { engine: &mut engine, out: &mut recorder });
-    let findings = engine.finish(decoder.buses(), &mut recorder);
-    let setting = Setting { zero, end: None, is_growing: false };
-    let diagnosis = Diagnosis::of(&findings, findings.groups.iter().filter(|group| group.counts()), setting);
-    recorder.finish(&Ending { name: "", buses: decoder.buses(), findings: &findings, diagnosis: &diagnosis })
+    decoder.finish_capture(reader.buses(), &mut Judge { engine: &mut engine, out: &mut recorder });
+    let findings = engine.finish_capture(decoder.buses(), &mut recorder);
+    let setting = DiagnosisContext { zero, end: None, is_growing: false };
+    let diagnosis = Diagnosis::diagnose_findings(
+        &findings,
+        findings.groups.iter().filter(|group| group.is_reported()),
+        setting,
+    );
+    recorder.finish_record(&CaptureEnding {
+        name: "",
+        buses: decoder.buses(),
+        findings: &findings,
+        diagnosis: &diagnosis,
+    })
 }
 
 /// Differences of one kind to the first capture: both values.
 fn difference_texts(limit: &Limit, capture: Annotated) -> Vec<String> {
     let tolerances = capture.options.bus_file.diff;
     let (good, bad) = (record(scenario(limit, &limit.good)), record(capture));
-    let compared = compare(&good, &bad, &tolerances);
+    let compared = compare_captures(&good, &bad, &tolerances);
     let own = compared.differences.iter().filter(|it| it.kind.name() == limit.difference);
     let text = |it: &Option<Observation>| it.as_ref().map_or_else(|| "-".into(), |value| value.text.clone());
     own.map(|it| format!("{} → {}", text(&it.good), text(&it.bad))).collect()

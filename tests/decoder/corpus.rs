@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::fs;
 
-use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader, decompress};
+use cobscope_decoder::capture::{Batch, BatchItem, CaptureReader, ReadOptions, decompress};
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::event::{Crc, Direction, Event, EventKind, Mode, Outcome, SdoTransfer};
+use cobscope_decoder::event::{CrcCheck, Event, EventKind, SdoDirection, SdoMode, SdoOutcome, SdoTransfer};
 use cobscope_decoder::session::{Bus, SessionOptions};
 
 use crate::support;
@@ -59,18 +59,18 @@ pub fn decode_with(
         return None;
     };
     let source = decompress(&bytes[..]).unwrap();
-    let mut reader = Reader::open(source, &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(source, &ReadOptions::default()).unwrap();
     let mut decoder = Decoder::new(options);
     let mut batch = Batch::new();
     while reader.read(&mut batch).unwrap() {
         for item in batch.items() {
             match item {
-                Item::Frame(frame) => decoder.push(frame, reader.buses(), &mut see),
-                Item::Notice(notice) => decoder.notice(notice, reader.buses(), &mut see),
+                BatchItem::Frame(frame) => decoder.push(frame, reader.buses(), &mut see),
+                BatchItem::Notice(notice) => decoder.on_notice(notice, reader.buses(), &mut see),
             }
         }
     }
-    decoder.finish(reader.buses(), &mut see);
+    decoder.finish_capture(reader.buses(), &mut see);
     Some(decoder)
 }
 
@@ -101,7 +101,7 @@ fn the_conformance_run_has_whole_block_transfers() {
     let mut blocks = Vec::new();
     let decoder = decode("canopen/CANopenDemo__ctt_3.0.3.10_run.log", |event, _| {
         if let EventKind::SdoTransfer(transfer) = &event.kind
-            && transfer.mode == Some(Mode::Block)
+            && transfer.mode == Some(SdoMode::Block)
         {
             blocks.push((**transfer).clone());
         }
@@ -109,10 +109,10 @@ fn the_conformance_run_has_whole_block_transfers() {
     if decoder.is_none() {
         return;
     }
-    let complete: Vec<_> = blocks.iter().filter(|block| block.outcome == Outcome::Complete).collect();
+    let complete: Vec<_> = blocks.iter().filter(|block| block.outcome == SdoOutcome::Complete).collect();
     assert_eq!(complete.len(), 5);
     for block in complete {
-        assert!(!block.truncated && block.crc != Some(Crc::Wrong), "{block:?}");
+        assert!(!block.truncated && block.crc != Some(CrcCheck::Wrong), "{block:?}");
         assert_eq!(block.data.len() as u64, block.size);
         assert!(block.announced.is_none_or(|announced| u64::from(announced) == block.size), "{block:?}");
     }
@@ -191,8 +191,8 @@ fn every_event_can_be_traced_to_its_frames() {
             last = last.max(event.frames.last);
             if let EventKind::SdoTransfer(transfer) = &event.kind {
                 assert!(event.frames.first > 0 && transfer.frame_count > 0);
-                let upload = transfer.direction == Some(Direction::Upload);
-                assert!(!upload || transfer.outcome != Outcome::Complete || transfer.frame_count > 1);
+                let upload = transfer.direction == Some(SdoDirection::Upload);
+                assert!(!upload || transfer.outcome != SdoOutcome::Complete || transfer.frame_count > 1);
             }
         });
         if decoder.is_none() {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::sync::Arc;
 
-use cobscope_decoder::finding::{CaseVerdict, Findings, Severity, Verdict};
+use cobscope_decoder::finding::{CaptureFindings, CaseVerdict, RuleOutcome, Severity};
 use cobscope_decoder::profile::{device_file, imported};
 use cobscope_decoder::session::{AssignedBy, Assignment, SessionOptions};
 use cobscope_decoder::wire::NodeId;
@@ -24,13 +24,13 @@ const NODE: u8 = 4;
 const MOST: usize = 8;
 
 /// Findings in the run, with the device's EDS; `None` with a message if the corpus is missing.
-fn findings() -> Option<Findings> {
+fn findings() -> Option<CaptureFindings> {
     let corpus = support::corpus();
     let (Ok(frames), Ok(eds)) = (fs::read_to_string(corpus.join(RUN)), fs::read(corpus.join(EDS))) else {
         support::skip("corpus", &format!("{} is not there", corpus.join(RUN).display()));
         return None;
     };
-    let device = imported::device(&Arc::new(device_file::parse(&eds).unwrap()), EDS);
+    let device = imported::describe_device(&Arc::new(device_file::parse_device_file(&eds).unwrap()), EDS);
     let mut options = SessionOptions::default();
     options.assignments.push(Assignment {
         bus: None,
@@ -85,8 +85,8 @@ fn each_disagreement_with_the_conformance_tool_has_a_reason() {
     let disagreeing: BTreeMap<_, _> = findings
         .conformance
         .iter()
-        .filter(|case| case.disagrees())
-        .map(|case| (case.id.to_string(), (name(case.tool).to_owned(), case.ours().name().to_owned())))
+        .filter(|case| case.contradicts_tool())
+        .map(|case| (case.id.to_string(), (name(case.tool).to_owned(), case.own_verdict().name().to_owned())))
         .collect();
     let known: BTreeMap<_, _> =
         expected.iter().map(|(id, (tool, ours, _))| (id.clone(), (tool.clone(), ours.clone()))).collect();
@@ -98,14 +98,14 @@ fn each_disagreement_with_the_conformance_tool_has_a_reason() {
 fn times_of_a_run_with_made_up_stamps_are_not_judged_and_nothing_is_wrong() {
     let Some(findings) = findings() else { return };
     for (rule, tally) in findings.rules.iter().zip(&findings.tallies).filter(|(rule, _)| rule.is_timing) {
-        assert_eq!(tally.verdict(), Verdict::NotExercised, "{}", rule.name);
+        assert_eq!(tally.verdict(), RuleOutcome::NotExercised, "{}", rule.name);
     }
     let times = |case: &CaseVerdict| {
         let is_timing = |name: &str| findings.rules.iter().any(|rule| rule.is_timing && *rule.name == *name);
         case.judged.iter().any(|(rule, _)| is_timing(rule))
     };
     assert!(!findings.conformance.iter().any(times));
-    for group in findings.counting() {
+    for group in findings.reported_groups() {
         assert_eq!(group.severity, Severity::Note, "{}: {}", group.rule, group.text);
     }
 }

@@ -8,7 +8,7 @@ use std::process::Command;
 
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::event::{Event, EventKind, J1939Transfer, Outcome, TransportMode};
+use cobscope_decoder::event::{Event, EventKind, J1939Transfer, SdoOutcome, TransportMode};
 use cobscope_decoder::frame::{CanId, Frame, Timestamp};
 use cobscope_decoder::session::{Bus, SessionOptions};
 use cobscope_decoder::wire::j1939::{J1939Id, Pgn};
@@ -76,7 +76,7 @@ fn a_truck_with_every_transfer_accounted_for() {
     assert_eq!(transfers.iter().map(|it| it.frame_count).sum::<u64>(), 33);
     for transfer in &transfers {
         assert_eq!(transfer.mode, Some(TransportMode::Broadcast));
-        assert!(transfer.outcome == Outcome::Complete && !transfer.truncated, "{transfer:?}");
+        assert!(transfer.outcome == SdoOutcome::Complete && !transfer.truncated, "{transfer:?}");
     }
     let odd = ["transport-irregularity", "malformed", "evicted", "frame"];
     assert!(odd.iter().all(|kind| !counts.contains_key(kind)), "{counts:?}");
@@ -121,7 +121,7 @@ fn tshark_reads_the_same_identifiers() {
         let mut columns = line.split('\t');
         let mut column = || columns.next().unwrap();
         let id = u32::from_str_radix(column().trim_start_matches("0x"), 16).unwrap();
-        let ours = J1939Id::of(id).unwrap();
+        let ours = J1939Id::from_identifier(id).unwrap();
         let number = |text: &str| text.parse::<u32>().unwrap();
         assert_eq!(number(column()), ours.pgn.number(), "{line}");
         assert_eq!(number(column()), u32::from(ours.priority), "{line}");
@@ -157,13 +157,13 @@ fn requests_recorded_by_busmaster() {
         let [_, channel, id, _, _, _, _, _, _, length, data @ ..] = &words[..] else { continue };
         assert_eq!(length.parse::<usize>().unwrap(), data.len(), "{line}");
         let data: Vec<u8> = data.iter().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect();
-        let id = CanId::extended(u32::from_str_radix(id, 16).unwrap());
+        let id = CanId::from_extended(u32::from_str_radix(id, 16).unwrap());
         number += 1;
         let bus = buses[usize::from(*channel == "2")];
         let frame = Frame { number, bus, ..Frame::data_frame(id, &data) };
         decoder.push(&frame, &names, &mut observer);
     }
-    decoder.finish(&names, &mut observer);
+    decoder.finish_capture(&names, &mut observer);
     assert_eq!(number, 110);
     assert_eq!(requests.values().copied().collect::<Vec<u32>>(), [55, 55]);
     assert!(requests.keys().all(|(_, pgn, destination)| (*pgn, *destination) == (0, 0x20)));
@@ -179,7 +179,7 @@ fn is_j1939(ids: &[u32], rounds: u8) -> bool {
         for id in ids {
             number += 1;
             let time = Some(Timestamp(i64::try_from(number).unwrap() * 1_000_000 + i64::from(round)));
-            let frame = Frame { number, time, ..Frame::data_frame(CanId::extended(*id), &[round; 8]) };
+            let frame = Frame { number, time, ..Frame::data_frame(CanId::from_extended(*id), &[round; 8]) };
             decoder.push(&frame, &names, &mut |_: &Event, _: &Bus| {});
         }
     }
@@ -194,7 +194,7 @@ fn a_truck_without_management_messages_is_j1939_and_cars_are_not() {
     let text = std::fs::read_to_string(log).unwrap();
     let ids = text.lines().filter_map(|line| line.split_whitespace().nth(2)?.split_once('#'));
     let mut ids: Vec<u32> = ids.map(|(id, _)| u32::from_str_radix(id, 16).unwrap()).collect();
-    ids.retain(|id| !management.contains(&J1939Id::of(*id).unwrap().pgn));
+    ids.retain(|id| !management.contains(&J1939Id::from_identifier(*id).unwrap().pgn));
     assert!(is_j1939(&ids, 1));
     let mut cars = 0;
     for entry in std::fs::read_dir(support::corpus().join("dbc")).unwrap() {

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use cobscope_decoder::finding::{RuleOrigin, Verdict};
+use cobscope_decoder::finding::{RuleOrigin, RuleOutcome};
 use cobscope_decoder::profile::Catalogue;
 
 use crate::rules::{captures, judge, parse};
@@ -72,7 +72,7 @@ fn each_rule_of_a_device_has_a_verdict_in_a_fixture() {
         let (_, findings) = judge(&capture.frames, &capture.options, capture.setup);
         for (rule, tally) in findings.rules.iter().zip(&findings.tallies) {
             if rule.origin == RuleOrigin::Device {
-                let has_verdict = tally.verdict() != Verdict::NotExercised;
+                let has_verdict = tally.verdict() != RuleOutcome::NotExercised;
                 *verdicts.entry(rule.name.to_string()).or_default() |= has_verdict;
             }
         }

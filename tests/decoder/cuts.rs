@@ -14,15 +14,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use cobscope_decoder::bus_file::{BaseFile, BusFile};
-use cobscope_decoder::capture::{Batch, BusNames, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, BusNames, CaptureReader, ReadOptions};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, FrameFlags};
 use cobscope_decoder::profile::Catalogue;
-use cobscope_decoder::rules::{Engine, Setup};
+use cobscope_decoder::rules::{RuleEngine, RuleSetup};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, BusSnapshot, SessionOptions};
 use cobscope_decoder::sink::EventSink as _;
-use cobscope_decoder::sink::jsonl::Jsonl;
+use cobscope_decoder::sink::jsonl::JsonlSink;
 use serde_json::Value;
 
 use crate::rules::plain_setup;
@@ -104,7 +104,7 @@ struct Frames {
 
 impl Frames {
     fn of(bytes: &[u8]) -> Option<Self> {
-        let mut reader = Reader::open(bytes, &ReadOptions::default()).ok()?;
+        let mut reader = CaptureReader::open(bytes, &ReadOptions::default()).ok()?;
         let mut batch = Batch::new();
         let mut list = Vec::new();
         while let Ok(true) = reader.read(&mut batch) {
@@ -116,18 +116,22 @@ impl Frames {
 }
 
 /// Events and findings of frames as JSON. Rules and decoder are separate, because the rules continue from part to part.
-fn decoded((decoder, engine): (&mut Decoder, &mut Engine), frames: &[Frame], names: &BusNames) -> Vec<Value> {
+fn decoded(
+    (decoder, engine): (&mut Decoder, &mut RuleEngine),
+    frames: &[Frame],
+    names: &BusNames,
+) -> Vec<Value> {
     let mut all = Vec::new();
     let mut add = |event: &Event, bus: &Bus| {
         let mut line = Vec::new();
-        Jsonl::new(&mut line).write(event, bus);
+        JsonlSink::new(&mut line).write_event(event, bus);
         all.push(serde_json::from_slice(&line).unwrap());
     };
     for frame in frames {
-        engine.frame(frame);
+        engine.on_frame(frame);
         decoder.push(frame, names, &mut |event: &Event, bus: &Bus| {
             add(event, bus);
-            engine.event(event, bus, &mut add);
+            engine.on_event(event, bus, &mut add);
         });
     }
     all
@@ -151,7 +155,7 @@ fn quiet_place(events: &[Value], frames: &[Frame], start: usize) -> Option<usize
 /// Decoder for a part, with a bus file of the state before it.
 fn decoder_of_part(whole: &Decoder, base: &str, options: &SessionOptions) -> Decoder {
     let base = BaseFile { text: base, rename: &str::to_owned };
-    let text = BusSnapshot::of(whole.buses()).text(&base, "State before a part").unwrap();
+    let text = BusSnapshot::snapshot_of(whole.buses()).bus_file_text(&base, "State before a part").unwrap();
     let bus_file = BusFile::parse(&text).unwrap();
     let assignments = bus_file.devices().map(|(bus, node, device)| Assignment {
         bus: bus.map(str::to_owned),
@@ -172,7 +176,7 @@ fn decoder_of_part(whole: &Decoder, base: &str, options: &SessionOptions) -> Dec
 
 /// Whether the protocol of each bus is known.
 fn is_settled(whole: &Decoder) -> bool {
-    BusSnapshot::of(whole.buses()).buses.iter().all(|(_, settings)| settings.protocol.is_some())
+    BusSnapshot::snapshot_of(whole.buses()).buses.iter().all(|(_, settings)| settings.protocol.is_some())
 }
 
 /// Subject of an event that reports a change; `None` for other events.
@@ -274,12 +278,12 @@ struct Case<'a> {
     frames: &'a Frames,
     base: &'a str,
     options: &'a SessionOptions,
-    setup: &'a dyn Fn() -> Setup,
+    setup: &'a dyn Fn() -> RuleSetup,
 }
 
 impl Case<'_> {
-    fn engine(&self) -> Engine {
-        Engine::new(Arc::new((self.setup)()))
+    fn engine(&self) -> RuleEngine {
+        RuleEngine::new(Arc::new((self.setup)()))
     }
 
     /// Compares parts with the whole capture.
@@ -354,9 +358,9 @@ fn long_values_are_omitted_with_a_comment() {
     let capture = fs::read(workspace().join("fixtures/canopen/sdo_block_download.log")).unwrap();
     let frames = Frames::of(&capture).unwrap();
     let mut whole = Decoder::new(SessionOptions::default());
-    decoded((&mut whole, &mut Engine::new(Arc::new(plain_setup()))), &frames.list[..195], &frames.names);
+    decoded((&mut whole, &mut RuleEngine::new(Arc::new(plain_setup()))), &frames.list[..195], &frames.names);
     let base = BaseFile { text: "", rename: &str::to_owned };
-    let text = BusSnapshot::of(whole.buses()).text(&base, "State\n[node.9]").unwrap();
+    let text = BusSnapshot::snapshot_of(whole.buses()).bus_file_text(&base, "State\n[node.9]").unwrap();
     assert!(text.starts_with("# State [node.9]\n"), "{text}");
     assert!(text.contains("\n# omitted: can0 node 2/02 2010:00, 889 bytes (limit 256)\n"), "{text}");
     assert!(!text.contains("object = \"2010:00\""), "{text}");

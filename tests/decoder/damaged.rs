@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use std::sync::{Arc, Mutex};
 
 use cobscope_decoder::capture::{
-    CapturePlace, FORMATS, Notice, Packing, ReadOptions, WRITABLE, WriteOptions,
+    CaptureCompression, CapturePlace, FORMATS, Notice, ReadOptions, WRITABLE, WriteOptions,
 };
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags, Timestamp};
 
@@ -31,13 +31,13 @@ impl Write for Shared {
 }
 
 /// A capture written by this program.
-fn written(name: &str, packing: Packing) -> Vec<u8> {
+fn written(name: &str, packing: CaptureCompression) -> Vec<u8> {
     let format = WRITABLE.iter().find(|format| format.name == name).unwrap();
     let output = Shared::default();
     let mut writer =
         (format.writer)(Box::new(output.clone()), &WriteOptions { packing, ..WriteOptions::default() });
     for number in 0..30_u8 {
-        let frame = Frame::data_frame(CanId::standard(0x180 + u16::from(number)), &[number; 4]);
+        let frame = Frame::data_frame(CanId::from_standard(0x180 + u16::from(number)), &[number; 4]);
         let time = Some(Timestamp(1_700_000_000_000_000_000 + i64::from(number) * 1_000_000));
         writer.write(&Frame { time, flags: FrameFlags::RECEIVED, ..frame }, "can0").unwrap();
         if number % 10 == 9 {
@@ -83,7 +83,8 @@ fn captures() -> Vec<(&'static str, Vec<u8>)> {
         ("candump", fixture("dialects/candump_ta.txt")),
         ("asc", fixture("dialects/log2asc.asc")),
     ];
-    captures.extend(WRITABLE.iter().map(|format| (format.name, written(format.name, Packing::None))));
+    captures
+        .extend(WRITABLE.iter().map(|format| (format.name, written(format.name, CaptureCompression::None))));
     captures.extend(FORMATS.iter().filter_map(|format| Some((format.name, sample(format.name)?))));
     captures
 }
@@ -96,8 +97,8 @@ fn packed() -> Vec<(&'static str, Vec<u8>)> {
         captures.push(("mdf4", fixture("recorders/sorted.mf4")));
     }
     if cfg!(feature = "mcap") {
-        captures.push(("mcap", written("mcap", Packing::Zstd)));
-        captures.push(("mcap", written("mcap", Packing::Lz4)));
+        captures.push(("mcap", written("mcap", CaptureCompression::Zstd)));
+        captures.push(("mcap", written("mcap", CaptureCompression::Lz4)));
     }
     captures
 }

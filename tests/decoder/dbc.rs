@@ -13,7 +13,7 @@ use std::sync::Arc;
 use cobscope_decoder::event::{EventKind, J1939Message};
 use cobscope_decoder::frame::CanId;
 use cobscope_decoder::profile::dbc::{self, Database, DatabaseFile, DatabaseMessage};
-use cobscope_decoder::profile::{Field, Layout, SignalId, Value};
+use cobscope_decoder::profile::{DecodedValue, PayloadLayout, SignalField, SignalId};
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::wire::j1939::Pgn;
 use proptest::prelude::*;
@@ -36,7 +36,8 @@ fn corpus_files() -> Vec<PathBuf> {
 }
 
 fn read(path: &Path) -> DatabaseFile {
-    dbc::parse(&fs::read(path).unwrap()).unwrap_or_else(|problem| panic!("{}:{problem}", path.display()))
+    dbc::parse_database(&fs::read(path).unwrap())
+        .unwrap_or_else(|problem| panic!("{}:{problem}", path.display()))
 }
 
 fn name(path: &Path) -> String {
@@ -117,7 +118,7 @@ impl Differences {
         &mut self,
         place: &str,
         ours: &DatabaseMessage,
-        fields: &[Option<&Field>],
+        fields: &[Option<&SignalField>],
         signals: &[Json],
         data: &[u8],
         payload: &Json,
@@ -142,7 +143,7 @@ impl Differences {
             .map(|name| name.unwrap().to_owned())
             .collect();
         let ours: BTreeSet<_> =
-            ours.layout.signals(data).map(|it| mended(it.field.name().unwrap())).collect();
+            ours.layout.decode_signals(data).map(|it| mended(it.field.name().unwrap())).collect();
         self.selections += 1;
         if ours == theirs {
             return;
@@ -159,7 +160,7 @@ impl Differences {
     }
 
     /// Compares a signal with the output of cantools.
-    fn signal(&mut self, place: &str, message: &DatabaseMessage, ours: &Field, theirs: &Json) {
+    fn signal(&mut self, place: &str, message: &DatabaseMessage, ours: &SignalField, theirs: &Json) {
         let meaning = ours.meaning.as_deref().unwrap();
         let spn = match ours.id {
             SignalId::Spn(spn) => Some(spn),
@@ -190,12 +191,12 @@ impl Differences {
     }
 
     /// Compares the signals of a frame; `theirs` is a line of `tests/oracles/dbc_capture.py`.
-    fn frame(&mut self, message: &J1939Message, layout: &Layout, theirs: &Json) {
+    fn frame(&mut self, message: &J1939Message, layout: &PayloadLayout, theirs: &Json) {
         let place = format!("frame {}", theirs["frame"]);
-        let mut ours: Vec<_> = layout.signals(message.payload()).map(|signal| signal.field).collect();
+        let mut ours: Vec<_> = layout.decode_signals(message.payload()).map(|signal| signal.field).collect();
         for value in theirs["values"].as_array().unwrap() {
             let value = value.as_array().unwrap();
-            let is_it = |field: &&Field| {
+            let is_it = |field: &&SignalField| {
                 value[0] == mended(field.name().unwrap()) && value[1] == field.bit && value[2] == field.bits
             };
             let Some(at) = ours.iter().position(is_it) else {
@@ -211,16 +212,16 @@ impl Differences {
         }
     }
 
-    fn value(&mut self, place: &str, field: &Field, data: &[u8], theirs: &Json) {
+    fn value(&mut self, place: &str, field: &SignalField, data: &[u8], theirs: &Json) {
         let Some([raw, scaled, label]) = theirs.as_array().map(Vec::as_slice) else {
             return self.note(place, "no value");
         };
         let meaning = field.meaning.as_deref().unwrap();
-        let value = field.value(field.extract(data).unwrap());
+        let value = field.convert_raw(field.extract_bits(data).unwrap());
         if !is_same(&value, raw) {
             self.note(place, &format!("raw {value}, theirs {raw}"));
         }
-        match (meaning.label(&value), label.as_str()) {
+        match (meaning.value_label(&value), label.as_str()) {
             (Some(ours), Some(theirs)) if ours == theirs => return self.labels += 1,
             (Some(ours @ ("not available" | "error")), None) if meaning.indicators.is_some() => {
                 if indicator(raw, field.bits) != Some(ours) {
@@ -231,7 +232,7 @@ impl Differences {
             (None, None) => {}
             (ours, _) => return self.note(place, &format!("{ours:?}, theirs {label}")),
         }
-        let ours = meaning.scaled(&value).map_or(value, Value::Real);
+        let ours = meaning.scaled_value(&value).map_or(value, DecodedValue::Real);
         self.values += 1;
         if !is_same(&ours, scaled) {
             self.note(place, &format!("{ours}, theirs {scaled}"));
@@ -250,8 +251,8 @@ fn indicator(raw: &Json, bits: u16) -> Option<&'static str> {
 }
 
 /// The field of a signal, found by name and position, because neither is unique.
-fn find<'a>(message: &'a DatabaseMessage, signal: &Json) -> Option<&'a Field> {
-    let is_it = |field: &&Field| {
+fn find<'a>(message: &'a DatabaseMessage, signal: &Json) -> Option<&'a SignalField> {
+    let is_it = |field: &&SignalField| {
         signal["name"] == mended(field.name().unwrap())
             && signal["start"] == field.bit
             && signal["length"] == field.bits
@@ -270,17 +271,17 @@ fn real(theirs: &Json) -> f64 {
 
 /// Whether two numbers are equal to the last bit. cantools scales exactly if factor and offset are integers;
 /// our value has the precision of a double above 2^53.
-fn is_same(ours: &Value, theirs: &Json) -> bool {
+fn is_same(ours: &DecodedValue, theirs: &Json) -> bool {
     let text = theirs.as_str().unwrap();
     match ours {
-        Value::Unsigned(ours) => text == format!("i:{ours}"),
-        Value::Integer(ours) => text == format!("i:{ours}"),
-        Value::Real(ours) if ours.is_nan() => text == "r:nan",
-        Value::Real(ours) if text.starts_with("i:") => {
+        DecodedValue::Unsigned(ours) => text == format!("i:{ours}"),
+        DecodedValue::Integer(ours) => text == format!("i:{ours}"),
+        DecodedValue::Real(ours) if ours.is_nan() => text == "r:nan",
+        DecodedValue::Real(ours) if text.starts_with("i:") => {
             (ours - real(theirs)).abs() <= ours.abs() * f64::EPSILON
         }
-        Value::Real(ours) => ours.to_bits() == real(theirs).to_bits(),
-        Value::Text(_) | Value::Bytes(_) => unreachable!("a signal is a number"),
+        DecodedValue::Real(ours) => ours.to_bits() == real(theirs).to_bits(),
+        DecodedValue::Text(_) | DecodedValue::Bytes(_) => unreachable!("a signal is a number"),
     }
 }
 
@@ -345,7 +346,7 @@ fn a_truck_shows_what_cantools_reads_in_its_frames() {
         .map(|it: Json| (it["frame"].as_u64().unwrap(), it))
         .collect();
     let mut database = Database::default();
-    database.add(read(&path));
+    database.add_file(read(&path));
     let options = SessionOptions { database: Arc::new(database), ..SessionOptions::default() };
     let mut differences = Differences::default();
     let mut compared = 0;
@@ -485,16 +486,16 @@ fn decode(message: Option<&Arc<DatabaseMessage>>, payload: &[u8], out: &mut Stri
         writeln!(out, "no message").unwrap();
         return;
     };
-    let title = |field: &Field| match field.id {
+    let title = |field: &SignalField| match field.id {
         SignalId::Name => field.name().unwrap().to_owned(),
         id => format!("{id} {}", field.name().unwrap()),
     };
-    for signal in message.layout.signals(payload) {
+    for signal in message.layout.decode_signals(payload) {
         let meaning = signal.field.meaning.as_deref().unwrap();
         let outside = if meaning.is_outside(&signal.value) { " (outside)" } else { "" };
-        writeln!(out, "{}: {}{outside}", title(signal.field), meaning.show(&signal.value)).unwrap();
+        writeln!(out, "{}: {}{outside}", title(signal.field), meaning.format_value(&signal.value)).unwrap();
     }
-    for field in message.layout.missing(payload) {
+    for field in message.layout.missing_fields(payload) {
         writeln!(out, "missing: {}", title(field)).unwrap();
     }
 }
@@ -506,15 +507,15 @@ fn describe(file: DatabaseFile, expected: &str) -> String {
         writeln!(out, "! {problem}").unwrap();
     }
     let mut database = Database::default();
-    database.add(file);
+    database.add_file(file);
     for asked in expected.lines().filter_map(|line| line.strip_prefix("> ")) {
         writeln!(out, "> {asked}").unwrap();
         let (id, data) = asked.split_once('#').unwrap();
         let hex = |text: &str| u32::from_str_radix(text, 16).unwrap();
         let message = match (id.strip_prefix("PGN "), id.len()) {
-            (Some(pgn), _) => database.message(Pgn::new(hex(pgn))),
-            (None, 3) => database.frame(CanId::standard(u16::try_from(hex(id)).unwrap())),
-            (None, _) => database.frame(CanId::extended(hex(id))),
+            (Some(pgn), _) => database.message_by_pgn(Pgn::new(hex(pgn))),
+            (None, 3) => database.message_by_id(CanId::from_standard(u16::try_from(hex(id)).unwrap())),
+            (None, _) => database.message_by_id(CanId::from_extended(hex(id))),
         };
         decode(message, &bytes(data), &mut out);
     }

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use cobscope_decoder::profile::DataType;
-use cobscope_decoder::profile::device_file::{self, DeviceFile, DeviceObject, EntryValue, Kind};
+use cobscope_decoder::profile::device_file::{self, DescriptionKind, DeviceFile, DeviceObject, EntryValue};
 use proptest::prelude::*;
 use serde_json::Value;
 
@@ -34,7 +34,8 @@ fn corpus_files() -> Vec<PathBuf> {
 }
 
 fn read(path: &Path) -> DeviceFile {
-    device_file::parse(&fs::read(path).unwrap()).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+    device_file::parse_device_file(&fs::read(path).unwrap())
+        .unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
 fn name(path: &Path) -> String {
@@ -44,7 +45,7 @@ fn name(path: &Path) -> String {
 /// A value as in the output of `tests/oracles/eds_values.py`.
 fn show(given: Option<&EntryValue>) -> Value {
     let Some(given) = given else { return Value::Null };
-    Value::String(match given.resolve(NODE_ID) {
+    Value::String(match given.resolve_formula(NODE_ID) {
         EntryValue::Number(number) => format!("i:{number}"),
         EntryValue::Real(number) => format!("r:{number:?}"),
         EntryValue::Text(text) => format!("t:{text}"),
@@ -92,7 +93,7 @@ fn field(object: &DeviceObject, name: &str) -> Value {
         "object" => object.object_name.clone().into(),
         "name" => object.entry_name.clone().into(),
         "type" => object.data_type.map(type_number).into(),
-        "access" => object.access.map(device_file::Access::name).into(),
+        "access" => object.access.map(device_file::EntryAccess::name).into(),
         "mappable" => object.mappable.unwrap_or(false).into(),
         "default" => show(object.default.as_ref()),
         "low" => show(object.low.as_ref()),
@@ -261,7 +262,7 @@ fn an_xdd_says_what_the_eds_of_the_same_device_says() {
         );
         assert_eq!(xdd.bit_rates, eds.bit_rates, "{xdd_name}");
         for object in &eds.objects {
-            let Some(other) = xdd.find(object.address) else {
+            let Some(other) = xdd.find_object(object.address) else {
                 writeln!(report, "{eds_name}: {} is not in the XDD", object.address).unwrap();
                 continue;
             };
@@ -284,70 +285,70 @@ fn an_xdd_says_what_the_eds_of_the_same_device_says() {
 
 /// Every device file of the corpus: entries and problems. The entries were counted by sections, elements and
 /// `CompactSubObj` with another program; each problem was checked by hand.
-const CORPUS: [(&str, Kind, usize, usize); 63] = [
-    ("CANopen-monitor__GPS_OD.eds", Kind::Eds, 473, 269),
-    ("CANopen-monitor__battery.dcf", Kind::Dcf, 594, 0),
-    ("CANopen-monitor__gps.xdd", Kind::Xdd, 608, 0),
-    ("CANopen-tools-suite__sample_node_0x01.eds", Kind::Eds, 74, 21),
-    ("CANopen-tools-suite__sample_node_0x01.xdd", Kind::Xdd, 74, 0),
-    ("CANopenDemo__demoDevice.eds", Kind::Eds, 282, 0),
-    ("CANopenDemo__demoDevice.xdd", Kind::Xdd, 286, 0),
-    ("CANopenNode__DS301_profile.eds", Kind::Eds, 170, 0),
-    ("CANopenNode__DS301_profile.xpd", Kind::Xdd, 241, 0),
-    ("CANopenSocket__basicDevice.eds", Kind::Eds, 279, 0),
-    ("CANopenSocket__basicDevice.xdd", Kind::Xdd, 279, 0),
-    ("PyTrinamic__TMCC160-CANopen_Hw1.00_Fw3.00.eds", Kind::Eds, 242, 0),
-    ("PyTrinamic__TMCM-1636-CANopen_Hw1.1_Fw1.08.eds", Kind::Eds, 230, 0),
-    ("PyTrinamic__TMCM_1270_V3.22.eds", Kind::Eds, 245, 0),
-    ("PyTrinamic__TMCM_1617_Hw1.2_Fw1.06.eds", Kind::Eds, 230, 0),
-    ("PyTrinamic__TMCM_1670_Hw1.2_Fw2.00.eds", Kind::Eds, 213, 0),
-    ("PyTrinamic__TMCM_6212_V.3.22.eds", Kind::Eds, 1152, 0),
-    ("canopen__datatypes.eds", Kind::Eds, 28, 1),
-    ("canopen__e35.eds", Kind::Dcf, 995, 6),
-    ("canopen__sample.eds", Kind::Dcf, 136, 50),
-    ("cob_robots__Elmo.dcf", Kind::Dcf, 458, 0),
-    ("cob_robots__Schunk_0_63.dcf", Kind::Dcf, 206, 0),
-    ("gocanopen__base.eds", Kind::Eds, 206, 29),
-    ("kacanopen__301.eds", Kind::Eds, 102, 16),
-    ("kacanopen__3301001_0.eds", Kind::Eds, 209, 0),
-    ("kacanopen__3301001_3.eds", Kind::Eds, 193, 0),
-    ("kacanopen__3301001_6.eds", Kind::Eds, 219, 0),
-    ("kacanopen__3301002_1.eds", Kind::Eds, 238, 0),
-    ("kacanopen__401.eds", Kind::Eds, 453, 0),
-    ("kacanopen__402.eds", Kind::Eds, 258, 1),
-    ("kacanopen__406.eds", Kind::Eds, 201, 1),
-    ("kacanopen__605.3150.51-V-EK-2-60.eds", Kind::Eds, 156, 1),
-    ("kacanopen__605.3150.52-V-EK-2-60.eds", Kind::Eds, 157, 1),
-    ("kacanopen__605.3150.60-B-EK-2-60.eds", Kind::Eds, 156, 1),
-    ("kacanopen__605.3150.67-B-EK-2-60.eds", Kind::Eds, 273, 0),
-    ("kacanopen__605.3150.71-A-EK-3-60.eds", Kind::Eds, 156, 1),
-    ("kacanopen__IoX3_24DO.eds", Kind::Eds, 103, 0),
-    ("kacanopen__IoX6_8AO.eds", Kind::Eds, 190, 0),
-    ("kacanopen__MM217_V3Y_2.eds", Kind::Eds, 144, 0),
-    ("kacanopen__MM217_V3Y_5.eds", Kind::Eds, 139, 0),
-    ("kacanopen__MM217_Y_1.eds", Kind::Eds, 238, 0),
-    ("kacanopen__MM217_Y_4.eds", Kind::Eds, 233, 0),
-    ("kacanopen__epos2_347717.eds", Kind::Eds, 431, 0),
-    ("lely-core__co-emcy.dcf", Kind::Dcf, 148, 0),
-    ("lely-core__co-gw_txt-master.dcf", Kind::Dcf, 145, 0),
-    ("lely-core__co-nmt-slave.dcf", Kind::Dcf, 17, 0),
-    ("lely-core__co-pdo-receive.dcf", Kind::Dcf, 15, 0),
-    ("lely-core__co-pdo-transmit.dcf", Kind::Dcf, 15, 0),
-    ("lely-core__co-sdo-client.dcf", Kind::Dcf, 11, 0),
-    ("lely-core__co-sdo-server.dcf", Kind::Dcf, 8, 0),
-    ("lely-core__co-sync.dcf", Kind::Eds, 10, 0),
-    ("lely-core__co-time.dcf", Kind::Dcf, 9, 0),
-    ("lely-core__coapp-lss-slave.dcf", Kind::Eds, 7, 0),
-    ("lely-core__cocatd.dcf", Kind::Eds, 287, 0),
-    ("python-objdictgen__slave.eds", Kind::Eds, 130, 0),
-    ("ros2_canopen__cia402_slave.eds", Kind::Eds, 154, 0),
-    ("ros2_canopen__master.dcf", Kind::Dcf, 2225, 0),
-    ("ros2_canopen__simple.eds", Kind::Eds, 299, 0),
-    ("sick_line_guidance__CiA401_IO_Node3.eds", Kind::Eds, 187, 0),
-    ("sick_line_guidance__CiA401_minimal.eds", Kind::Eds, 7, 3),
-    ("sick_line_guidance__CiA402_Stepper_Node8.eds", Kind::Eds, 138, 0),
-    ("sick_line_guidance__SICK-MLS.eds", Kind::Eds, 49, 0),
-    ("sick_line_guidance__SICK_OLS20_CO.eds", Kind::Eds, 85, 0),
+const CORPUS: [(&str, DescriptionKind, usize, usize); 63] = [
+    ("CANopen-monitor__GPS_OD.eds", DescriptionKind::Eds, 473, 269),
+    ("CANopen-monitor__battery.dcf", DescriptionKind::Dcf, 594, 0),
+    ("CANopen-monitor__gps.xdd", DescriptionKind::Xdd, 608, 0),
+    ("CANopen-tools-suite__sample_node_0x01.eds", DescriptionKind::Eds, 74, 21),
+    ("CANopen-tools-suite__sample_node_0x01.xdd", DescriptionKind::Xdd, 74, 0),
+    ("CANopenDemo__demoDevice.eds", DescriptionKind::Eds, 282, 0),
+    ("CANopenDemo__demoDevice.xdd", DescriptionKind::Xdd, 286, 0),
+    ("CANopenNode__DS301_profile.eds", DescriptionKind::Eds, 170, 0),
+    ("CANopenNode__DS301_profile.xpd", DescriptionKind::Xdd, 241, 0),
+    ("CANopenSocket__basicDevice.eds", DescriptionKind::Eds, 279, 0),
+    ("CANopenSocket__basicDevice.xdd", DescriptionKind::Xdd, 279, 0),
+    ("PyTrinamic__TMCC160-CANopen_Hw1.00_Fw3.00.eds", DescriptionKind::Eds, 242, 0),
+    ("PyTrinamic__TMCM-1636-CANopen_Hw1.1_Fw1.08.eds", DescriptionKind::Eds, 230, 0),
+    ("PyTrinamic__TMCM_1270_V3.22.eds", DescriptionKind::Eds, 245, 0),
+    ("PyTrinamic__TMCM_1617_Hw1.2_Fw1.06.eds", DescriptionKind::Eds, 230, 0),
+    ("PyTrinamic__TMCM_1670_Hw1.2_Fw2.00.eds", DescriptionKind::Eds, 213, 0),
+    ("PyTrinamic__TMCM_6212_V.3.22.eds", DescriptionKind::Eds, 1152, 0),
+    ("canopen__datatypes.eds", DescriptionKind::Eds, 28, 1),
+    ("canopen__e35.eds", DescriptionKind::Dcf, 995, 6),
+    ("canopen__sample.eds", DescriptionKind::Dcf, 136, 50),
+    ("cob_robots__Elmo.dcf", DescriptionKind::Dcf, 458, 0),
+    ("cob_robots__Schunk_0_63.dcf", DescriptionKind::Dcf, 206, 0),
+    ("gocanopen__base.eds", DescriptionKind::Eds, 206, 29),
+    ("kacanopen__301.eds", DescriptionKind::Eds, 102, 16),
+    ("kacanopen__3301001_0.eds", DescriptionKind::Eds, 209, 0),
+    ("kacanopen__3301001_3.eds", DescriptionKind::Eds, 193, 0),
+    ("kacanopen__3301001_6.eds", DescriptionKind::Eds, 219, 0),
+    ("kacanopen__3301002_1.eds", DescriptionKind::Eds, 238, 0),
+    ("kacanopen__401.eds", DescriptionKind::Eds, 453, 0),
+    ("kacanopen__402.eds", DescriptionKind::Eds, 258, 1),
+    ("kacanopen__406.eds", DescriptionKind::Eds, 201, 1),
+    ("kacanopen__605.3150.51-V-EK-2-60.eds", DescriptionKind::Eds, 156, 1),
+    ("kacanopen__605.3150.52-V-EK-2-60.eds", DescriptionKind::Eds, 157, 1),
+    ("kacanopen__605.3150.60-B-EK-2-60.eds", DescriptionKind::Eds, 156, 1),
+    ("kacanopen__605.3150.67-B-EK-2-60.eds", DescriptionKind::Eds, 273, 0),
+    ("kacanopen__605.3150.71-A-EK-3-60.eds", DescriptionKind::Eds, 156, 1),
+    ("kacanopen__IoX3_24DO.eds", DescriptionKind::Eds, 103, 0),
+    ("kacanopen__IoX6_8AO.eds", DescriptionKind::Eds, 190, 0),
+    ("kacanopen__MM217_V3Y_2.eds", DescriptionKind::Eds, 144, 0),
+    ("kacanopen__MM217_V3Y_5.eds", DescriptionKind::Eds, 139, 0),
+    ("kacanopen__MM217_Y_1.eds", DescriptionKind::Eds, 238, 0),
+    ("kacanopen__MM217_Y_4.eds", DescriptionKind::Eds, 233, 0),
+    ("kacanopen__epos2_347717.eds", DescriptionKind::Eds, 431, 0),
+    ("lely-core__co-emcy.dcf", DescriptionKind::Dcf, 148, 0),
+    ("lely-core__co-gw_txt-master.dcf", DescriptionKind::Dcf, 145, 0),
+    ("lely-core__co-nmt-slave.dcf", DescriptionKind::Dcf, 17, 0),
+    ("lely-core__co-pdo-receive.dcf", DescriptionKind::Dcf, 15, 0),
+    ("lely-core__co-pdo-transmit.dcf", DescriptionKind::Dcf, 15, 0),
+    ("lely-core__co-sdo-client.dcf", DescriptionKind::Dcf, 11, 0),
+    ("lely-core__co-sdo-server.dcf", DescriptionKind::Dcf, 8, 0),
+    ("lely-core__co-sync.dcf", DescriptionKind::Eds, 10, 0),
+    ("lely-core__co-time.dcf", DescriptionKind::Dcf, 9, 0),
+    ("lely-core__coapp-lss-slave.dcf", DescriptionKind::Eds, 7, 0),
+    ("lely-core__cocatd.dcf", DescriptionKind::Eds, 287, 0),
+    ("python-objdictgen__slave.eds", DescriptionKind::Eds, 130, 0),
+    ("ros2_canopen__cia402_slave.eds", DescriptionKind::Eds, 154, 0),
+    ("ros2_canopen__master.dcf", DescriptionKind::Dcf, 2225, 0),
+    ("ros2_canopen__simple.eds", DescriptionKind::Eds, 299, 0),
+    ("sick_line_guidance__CiA401_IO_Node3.eds", DescriptionKind::Eds, 187, 0),
+    ("sick_line_guidance__CiA401_minimal.eds", DescriptionKind::Eds, 7, 3),
+    ("sick_line_guidance__CiA402_Stepper_Node8.eds", DescriptionKind::Eds, 138, 0),
+    ("sick_line_guidance__SICK-MLS.eds", DescriptionKind::Eds, 49, 0),
+    ("sick_line_guidance__SICK_OLS20_CO.eds", DescriptionKind::Eds, 85, 0),
 ];
 
 #[test]
@@ -381,7 +382,7 @@ fn describe(file: &DeviceFile) -> String {
     }
     for object in &file.objects {
         let data_type = object.data_type.map_or("-".to_owned(), DataType::name);
-        let access = object.access.map_or("-", device_file::Access::name);
+        let access = object.access.map_or("-", device_file::EntryAccess::name);
         write!(text, "{} {:?}", object.address, object.object_name).unwrap();
         if let Some(name) = &object.entry_name {
             write!(text, " {name:?}").unwrap();

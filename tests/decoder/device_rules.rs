@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use cobscope_decoder::finding::{Cause, Findings, Severity};
+use cobscope_decoder::finding::{CaptureFindings, FindingCause, Severity};
 use cobscope_decoder::profile::Catalogue;
 use cobscope_decoder::session::{AssignedBy, Assignment};
 use cobscope_decoder::wire::NodeId;
@@ -11,7 +11,7 @@ use cobscope_decoder::wire::NodeId;
 use crate::rules::{judge, parse};
 
 /// Findings in frames with intervals of 10 ms and some microseconds; `head` as in annotated captures.
-fn judged(head: &str, frames: &[&str]) -> Findings {
+fn judged(head: &str, frames: &[&str]) -> CaptureFindings {
     let mut text = format!("{head}\n");
     for (number, frame) in frames.iter().enumerate() {
         let micros = number * 10_000 + number * 37 % 89;
@@ -20,14 +20,14 @@ fn judged(head: &str, frames: &[&str]) -> Findings {
     findings(&text)
 }
 
-fn findings(text: &str) -> Findings {
+fn findings(text: &str) -> CaptureFindings {
     let capture = parse("a capture", text);
     judge(&capture.frames, &capture.options, capture.setup.clone()).1
 }
 
 /// Rule, node and severity of effective findings of device rules.
-fn of_devices(findings: &Findings) -> Vec<(String, u8, Severity)> {
-    let of_device = findings.counting().filter(|group| group.rule.contains(':'));
+fn of_devices(findings: &CaptureFindings) -> Vec<(String, u8, Severity)> {
+    let of_device = findings.reported_groups().filter(|group| group.rule.contains(':'));
     of_device
         .map(|group| (group.rule.to_string(), group.key.node.map_or(0, NodeId::number), group.severity))
         .collect()
@@ -120,7 +120,7 @@ fn a_refused_write_is_one_finding_where_the_manual_tells_why() {
     assert_eq!(taker.len(), 1);
     let refused = of("sdo-download-refused");
     let explained: Vec<_> = refused.iter().map(|group| (group.is_absorbed, group.cause.clone())).collect();
-    assert_eq!(explained, [(true, Some(Cause::Group(taker[0].id))), (false, None)]);
+    assert_eq!(explained, [(true, Some(FindingCause::Group(taker[0].id))), (false, None)]);
 }
 
 /// SYNC every 50 ms, and one more 1.5 ms after the third.
@@ -152,7 +152,7 @@ fn what_must_never_happen_is_exercised_once_the_device_is_there() {
     };
     assert_eq!((tally(&["080#"]), tally(&["620#2B17100064000000", "5A0#6017100000000000"])), (0, 1));
     let findings = judged("#! --node 2=rexroth-sydfec", &["080#"]);
-    let of = |findings: &Findings, name: &str| {
+    let of = |findings: &CaptureFindings, name: &str| {
         let place = findings.rules.iter().position(|rule| *rule.name == *name).unwrap();
         findings.tallies[place].passed
     };
@@ -233,7 +233,10 @@ const PUMP: &str = "#! --node 2=rexroth-sydfec";
 /// Rules of the findings about a pump; those of its profile without its id.
 fn names(frames: &[&str]) -> Vec<String> {
     let findings = judged(PUMP, frames);
-    findings.counting().map(|group| group.rule.trim_start_matches("rexroth-sydfec:").to_owned()).collect()
+    findings
+        .reported_groups()
+        .map(|group| group.rule.trim_start_matches("rexroth-sydfec:").to_owned())
+        .collect()
 }
 
 /// RE 30027-Z, 17.4: type, measuring range, selection in the parameter sets; only the first of each counts.
@@ -244,7 +247,7 @@ fn a_sequence_compares_the_first_occurrences_since_the_start() {
     let refused = ["602#2B0052000100", "582#8000520000000108"];
     let order = |parts: &[&[&'static str]]| {
         let all = judged(PUMP, &parts.concat());
-        all.counting()
+        all.reported_groups()
             .filter(|group| group.rule.contains("set-up-order"))
             .map(|group| group.count)
             .sum::<u64>()
@@ -297,7 +300,7 @@ fn a_precondition_with_ms_must_be_false_for_this_time() {
             let (seconds, micros) = (1_700_000_000 + micros / 1_000_000, micros % 1_000_000);
             writeln!(text, "({seconds}.{micros:06}) can0 182#{:02X}00000000", status(number)).unwrap();
         }
-        findings(&text).counting().any(|group| &*group.rule == "rexroth-sydfec:status-shows-slave")
+        findings(&text).reported_groups().any(|group| &*group.rule == "rexroth-sydfec:status-shows-slave")
     };
     assert!(found(&|_| 0));
     assert!(!found(&|_| 2));
@@ -325,7 +328,7 @@ fn an_error_in_place_of_the_ready_message_is_a_boot_sign() {
     let found = |sign: &str| {
         let mut text = format!("{PUMP}\n(1700000000.000013) can0 082#\n(1700000000.100041) can0 000#8102\n");
         write!(text, "(1700000000.400017) can0 {sign}\n(1700000003.400017) can0 080#\n").unwrap();
-        findings(&text).counting().any(|group| &*group.rule == "boot-up-missing")
+        findings(&text).reported_groups().any(|group| &*group.rule == "boot-up-missing")
     };
     assert!(!found("082#"));
     assert!(!found("082#3102040000000000"));

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use cobscope_decoder::diagnosis::{Diagnosis, Label, Setting, Story};
-use cobscope_decoder::finding::{Findings, Severity};
+use cobscope_decoder::diagnosis::{Diagnosis, DiagnosisContext, LineLabel, Story};
+use cobscope_decoder::finding::{CaptureFindings, Severity};
 use cobscope_decoder::session::SessionOptions;
 use serde::Deserialize;
 
@@ -47,21 +47,21 @@ fn expectations() -> Vec<(PathBuf, Expectation)> {
 }
 
 /// Findings of a capture with options in its first lines.
-fn findings(path: &Path, node: &[String], bus_file: &str, frames: &str) -> Findings {
+fn findings(path: &Path, node: &[String], bus_file: &str, frames: &str) -> CaptureFindings {
     let mut head: Vec<String> = node.iter().map(|node| format!("#! --node {node}")).collect();
     head.extend(bus_file.lines().map(|line| format!("#| {line}")));
     let capture = parse(&path.display().to_string(), &format!("{}\n{frames}", head.join("\n")));
     judge(&capture.frames, &capture.options, capture.setup).1
 }
 
-fn stories(findings: &Findings) -> Vec<Story> {
-    Diagnosis::of(findings, findings.counting(), Setting::default()).stories
+fn story_count(findings: &CaptureFindings) -> Vec<Story> {
+    Diagnosis::diagnose_findings(findings, findings.reported_groups(), DiagnosisContext::default()).stories
 }
 
 /// The first lines of the first story.
 fn beginning(stories: &[Story], lines: usize) -> String {
     let lines = stories.iter().take(1).flat_map(|story| story.lines.iter().take(lines));
-    lines.map(|line| format!("{:14} {}", line.label.word(), line.text)).collect::<Vec<_>>().join("\n")
+    lines.map(|line| format!("{:14} {}", line.label.label_word(), line.text)).collect::<Vec<_>>().join("\n")
 }
 
 /// Whether a frame number is in `a-b,c`.
@@ -79,7 +79,7 @@ fn the_cause_is_in_the_first_three_lines() {
     assert!(all.len() >= 10 && all.iter().filter(|(_, it)| !it.emcy).count() >= 5);
     for (path, expected) in all {
         let frames = fs::read_to_string(path.with_extension("log")).unwrap();
-        let found = beginning(&stories(&findings(&path, &expected.node, &expected.bus_file, &frames)), 3);
+        let found = beginning(&story_count(&findings(&path, &expected.node, &expected.bus_file, &frames)), 3);
         let missing: Vec<_> = expected.words.iter().filter(|word| !found.contains(word.as_str())).collect();
         if !missing.is_empty() {
             wrong.push(format!("{}: {missing:?} not in\n{found}", path.display()));
@@ -96,13 +96,13 @@ fn without_its_frames_the_cause_is_not_visible() {
         let numbered =
             (1..).zip(frames.lines()).filter(|(number, _)| !contains(&expected.cause_frames, *number));
         let cut: Vec<_> = numbered.map(|(_, line)| line).collect();
-        let found = stories(&findings(&path, &expected.node, &expected.bus_file, &cut.join("\n")));
+        let found = story_count(&findings(&path, &expected.node, &expected.bus_file, &cut.join("\n")));
         // Where only notes remain, nothing may be named.
         if found.is_empty() && expected.cut_leaves_notes {
             continue;
         }
         let label = found.first().and_then(|story| story.lines.first()).map(|line| line.label);
-        if label != Some(Label::NoCause) {
+        if label != Some(LineLabel::NoCause) {
             wrong.push(format!("{}:\n{}", path.display(), beginning(&found, 3)));
         }
     }
@@ -120,7 +120,7 @@ fn a_clean_capture_has_no_story() {
         let node = table["node"].as_array().unwrap().iter().map(|node| node.as_str().unwrap().to_owned());
         let bus_file = table.get("bus_file").and_then(toml::Value::as_str).unwrap_or_default();
         let frames = fs::read_to_string(path.with_extension("log")).unwrap();
-        let found = stories(&findings(&path, &node.collect::<Vec<_>>(), bus_file, &frames));
+        let found = story_count(&findings(&path, &node.collect::<Vec<_>>(), bus_file, &frames));
         if !found.is_empty() {
             wrong.push(format!("{name}:\n{}", beginning(&found, 3)));
         }
@@ -145,7 +145,7 @@ fn the_stories_of_recordings_are_the_reviewed_ones() {
             return skip("corpus", &format!("{} is not there", path.display()));
         };
         let (_, findings) = judge_capture(&capture, &SessionOptions::default(), plain_setup());
-        let stories = stories(&findings);
+        let stories = story_count(&findings);
         let errors = stories.iter().filter(|story| story.severity == Severity::Error).count();
         assert!(errors <= ERRORS, "{name}: {errors} stories with an error");
         writeln!(found, "== {name}").unwrap();
@@ -168,7 +168,7 @@ fn the_stories_of_recordings_are_the_reviewed_ones() {
 fn a_fact_names_its_bus_if_there_are_two() {
     let path = folder().join("plc-commands-pre-operational.log");
     let text = fs::read_to_string(&path).unwrap();
-    let one = stories(&findings(&path, &[], "", &text));
+    let one = story_count(&findings(&path, &[], "", &text));
     assert!(one[0].title.starts_with("63/3F  NMT"), "{}", one[0].title);
     let both: String = text.lines().flat_map(|line| [line.to_owned(), line.replace("can0", "can1")]).fold(
         String::new(),
@@ -177,7 +177,7 @@ fn a_fact_names_its_bus_if_there_are_two() {
             all
         },
     );
-    let two = stories(&findings(&path, &[], "", &both));
+    let two = story_count(&findings(&path, &[], "", &both));
     let titles: Vec<_> = two.iter().map(|story| story.title.as_str()).collect();
     for bus in ["can0 63/3F  NMT", "can1 63/3F  NMT"] {
         assert!(titles.iter().any(|title| title.starts_with(bus)), "{titles:?}");
@@ -194,8 +194,8 @@ fn an_open_condition_of_a_growing_capture_is_still_present() {
     let findings = findings(&path, &["32=danfoss-pve-ci".to_owned()], "", &part.join("\n"));
     let zero = findings.groups[0].first[0].time;
     let first = |is_growing| {
-        let setting = Setting { zero, is_growing, ..Setting::default() };
-        let diagnosis = Diagnosis::of(&findings, findings.counting(), setting);
+        let setting = DiagnosisContext { zero, is_growing, ..DiagnosisContext::default() };
+        let diagnosis = Diagnosis::diagnose_findings(&findings, findings.reported_groups(), setting);
         diagnosis.stories[0].lines[0].text.clone()
     };
     assert!(first(false).contains("to the end of the capture"), "{}", first(false));

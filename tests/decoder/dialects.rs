@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use cobscope_decoder::capture::{Batch, Notice, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, CaptureReader, Notice, ReadOptions};
 use cobscope_decoder::frame::{Frame, FrameFlags};
 
 /// Content of a capture that every dialect can express.
@@ -17,7 +17,7 @@ struct Content {
 fn read(name: &str) -> Content {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures/dialects").join(name);
     let bytes = fs::read(&path).unwrap();
-    let mut reader = Reader::open(&bytes[..], &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(&bytes[..], &ReadOptions::default()).unwrap();
     let mut batch = Batch::new();
     let (mut frames, mut notices) = (Vec::new(), Vec::new());
     while reader.read(&mut batch).unwrap() {

@@ -6,9 +6,9 @@ use std::fmt::Write as _;
 use std::fs;
 use std::sync::Arc;
 
-use cobscope_decoder::bus_file::{BusFile, Demand};
-use cobscope_decoder::finding::{Findings, Verdict};
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::bus_file::{BusFile, ExpectCondition};
+use cobscope_decoder::finding::{CaptureFindings, RuleOutcome};
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::SessionOptions;
 use proptest::prelude::*;
 
@@ -20,11 +20,11 @@ use crate::support::{step, workspace};
 /// All kinds of expectations.
 const KINDS: [&str; 8] = ["always", "never", "within", "every", "count", "order", "bounds", "rate"];
 
-fn recorded(capture: &Annotated) -> Findings {
+fn recorded(capture: &Annotated) -> CaptureFindings {
     judge(&capture.frames, &capture.options, &Arc::new(capture.setup.clone()), |_| 0)
 }
 
-fn verdict(findings: &Findings, id: &str) -> Verdict {
+fn verdict(findings: &CaptureFindings, id: &str) -> RuleOutcome {
     let place = findings.rules.iter().position(|rule| *rule.name == *id).unwrap();
     findings.tallies[place].verdict()
 }
@@ -49,23 +49,23 @@ fn every_kind_has_a_fixture_in_which_it_is_broken_and_met() {
 fn unknown_names_are_not_judged_and_are_reported() {
     let capture = read(&workspace().join("fixtures/rules/expect-bounds.log"));
     let findings = recorded(&capture);
-    assert_eq!(verdict(&findings, "raw-position"), Verdict::NotExercised);
+    assert_eq!(verdict(&findings, "raw-position"), RuleOutcome::NotExercised);
     assert_eq!(findings.quality, ["raw-position is not exercised: signal '6063:00' did not occur"]);
     let capture = read(&workspace().join("fixtures/rules/expect-never.log"));
     let findings = recorded(&capture);
-    assert_eq!(verdict(&findings, "no-own-code"), Verdict::Pass);
-    assert_eq!(verdict(&findings, "absent"), Verdict::NotExercised);
+    assert_eq!(verdict(&findings, "no-own-code"), RuleOutcome::Pass);
+    assert_eq!(verdict(&findings, "absent"), RuleOutcome::NotExercised);
     assert_eq!(findings.quality, ["absent is not exercised: node 9/09 sent no frame"]);
 }
 
-fn setup(text: &str) -> Result<(BusFile, Setup), String> {
+fn setup(text: &str) -> Result<(BusFile, RuleSetup), String> {
     let file = BusFile::parse(text).map_err(|error| error.to_string())?;
-    let setup = Setup::new(&file, text, Some("2026-06-01".into())).map_err(|error| error.to_string())?;
+    let setup = RuleSetup::new(&file, text, Some("2026-06-01".into())).map_err(|error| error.to_string())?;
     Ok((file, setup))
 }
 
 /// Judges a fixture with another bus file.
-fn judged(fixture: &str, text: &str) -> Findings {
+fn judged(fixture: &str, text: &str) -> CaptureFindings {
     let (bus_file, setup) = setup(text).unwrap();
     let frames = fs::read_to_string(workspace().join("fixtures/rules").join(fixture)).unwrap();
     judge(&frames, &SessionOptions { bus_file, ..SessionOptions::default() }, &Arc::new(setup), |_| 0)
@@ -82,7 +82,7 @@ fn severity_and_suppression_apply_to_expectations_as_to_rules() {
     assert!(findings.groups.is_empty());
     let suppress = "[[suppress]]\nrule = \"no-sync\"\nreason = \"the new master\"\n";
     let findings = judged("expect-within.log", &format!("{expect}{suppress}"));
-    assert_eq!((findings.counting().count(), findings.groups.len()), (0, 1));
+    assert_eq!((findings.reported_groups().count(), findings.groups.len()), (0, 1));
     assert_eq!(findings.groups[0].suppressed.as_deref(), Some("the new master"));
     let findings = judged("expect-within.log", &expect.replace("kind = ", "bus = \"can1\"\nkind = "));
     assert!(findings.groups.is_empty());
@@ -215,7 +215,7 @@ fn a_tolerance_is_a_time_or_a_share() {
             "[[expect]]\nid = \"a\"\nkind = \"every\"\nwhen = 'kind == sync'\nseconds = 2\nreason = \"r\"\n{line}"
         );
         match &setup(&text).unwrap().0.judgement.expectations[0].demand {
-            Demand::Every { tolerance, .. } => *tolerance,
+            ExpectCondition::Every { tolerance, .. } => *tolerance,
             _ => 0,
         }
     };
@@ -295,7 +295,7 @@ fn a_silence_of_the_whole_bus_breaks_nothing() {
     let (bus_file, setup) = setup(OF_THE_SILENT_BUS).unwrap();
     let options = SessionOptions { bus_file, ..SessionOptions::default() };
     let setup = Arc::new(setup);
-    let count = |findings: &Findings, rule: &str| {
+    let count = |findings: &CaptureFindings, rule: &str| {
         findings.groups.iter().filter(|group| *group.rule == *rule).map(|group| group.count).sum::<u64>()
     };
     // Of 600 SYNC, every fiftieth has no PDO. The one before the silence is judged after the silence; nothing
@@ -313,7 +313,7 @@ proptest! {
     /// Ticks of a live bus at random intervals.
     #[test]
     fn a_live_bus_is_judged_as_its_recording(steps in prop::collection::vec(1_i64..400, 1..8)) {
-        let mut all: Vec<(String, String, SessionOptions, Setup)> = captures()
+        let mut all: Vec<(String, String, SessionOptions, RuleSetup)> = captures()
             .iter()
             .step_by(step(3))
             .map(|path| read(path))

@@ -12,7 +12,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use cobscope_decoder::profile::Catalogue;
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::SessionOptions;
 
 use crate::devices;
@@ -32,9 +32,9 @@ const RECORDINGS: [&str; 4] = [
 fn found(path: &Path, options: &SessionOptions) -> Vec<(String, String)> {
     let bytes = fs::read(path).unwrap();
     let text = String::from_utf8_lossy(&bytes);
-    let (_, findings) = judge(&text, options, Setup::default());
+    let (_, findings) = judge(&text, options, RuleSetup::default());
     let mut all: Vec<_> = findings
-        .counting()
+        .reported_groups()
         .map(|group| {
             let node = group.key.node.map_or_else(|| "-".to_owned(), |node| node.to_string());
             (group.rule.to_string(), node)

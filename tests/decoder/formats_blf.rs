@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 #[cfg(feature = "gzip")]
-use cobscope_decoder::capture::{ReadOptions, Reader};
+use cobscope_decoder::capture::{CaptureReader, ReadOptions};
 use cobscope_decoder::frame::{Frame, FrameFlags};
 
 use crate::formats_pcap::{Content, columns, corpus_file, read_file, tshark};
@@ -153,7 +153,7 @@ fn a_damaged_blf_capture_says_so_and_keeps_what_is_before() {
             assert!(content.notices.len() >= whole.notices.len(), "byte {at}: nothing is said");
         }
     }
-    let mut reader = Reader::open(bytes, &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(bytes, &ReadOptions::default()).unwrap();
     assert!(reader.read(&mut cobscope_decoder::capture::Batch::new()).unwrap());
 }
 

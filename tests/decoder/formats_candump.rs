@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, CaptureReader, ReadOptions};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
 
 use crate::support::{corpus, python, skip, workspace};
@@ -44,7 +44,7 @@ fn compare(path: &Path, python: &Path) {
     assert!(output.status.success(), "{}: {}", path.display(), String::from_utf8_lossy(&output.stderr));
     let theirs = String::from_utf8(output.stdout).unwrap();
     let bytes = fs::read(path).unwrap();
-    let mut reader = Reader::open(&bytes[..], &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(&bytes[..], &ReadOptions::default()).unwrap();
     let mut batch = Batch::new();
     let mut ours = Vec::new();
     while reader.read(&mut batch).unwrap() {

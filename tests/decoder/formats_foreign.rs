@@ -9,7 +9,7 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use cobscope_decoder::capture::{FORMATS, Notice, ReadOptions, Reader, decompress};
+use cobscope_decoder::capture::{CaptureReader, FORMATS, Notice, ReadOptions, decompress};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
 use proptest::prelude::*;
 
@@ -351,7 +351,7 @@ fn no_file_of_the_corpus_changes_its_format() {
     corpus_files(&corpus(), &mut files);
     let open = |path: &Path| {
         let source = decompress(BufReader::new(File::open(path).unwrap())).unwrap();
-        Reader::open(source, &ReadOptions::default()).map(|reader| reader.format().name)
+        CaptureReader::open(source, &ReadOptions::default()).map(|reader| reader.format().name)
     };
     let mut found: Vec<_> =
         files.iter().filter_map(|(name, path)| Some(format!("{} {name}", open(path).ok()?))).collect();

@@ -3,7 +3,7 @@
 
 use std::fs;
 
-use cobscope_decoder::capture::{CapturePlace, Notice, Packing, WRITABLE, WriteOptions};
+use cobscope_decoder::capture::{CaptureCompression, CapturePlace, Notice, WRITABLE, WriteOptions};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags, Timestamp};
 
 use crate::damaged::Shared;
@@ -12,7 +12,8 @@ use crate::harness::reader::holds_its_contract;
 use crate::support::workspace;
 
 const START: i64 = 1_700_000_000_000_000_000;
-const PACKINGS: [Packing; 3] = [Packing::None, Packing::Lz4, Packing::Zstd];
+const PACKINGS: [CaptureCompression; 3] =
+    [CaptureCompression::None, CaptureCompression::Lz4, CaptureCompression::Zstd];
 const UNFINISHED: &str = "the capture was not finished: read up to its end";
 
 /// A capture with 24 frames in three chunks, including FD frames.
@@ -22,16 +23,16 @@ struct Made {
     chunks: Vec<(usize, usize)>,
 }
 
-fn made(packing: Packing) -> Made {
+fn made(packing: CaptureCompression) -> Made {
     let format = WRITABLE.iter().find(|format| format.name == "mcap").unwrap();
     let output = Shared::default();
     let mut writer =
         (format.writer)(Box::new(output.clone()), &WriteOptions { packing, ..WriteOptions::default() });
     let mut chunks = Vec::new();
     for number in 0..24_u8 {
-        let mut frame = Frame::data_frame(CanId::standard(0x180 + u16::from(number)), &[number; 5]);
+        let mut frame = Frame::data_frame(CanId::from_standard(0x180 + u16::from(number)), &[number; 5]);
         if number % 6 == 5 {
-            frame = Frame::data_frame(CanId::extended(0x18FE_CA80), &[number; 32]);
+            frame = Frame::data_frame(CanId::from_extended(0x18FE_CA80), &[number; 32]);
             frame.flags = FrameFlags::FD.with(FrameFlags::BIT_RATE_SWITCH);
         }
         frame.time = Some(Timestamp(START + i64::from(number) * 1_000_001));
@@ -97,7 +98,7 @@ fn a_recording_cut_off_anywhere_gives_what_is_whole_and_says_so() {
 
 #[test]
 fn what_is_not_packed_gives_each_frame_before_the_cut() {
-    let Made { bytes, .. } = made(Packing::None);
+    let Made { bytes, .. } = made(CaptureCompression::None);
     // The identifier of each frame is in its message, before the data.
     for number in 0..24_usize {
         if number % 6 == 5 {
@@ -145,7 +146,7 @@ fn a_wrong_bit_anywhere_never_changes_frames_unsaid() {
 
 #[test]
 fn a_changed_chunk_is_reported_with_its_place() {
-    let Made { mut bytes, chunks } = made(Packing::None);
+    let Made { mut bytes, chunks } = made(CaptureCompression::None);
     let (second, ..) = *records(&bytes).iter().filter(|(_, kind, _)| *kind == 6).nth(1).unwrap();
     // The last byte of the last message: a byte of data.
     let (at, _, length) = *records(&bytes).iter().filter(|(_, kind, _)| *kind == 6).nth(1).unwrap();
@@ -163,7 +164,7 @@ fn lengths_that_lie_are_bounded_by_what_is_there() {
         let whole = read(&bytes[..]).unwrap();
         for size in [4, 8] {
             for lie in [0xFF, 0x7F, 0x00] {
-                let step = if packing == Packing::None { 4 } else { 19 };
+                let step = if packing == CaptureCompression::None { 4 } else { 19 };
                 for at in (8..bytes.len() - size).step_by(step) {
                     let mut lying = bytes.clone();
                     lying[at..at + size].fill(lie);
@@ -181,7 +182,7 @@ fn lengths_that_lie_are_bounded_by_what_is_there() {
 /// Wrong sizes of each record and chunk.
 #[test]
 fn records_and_chunks_without_end_are_reported() {
-    let Made { bytes, .. } = made(Packing::Zstd);
+    let Made { bytes, .. } = made(CaptureCompression::Zstd);
     for (number, (at, kind, _)) in records(&bytes).into_iter().enumerate() {
         let mut lying = bytes.clone();
         lying[at + 1..at + 9].fill(0xFF);
@@ -212,7 +213,7 @@ fn fixture(name: &str) -> Content {
 fn assert_made(number: u32, frame: &Frame) {
     let id = number * 0x111;
     let expected =
-        if number >= 8 { CanId::extended(id) } else { CanId::standard(u16::try_from(id).unwrap()) };
+        if number >= 8 { CanId::from_extended(id) } else { CanId::from_standard(u16::try_from(id).unwrap()) };
     assert_eq!(frame.id, expected);
     assert_eq!(frame.time, Some(Timestamp(START + i64::from(number) * 125_000_000)));
 }

@@ -12,7 +12,7 @@ use std::process::Command;
 use std::sync::LazyLock;
 use std::time::Duration;
 
-use cobscope_decoder::capture::{Batch, CaptureError, Notice, ReadOptions, Reader, decompress};
+use cobscope_decoder::capture::{Batch, CaptureError, CaptureReader, Notice, ReadOptions, decompress};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
 use pcap_file::pcap::{PcapHeader, PcapTsResolution, PcapWriter, RawPcapPacket};
 use pcap_file::pcapng::PcapNgWriter;
@@ -53,7 +53,7 @@ pub struct Content {
 }
 
 pub fn read(source: impl Read) -> Result<Content, CaptureError> {
-    let mut reader = Reader::open(source, &ReadOptions::default())?;
+    let mut reader = CaptureReader::open(source, &ReadOptions::default())?;
     let (mut batch, mut content) =
         (Batch::new(), Content { format: reader.format().name, ..Content::default() });
     while reader.read(&mut batch)? {
@@ -209,8 +209,11 @@ fn sample(number: u32) -> (Vec<u8>, bool, Frame) {
     let extended = noise & 0x100 != 0;
     let length = if is_fd { [0, 3, 8, 12, 20, 48, 64][usize::from(a) % 7] } else { usize::from(a) % 9 };
     let mut frame = Frame::EMPTY;
-    frame.id =
-        if extended { CanId::extended(noise >> 3) } else { CanId::standard(u16::from_be_bytes([a, b])) };
+    frame.id = if extended {
+        CanId::from_extended(noise >> 3)
+    } else {
+        CanId::from_standard(u16::from_be_bytes([a, b]))
+    };
     let mut word = frame.id.number() | if extended { 0x8000_0000 } else { 0 };
     let mut bits = 0;
     frame.set_data(&vec![b; length]);
@@ -221,7 +224,7 @@ fn sample(number: u32) -> (Vec<u8>, bool, Frame) {
         }
         4 => {
             word = 0x2000_0000 | (noise & 0x1FF);
-            frame.id = CanId::extended(noise & 0x1FF);
+            frame.id = CanId::from_extended(noise & 0x1FF);
             frame.flags = FrameFlags::ERROR;
             frame.set_data(&[b; 8]);
         }

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::Command;
 
 use cobscope_decoder::capture::{
-    Batch, CaptureError, FORMATS, LARGEST_RECORD, Notice, ReadOptions, Reader, decompress,
+    Batch, CaptureError, CaptureReader, FORMATS, LARGEST_RECORD, Notice, ReadOptions, decompress,
 };
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags, fd_length};
 use proptest::prelude::*;
@@ -78,7 +78,7 @@ pub(crate) fn is_error(frame: &Frame) -> bool {
 }
 
 pub(crate) fn read(source: impl Read) -> Result<Content, CaptureError> {
-    let mut reader = Reader::open(source, &ReadOptions::default())?;
+    let mut reader = CaptureReader::open(source, &ReadOptions::default())?;
     let mut content = Content { format: reader.format().name, ..Content::default() };
     let mut batch = Batch::new();
     loop {

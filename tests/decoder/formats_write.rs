@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use cobscope_decoder::capture::{
-    Batch, Losses, ReadOptions, Reader, WRITABLE, WritableFormat, WriteOptions, decompress,
+    Batch, CaptureReader, LossCounter, ReadOptions, WRITABLE, WritableFormat, WriteOptions, decompress,
 };
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags, Timestamp, fd_length};
 
@@ -50,7 +50,7 @@ impl Recording {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
         let file = File::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         let source = decompress(BufReader::new(file)).unwrap();
-        let mut reader = Reader::open(source, &ReadOptions::default()).unwrap();
+        let mut reader = CaptureReader::open(source, &ReadOptions::default()).unwrap();
         let (mut batch, mut frames) = (Batch::new(), Vec::new());
         while reader.read(&mut batch).unwrap() {
             frames.extend_from_slice(batch.frames());
@@ -199,7 +199,7 @@ fn number(recording: &Recording, frame: &Frame) -> usize {
 /// Expected row of python-can 4.6 for a frame in a format, with its known errors; `None` if it omits the
 /// frame.
 fn as_python_reads(format: &WritableFormat, recording: &Recording, frame: &Frame) -> Option<Row> {
-    let kept = format.holds.kept(frame)?;
+    let kept = format.holds.kept_frame(frame)?;
     let bus = number(recording, frame);
     let is_error = is(&kept, FrameFlags::ERROR);
     match format.name {
@@ -316,25 +316,26 @@ fn captures_come_back_as_their_format_says() {
         for recording in recordings() {
             let path = recording.write(format);
             let read = Recording::read(&path);
-            let mut losses = Losses::new(format.holds);
+            let mut losses = LossCounter::new(format.holds);
             for frame in &recording.frames {
-                losses.see(frame);
+                losses.count_frame(frame);
             }
             let first = recording.frames[0].time.unwrap();
-            let kept = recording.frames.iter().filter_map(|frame| format.holds.kept(frame));
+            let kept = recording.frames.iter().filter_map(|frame| format.holds.kept_frame(frame));
             let kept: Vec<Frame> = kept
                 .map(|frame| {
-                    let earliest = if format.holds.backwards { None } else { Some(format.holds.cut(first)) };
+                    let earliest =
+                        if format.holds.backwards { None } else { Some(format.holds.round_time(first)) };
                     Frame { time: frame.time.max(earliest), ..frame }
                 })
                 .collect();
             assert_eq!(read.frames, kept, "{}", path.display());
             assert_eq!(
-                losses.texts().is_empty(),
+                losses.loss_texts().is_empty(),
                 kept == recording.frames,
                 "{}: {:?}",
                 path.display(),
-                losses.texts()
+                losses.loss_texts()
             );
             assert_eq!(read.buses, recording.buses, "{}", path.display());
         }

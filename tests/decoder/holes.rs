@@ -6,9 +6,9 @@ use std::fs;
 use std::sync::Arc;
 
 use cobscope_decoder::Reading;
-use cobscope_decoder::capture::{Batch, Notice, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, CaptureReader, Notice, ReadOptions};
 use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::finding::{Findings, Group};
+use cobscope_decoder::finding::{CaptureFindings, FindingGroup};
 use cobscope_decoder::frame::BusIndex;
 use cobscope_decoder::session::{Bus, SessionOptions};
 use proptest::prelude::*;
@@ -30,7 +30,7 @@ fn longest(frames: &[Line], at: usize) -> i64 {
 }
 
 /// Findings of the capture with all timestamps from frame `at` on shifted by `delay` µs.
-fn shifted(name: &str, at: usize, delay: i64) -> Findings {
+fn shifted(name: &str, at: usize, delay: i64) -> CaptureFindings {
     let (mut frames, options) = clean(name);
     for line in &mut frames[at..] {
         line.time += delay;
@@ -38,19 +38,19 @@ fn shifted(name: &str, at: usize, delay: i64) -> Findings {
     judged(name, &frames, &options)
 }
 
-fn judged(name: &str, frames: &[Line], options: &str) -> Findings {
+fn judged(name: &str, frames: &[Line], options: &str) -> CaptureFindings {
     let Annotated { frames, options, setup, .. } = parse(name, &format!("{options}{}", text(frames)));
     judge(&frames, &options, setup).1
 }
 
-fn rules(findings: &Findings) -> String {
+fn rules(findings: &CaptureFindings) -> String {
     findings.groups.iter().fold(String::new(), |mut all, group| {
         writeln!(all, "{} {:?}", group.rule, group.key.node).unwrap();
         all
     })
 }
 
-fn statements(findings: &Findings) -> Vec<&String> {
+fn statements(findings: &CaptureFindings) -> Vec<&String> {
     findings.quality.iter().filter(|note| note.starts_with("no frame for")).collect()
 }
 
@@ -70,7 +70,7 @@ fn heartbeats() -> String {
 /// Findings of the heartbeats, and the steps of the clock; with the notice of a live source that the clock was set.
 fn judged_live(is_noticed: bool) -> (Vec<String>, Vec<i64>) {
     let log = heartbeats();
-    let mut reader = Reader::open(log.as_bytes(), &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(log.as_bytes(), &ReadOptions::default()).unwrap();
     let mut batch = Batch::new();
     let mut steps = Vec::new();
     let mut last = None;
@@ -94,7 +94,7 @@ fn judged_live(is_noticed: bool) -> (Vec<String>, Vec<i64>) {
         }
     }
     let findings = reading.finish().findings;
-    (findings.counting().map(|group| group.rule.to_string()).collect(), steps)
+    (findings.reported_groups().map(|group| group.rule.to_string()).collect(), steps)
 }
 
 /// The source reports that the clock was set by an hour: one event, and no heartbeat is late. Without the report,
@@ -120,7 +120,7 @@ fn index(frames: &[Line], place: f64) -> usize {
     (frames.len() as f64 * place) as usize
 }
 
-fn check_one_statement(findings: &Findings) -> Result<(), TestCaseError> {
+fn check_one_statement(findings: &CaptureFindings) -> Result<(), TestCaseError> {
     prop_assert_eq!(rules(findings), "");
     prop_assert_eq!(statements(findings).len(), 1, "{:?}", findings.quality);
     Ok(())
@@ -152,9 +152,11 @@ fn faulty(name: &str) -> (Vec<Line>, String) {
 }
 
 /// Whether the frames of a finding, or of one of its causes, are on both sides of a frame.
-fn spans(findings: &Findings, group: &Group, at: u64) -> bool {
-    let is_across = |group: &Group| group.began().frames.first <= at && group.ended().frames.last > at;
-    is_across(group) || findings.causes(group).into_iter().any(is_across)
+fn spans(findings: &CaptureFindings, group: &FindingGroup, at: u64) -> bool {
+    let is_across = |group: &FindingGroup| {
+        group.first_occurrence().frames.first <= at && group.last_occurrence().frames.last > at
+    };
+    is_across(group) || findings.causes_of(group).into_iter().any(is_across)
 }
 
 proptest! {
@@ -190,7 +192,7 @@ proptest! {
         let findings = shifted("canopen.log", at, longest * factor);
         // A time limit that expires earlier does not depend on the gap being unusual.
         let unusual = (frames[at - 1].time + longest * 10) * 1_000;
-        let is_late = |group: &&Group| group.first[0].time.is_some_and(|time| time.0 > unusual);
+        let is_late = |group: &&FindingGroup| group.first[0].time.is_some_and(|time| time.0 > unusual);
         for group in findings.groups.iter().filter(is_late) {
             prop_assert!(group.text.contains("or a hole in the capture"), "{}: {}", group.rule, group.text);
         }
@@ -212,8 +214,8 @@ proptest! {
         }
         let after = judged(name, &frames, &options);
         let at = u64::try_from(at).unwrap();
-        for group in before.counting().filter(|group| !spans(&before, group, at)) {
-            let is_there = after.counting().any(|other| other.fingerprint() == group.fingerprint());
+        for group in before.reported_groups().filter(|group| !spans(&before, group, at)) {
+            let is_there = after.reported_groups().any(|other| other.fingerprint() == group.fingerprint());
             prop_assert!(is_there, "{}: {} is gone", name, group.fingerprint());
         }
     }

@@ -10,7 +10,9 @@ use std::sync::Arc;
 
 use cobscope_decoder::profile::device::ProfileFile;
 use cobscope_decoder::profile::device_file::{self, DeviceFile};
-use cobscope_decoder::profile::{Device, NoValues, Resolver, check, imported, plain_device};
+use cobscope_decoder::profile::{
+    DeviceProfile, EntryResolver, NoValues, check_device, imported, plain_device,
+};
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
 use crate::support::{corpus, skip, workspace};
@@ -21,8 +23,8 @@ fn files_in(folder: PathBuf) -> Vec<(String, Arc<DeviceFile>)> {
     paths.sort();
     let read = |path: PathBuf| {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        let file =
-            device_file::parse(&fs::read(&path).unwrap()).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let file = device_file::parse_device_file(&fs::read(&path).unwrap())
+            .unwrap_or_else(|error| panic!("{name}: {error}"));
         (name, Arc::new(file))
     };
     paths.into_iter().map(read).collect()
@@ -33,23 +35,24 @@ fn fixtures() -> Vec<(String, Arc<DeviceFile>)> {
 }
 
 /// The profile written from a file and read again; it must have no errors.
-fn profile(file: &Arc<DeviceFile>, name: &str) -> (String, ProfileFile, Device) {
-    let text = imported::toml(file, name);
+fn profile(file: &Arc<DeviceFile>, name: &str) -> (String, ProfileFile, DeviceProfile) {
+    let text = imported::write_profile(file, name);
     let shown = |errors: Vec<String>| panic!("{name}:\n{}\n{text}", errors.join("\n"));
     let parsed = ProfileFile::parse(&text)
-        .unwrap_or_else(|errors| shown(errors.iter().map(|error| error.show(name)).collect()));
-    let device = parsed.device(None, &[Arc::clone(plain_device())]);
-    let wrong = check(&text, &parsed, &device);
+        .unwrap_or_else(|errors| shown(errors.iter().map(|error| error.show_in_file(name)).collect()));
+    let device = parsed.build_device(None, &[Arc::clone(plain_device())]);
+    let wrong = check_device(&text, &parsed, &device);
     if !wrong.is_empty() {
-        shown(wrong.iter().map(|error| error.show(name)).collect());
+        shown(wrong.iter().map(|error| error.show_in_file(name)).collect());
     }
     (text, parsed, device)
 }
 
 /// Description of an entry in a device.
-fn entry(device: &Device, object: ObjectAddress) -> String {
-    let found = device.dictionary.find(object).unwrap();
-    let mut meaning = Resolver::for_node(&device.dictionary, &NoValues, 5).meaning(object).unwrap();
+fn entry(device: &DeviceProfile, object: ObjectAddress) -> String {
+    let found = device.dictionary.find_object(object).unwrap();
+    let mut meaning =
+        EntryResolver::for_node(&device.dictionary, &NoValues, 5).resolve_meaning(object).unwrap();
     // A written profile replaces an entry of CiA 301 as a whole, without the names of its bits.
     meaning.bits = None;
     let entry = found.entry.unwrap();
@@ -57,14 +60,15 @@ fn entry(device: &Device, object: ObjectAddress) -> String {
 }
 
 fn compare(name: &str, file: &Arc<DeviceFile>) -> usize {
-    let device = imported::device(file, name);
+    let device = imported::describe_device(file, name);
     let (text, _, again) = profile(file, name);
     assert_eq!(
         (&device.id, &device.title, &device.vendor),
         (&again.id, &again.title, &again.vendor),
         "{name}"
     );
-    let identity = |device: &Device| device.identities.first().map(|it| (it.vendor_id, it.product_code));
+    let identity =
+        |device: &DeviceProfile| device.identities.first().map(|it| (it.vendor_id, it.product_code));
     assert_eq!(identity(&device), identity(&again), "{name}");
     assert_eq!(device.object_count(), file.objects.len(), "{name}");
     assert_eq!(again.object_count(), file.objects.len(), "{name}\n{text}");

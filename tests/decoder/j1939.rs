@@ -7,9 +7,9 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use cobscope_decoder::capture::{Batch, BusNames, Item, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, BatchItem, BusNames, CaptureReader, ReadOptions};
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::event::{Event, EventKind, Outcome, Protocol};
+use cobscope_decoder::event::{Event, EventKind, EventProtocol, SdoOutcome};
 use cobscope_decoder::frame::{CanId, Frame, Timestamp};
 use cobscope_decoder::session::{Bus, SessionOptions};
 use proptest::prelude::*;
@@ -33,12 +33,12 @@ fn every_capture_gives_the_events_written_beside_it() {
 /// Frames of a capture with times relative to its first one, numbered from `first` on.
 fn frames(path: &Path, first: u64) -> Vec<Frame> {
     let bytes = fs::read(path.with_extension("log")).unwrap();
-    let mut reader = Reader::open(&bytes[..], &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(&bytes[..], &ReadOptions::default()).unwrap();
     let (mut batch, mut frames) = (Batch::new(), Vec::new());
     while reader.read(&mut batch).unwrap() {
         frames.extend(batch.items().filter_map(|item| match item {
-            Item::Frame(frame) => Some(*frame),
-            Item::Notice(_) => None,
+            BatchItem::Frame(frame) => Some(*frame),
+            BatchItem::Notice(_) => None,
         }));
     }
     let start = frames[0].time.unwrap();
@@ -50,7 +50,7 @@ fn frames(path: &Path, first: u64) -> Vec<Frame> {
 }
 
 /// All keys of the events of one protocol, without the events emitted at the end of the capture.
-fn told(frames: &[Frame], of: fn(Protocol) -> bool) -> Vec<String> {
+fn told(frames: &[Frame], of: fn(EventProtocol) -> bool) -> Vec<String> {
     let mut names = BusNames::default();
     names.index_of(b"can0");
     let mut decoder = Decoder::new(SessionOptions::default());
@@ -76,10 +76,10 @@ fn canopen_and_j1939_on_one_bus_are_decoded_as_each_alone() {
         let (canopen, j1939) = (frames(own, 0), frames(theirs, 1_000_000));
         let mut both = [canopen.clone(), j1939.clone()].concat();
         both.sort_by_key(|frame| frame.time);
-        let is_canopen = |protocol| protocol == Protocol::Canopen;
-        let is_j1939 = |protocol| protocol == Protocol::J1939;
+        let is_canopen = |protocol| protocol == EventProtocol::Canopen;
+        let is_j1939 = |protocol| protocol == EventProtocol::J1939;
         for (frames, of, sum) in [
-            (&canopen, is_canopen as fn(Protocol) -> bool, &mut canopen_events),
+            (&canopen, is_canopen as fn(EventProtocol) -> bool, &mut canopen_events),
             (&j1939, is_j1939, &mut j1939_events),
         ] {
             let (alone, together) = (told(frames, of), told(&both, of));
@@ -158,7 +158,7 @@ fn messages() -> impl Strategy<Value = Vec<Message>> {
 }
 
 /// Interleaves the frames of the messages on one bus in the order of `turns`; returns the transfers.
-fn reassembled(messages: &[Message], turns: &[usize]) -> Vec<(u8, u8, Outcome, Vec<u8>)> {
+fn reassembled(messages: &[Message], turns: &[usize]) -> Vec<(u8, u8, SdoOutcome, Vec<u8>)> {
     let mut names = BusNames::default();
     names.index_of(b"can0");
     let mut decoder = Decoder::new(SessionOptions::default());
@@ -179,12 +179,12 @@ fn reassembled(messages: &[Message], turns: &[usize]) -> Vec<(u8, u8, Outcome, V
             continue;
         };
         number += 1;
-        let mut frame = Frame::data_frame(CanId::extended(id), &data);
+        let mut frame = Frame::data_frame(CanId::from_extended(id), &data);
         frame.number = number;
         frame.time = Some(Timestamp(i64::try_from(number).unwrap() * 100_000));
         decoder.push(&frame, &names, &mut observer);
     }
-    decoder.finish(&names, &mut observer);
+    decoder.finish_capture(&names, &mut observer);
     found.sort_by_key(|(source, destination, ..)| (*source, *destination));
     found
 }
@@ -199,7 +199,7 @@ proptest! {
     ) {
         let wanted: Vec<_> = messages
             .iter()
-            .map(|it| (it.source, it.destination, Outcome::Complete, it.payload.clone()))
+            .map(|it| (it.source, it.destination, SdoOutcome::Complete, it.payload.clone()))
             .collect();
         prop_assert_eq!(reassembled(&messages, &turns), wanted);
     }

@@ -39,7 +39,7 @@ impl Scene {
     }
 
     fn standard(&mut self, id: u16, data: &[u8]) {
-        self.frame(Frame::data_frame(CanId::standard(id), data));
+        self.frame(Frame::data_frame(CanId::from_standard(id), data));
     }
 
     /// A client writes four bytes, and the server confirms.
@@ -59,7 +59,7 @@ impl Scene {
     /// A J1939 frame of a group with a destination.
     fn group(&mut self, group: u8, source: u8, destination: u8, data: &[u8]) {
         let id = u32::from_be_bytes([0x1C, group, destination, source]);
-        self.frame(Frame::data_frame(CanId::extended(id), data));
+        self.frame(Frame::data_frame(CanId::from_extended(id), data));
     }
 
     fn evicted(&self, what: &str) -> usize {
@@ -69,7 +69,7 @@ impl Scene {
     /// All events after this call, including those of `finish`.
     fn finish(mut self) -> Vec<Value> {
         self.checker.kept = Some(Vec::new());
-        self.decoder.finish(&self.names, &mut self.checker);
+        self.decoder.finish_capture(&self.names, &mut self.checker);
         self.checker.kept.iter().flatten().map(|line| serde_json::from_str(line).unwrap()).collect()
     }
 }
@@ -168,7 +168,7 @@ fn extended_identifiers() {
     // From 40 addresses: with more than 48 the bus is not detected as a network.
     for number in 0..10_000 {
         scene.frame(Frame::data_frame(
-            CanId::extended(0x18FF_0000 | (number / 40) << 8 | (number % 40)),
+            CanId::from_extended(0x18FF_0000 | (number / 40) << 8 | (number % 40)),
             &[1],
         ));
     }
@@ -184,7 +184,7 @@ fn extended_identifiers() {
 
 /// Requests of 300 testers to one server.
 fn tester(number: u32) -> CanId {
-    CanId::extended(if number < 256 { 0x18DA_2000 | number } else { 0x18DA_2100 | number & 0xFF })
+    CanId::from_extended(if number < 256 { 0x18DA_2000 | number } else { 0x18DA_2100 | number & 0xFF })
 }
 
 #[test]
@@ -254,12 +254,12 @@ fn boot_ups_of_a_node_with_many_writes() {
     let mut scene = Scene::new();
     for pdo in 0..500 {
         scene.write(5, 0x1800 + pdo, 1, cob_id(0x1000 + u32::from(pdo)));
-        scene.frame(Frame::data_frame(CanId::extended(0x1000 + u32::from(pdo)), &[1]));
+        scene.frame(Frame::data_frame(CanId::from_extended(0x1000 + u32::from(pdo)), &[1]));
     }
     for _ in 0..2_000 {
         scene.standard(0x705, &[0]);
     }
-    assert_eq!(scene.decoder.buses().first().unwrap().node(5).unwrap().boots(), 2_000);
+    assert_eq!(scene.decoder.buses().first().unwrap().node(5).unwrap().boot_count(), 2_000);
 }
 
 /// Thousands of devices claim all addresses: each claim is one event, or two if a device is evicted.
@@ -272,7 +272,7 @@ fn a_storm_of_address_claims() {
     for number in 0..claims {
         let name = if number < claims / 2 { claims - number } else { claims + number };
         let address = u32::try_from(number % 254).unwrap();
-        scene.frame(Frame::data_frame(CanId::extended(0x18EE_FF00 | address), &name.to_le_bytes()));
+        scene.frame(Frame::data_frame(CanId::from_extended(0x18EE_FF00 | address), &name.to_le_bytes()));
     }
     // The first 254 addresses were free.
     let lost = usize::try_from(claims / 2).unwrap() - 254;
@@ -292,7 +292,7 @@ fn a_flood_of_trouble_codes() {
         let [low, high, ..] = number.to_le_bytes();
         let source = number % 64;
         let dm1 = [0, 0xFF, low, high, 3, 1, 0xFF, 0xFF];
-        scene.frame(Frame::data_frame(CanId::extended(0x18FE_CA00 | source), &dm1));
+        scene.frame(Frame::data_frame(CanId::from_extended(0x18FE_CA00 | source), &dm1));
     }
     assert_eq!(scene.evicted("previously active trouble code"), 64);
     let footprint = scene.decoder.footprint();
@@ -306,7 +306,7 @@ fn a_storm_of_every_identifier() {
     scene.checker.kept = None;
     for round in 0..8_u8 {
         for id in 0..0x800 {
-            let mut frame = Frame::data_frame(CanId::standard(id), &[round.wrapping_mul(0x21); 8]);
+            let mut frame = Frame::data_frame(CanId::from_standard(id), &[round.wrapping_mul(0x21); 8]);
             frame.flags = if round == 7 { FrameFlags::REMOTE } else { FrameFlags(0) };
             scene.frame(frame);
         }

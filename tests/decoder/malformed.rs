@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use cobscope_decoder::capture::{MAX_BUSES, ReadOptions, Reader, decompress};
+use cobscope_decoder::capture::{CaptureReader, MAX_BUSES, ReadOptions, decompress};
 use cobscope_decoder::decoder::{Decoder, SHOWN_UNREADABLE};
 use cobscope_decoder::session::SessionOptions;
 use serde_json::Value;
@@ -31,14 +31,15 @@ impl Outcome {
 /// Decodes bytes to events with all checks of the harness.
 fn decode(bytes: &[u8]) -> Result<Outcome, String> {
     let source = decompress(bytes).map_err(|error| error.to_string())?;
-    let mut reader = Reader::open(source, &ReadOptions::default()).map_err(|error| error.to_string())?;
+    let mut reader =
+        CaptureReader::open(source, &ReadOptions::default()).map_err(|error| error.to_string())?;
     let mut decoder = Decoder::new(SessionOptions::default());
     let mut checker = Checker::keeping();
     let error = pipeline::run(&mut reader, &mut decoder, &mut checker);
     let events = checker.kept.iter().flatten().map(|line| serde_json::from_str(line).unwrap());
     Ok(Outcome {
         frames: checker.last_frame,
-        unreadable: decoder.unreadable(),
+        unreadable: decoder.unreadable_count(),
         error,
         events: events.collect(),
         written: checker.written,

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::PathBuf;
 
-use cobscope_decoder::rules::declarations;
+use cobscope_decoder::rules::all_declarations;
 use serde::Deserialize;
 
 use crate::mutator::{Line, apply, lines, text};
@@ -118,10 +118,11 @@ fn fired(name: &str, known: &str, frames: &[Line]) -> BTreeMap<String, (bool, St
     let mut fired = BTreeMap::<_, (bool, String)>::new();
     for group in &findings.groups {
         let node = group.key.node.map_or_else(String::new, |node| node.to_string());
-        let (severity, about, at) = (group.severity.name(), &group.key.about, group.began().frames.last);
+        let (severity, about, at) =
+            (group.severity.name(), &group.key.about, group.first_occurrence().frames.last);
         let text = format!("{node} {severity} {about}: {} {{{at}}}", group.text);
         let known = fired.entry(group.rule.to_string()).or_insert((false, text));
-        known.0 |= group.counts();
+        known.0 |= group.is_reported();
     }
     fired
 }
@@ -172,7 +173,7 @@ fn every_rule_has_a_mutation() {
     let tables = tables();
     let rows = tables.iter().flat_map(|table| &table.mutation);
     let rows: BTreeSet<_> = rows.map(|row| row.rule.as_str()).collect();
-    let general = declarations().map(|rule| rule.name.to_owned());
+    let general = all_declarations().map(|rule| rule.name.to_owned());
     let missing: Vec<_> =
         general.chain(device_rules()).filter(|rule| !rows.contains(rule.as_str())).collect();
     assert!(missing.is_empty(), "no row in fixtures/rules/mutations: {missing:?}");

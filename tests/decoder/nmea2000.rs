@@ -6,7 +6,7 @@ use std::process::Command;
 
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::event::{Event, EventKind, J1939Transfer, Outcome, TransportMode};
+use cobscope_decoder::event::{Event, EventKind, J1939Transfer, SdoOutcome, TransportMode};
 use cobscope_decoder::frame::{CanId, Frame, Timestamp};
 use cobscope_decoder::session::{Bus, SessionOptions};
 use proptest::prelude::*;
@@ -17,7 +17,7 @@ use crate::support;
 /// `source pgn hex` of a complete fast packet.
 fn line(transfer: &J1939Transfer) -> Option<String> {
     let is_complete =
-        transfer.mode == Some(TransportMode::FastPacket) && transfer.outcome == Outcome::Complete;
+        transfer.mode == Some(TransportMode::FastPacket) && transfer.outcome == SdoOutcome::Complete;
     let data = transfer.data.iter().fold(String::new(), |mut text, byte| {
         write!(text, "{byte:02X}").unwrap();
         text
@@ -66,7 +66,7 @@ fn boats_with_every_packet_accounted_for() {
     for (name, packets, bytes, cut) in boats {
         let mut found = (0, 0, 0);
         let decoder = decode(&format!("nmea2000/canboat__{name}"), |event, _| match &event.kind {
-            EventKind::J1939Transfer(transfer) if transfer.outcome == Outcome::Complete => {
+            EventKind::J1939Transfer(transfer) if transfer.outcome == SdoOutcome::Complete => {
                 found.0 += 1;
                 found.1 += transfer.data.len();
             }
@@ -94,7 +94,7 @@ fn parts((source, sequence, length): (u8, u8, u8)) -> Vec<Vec<u8>> {
 }
 
 /// Outcome and length of each packet, by sender and counter.
-fn decoded(frames: &[(u8, Vec<u8>)]) -> BTreeMap<(u8, u8), Vec<(Outcome, usize)>> {
+fn decoded(frames: &[(u8, Vec<u8>)]) -> BTreeMap<(u8, u8), Vec<(SdoOutcome, usize)>> {
     let mut names = BusNames::default();
     names.index_of(b"can0");
     let mut decoder = Decoder::new(SessionOptions::default());
@@ -109,12 +109,12 @@ fn decoded(frames: &[(u8, Vec<u8>)]) -> BTreeMap<(u8, u8), Vec<(Outcome, usize)>
     };
     for ((source, data), number) in frames.iter().zip(1..) {
         // 127489 of each source.
-        let id = CanId::extended(0x09F2_0100 | u32::from(*source));
+        let id = CanId::from_extended(0x09F2_0100 | u32::from(*source));
         let time = Some(Timestamp(number * 1_000_000 + number % 7));
         let frame = Frame { number: number.unsigned_abs(), time, ..Frame::data_frame(id, data) };
         decoder.push(&frame, &names, &mut observer);
     }
-    decoder.finish(&names, &mut observer);
+    decoder.finish_capture(&names, &mut observer);
     found
 }
 
@@ -145,17 +145,17 @@ proptest! {
         let whole = decoded(&frames);
         prop_assert_eq!(whole.len(), packets.len());
         for (key, length) in &packets {
-            prop_assert_eq!(&whole[key], &[(Outcome::Complete, usize::from(*length))]);
+            prop_assert_eq!(&whole[key], &[(SdoOutcome::Complete, usize::from(*length))]);
         }
         let (source, data) = frames.remove(missing.index(frames.len()));
         let lost = (source, data[0] >> 5);
         let rest = decoded(&frames);
         for (key, length) in &packets {
             if *key == lost {
-                let complete = rest.get(key).into_iter().flatten().any(|(outcome, _)| *outcome == Outcome::Complete);
+                let complete = rest.get(key).into_iter().flatten().any(|(outcome, _)| *outcome == SdoOutcome::Complete);
                 prop_assert!(!complete);
             } else {
-                prop_assert_eq!(&rest[key], &[(Outcome::Complete, usize::from(*length))]);
+                prop_assert_eq!(&rest[key], &[(SdoOutcome::Complete, usize::from(*length))]);
             }
         }
     }

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use std::fs;
 use std::sync::Arc;
 
-use cobscope_decoder::profile::device::{ProfileFile, Sample};
-use cobscope_decoder::profile::{Catalogue, Device, ProfileError, check};
+use cobscope_decoder::profile::device::{ProfileFile, ProfileSample};
+use cobscope_decoder::profile::{Catalogue, DeviceProfile, ProfileError, check_device};
 use cobscope_decoder::rules::check_names;
 use cobscope_decoder::samples::check_samples;
 
@@ -17,7 +17,7 @@ struct Bundled {
     path: String,
     text: String,
     file: ProfileFile,
-    devices: Vec<Arc<Device>>,
+    devices: Vec<Arc<DeviceProfile>>,
 }
 
 fn bundled() -> Vec<Bundled> {
@@ -44,12 +44,12 @@ fn every_bundled_profile_is_right_in_every_variant() {
     let mut report = String::new();
     for Bundled { path, text, file, devices } in &all {
         for error in check_names(text, file) {
-            writeln!(report, "{}", error.show(path)).unwrap();
+            writeln!(report, "{}", error.show_in_file(path)).unwrap();
         }
         for device in devices {
             assert!(!device.samples.is_empty(), "{path}");
-            for error in [check(text, file, device), check_samples(text, device)].concat() {
-                writeln!(report, "{}", error.show(path)).unwrap();
+            for error in [check_device(text, file, device), check_samples(text, device)].concat() {
+                writeln!(report, "{}", error.show_in_file(path)).unwrap();
             }
         }
     }
@@ -99,9 +99,9 @@ fn every_layout_error_state_and_procedure_has_a_sample() {
 }
 
 /// Copies of the sample with one changed statement each.
-fn wrong_ones(sample: &Sample) -> Vec<Sample> {
+fn wrong_ones(sample: &ProfileSample) -> Vec<ProfileSample> {
     let mut all = Vec::new();
-    let mut add = |change: &dyn Fn(&mut Sample)| {
+    let mut add = |change: &dyn Fn(&mut ProfileSample)| {
         let mut wrong = sample.clone();
         change(&mut wrong);
         all.push(wrong);
@@ -162,7 +162,7 @@ fn a_sample_that_states_anything_else_fails() {
     let mut count = 0;
     for Bundled { text, devices, .. } in &bundled() {
         for device in devices {
-            let mut changed = Device::clone(device);
+            let mut changed = DeviceProfile::clone(device);
             changed.samples.clear();
             for (span, sample) in &device.samples {
                 changed.samples.extend(wrong_ones(sample).into_iter().map(|wrong| (span.clone(), wrong)));

@@ -6,7 +6,8 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use cobscope_decoder::capture::{
-    Batch, BusNames, FORMATS, Item, LARGEST_RECORD, Notice, Position, ReadOptions, Reader, decompress,
+    Batch, BatchItem, BusNames, CaptureReader, FORMATS, LARGEST_RECORD, Notice, ReadOptions, ReaderPosition,
+    decompress,
 };
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::frame::Frame;
@@ -45,7 +46,7 @@ fn captures(folder: &Path) -> Vec<(String, Vec<u8>)> {
             let mut bytes = Vec::new();
             let unpacked =
                 decompress(&packed[..]).is_ok_and(|mut source| source.read_to_end(&mut bytes).is_ok());
-            if unpacked && Reader::open(&bytes[..], &ReadOptions::default()).is_ok() {
+            if unpacked && CaptureReader::open(&bytes[..], &ReadOptions::default()).is_ok() {
                 found.push((path.display().to_string(), bytes));
             }
         }
@@ -260,7 +261,7 @@ proptest! {
 // Division of the input, and positions.
 
 /// The remaining output of a reader.
-fn rest(reader: &mut Reader<impl Read>) -> Content {
+fn rest(reader: &mut CaptureReader<impl Read>) -> Content {
     let mut content = Content::default();
     let mut batch = Batch::new();
     loop {
@@ -283,7 +284,7 @@ fn rest(reader: &mut Reader<impl Read>) -> Content {
 #[test]
 fn pieces_of_any_size_read_as_the_whole() {
     for (name, bytes) in ["dialects", "canopen", "malformed", "recorders"].into_iter().flat_map(fixtures) {
-        let format = Reader::open(&bytes[..], &ReadOptions::default()).unwrap().format();
+        let format = CaptureReader::open(&bytes[..], &ReadOptions::default()).unwrap().format();
         let parse = |piece: &mut dyn FnMut() -> usize| {
             reader::parse(&mut *(format.parser)(&ReadOptions::default()), &bytes, piece)
         };
@@ -299,19 +300,19 @@ fn pieces_of_any_size_read_as_the_whole() {
 #[test]
 fn reading_resumes_at_any_position() {
     for (name, bytes) in ["dialects", "canopen", "malformed", "recorders"].into_iter().flat_map(fixtures) {
-        let mut reader = Reader::open(&bytes[..], &ReadOptions::default()).unwrap();
+        let mut reader = CaptureReader::open(&bytes[..], &ReadOptions::default()).unwrap();
         let mut batch = Batch::new();
-        let mut positions: Vec<(usize, usize, Position)> = vec![(0, 0, reader.position())];
+        let mut positions: Vec<(usize, usize, ReaderPosition)> = vec![(0, 0, reader.position())];
         let (mut frames, mut notices) = (0, 0);
         while reader.read(&mut batch).unwrap_or(false) {
             frames += batch.frames().len();
             notices += batch.notices().len();
             positions.push((frames, notices, reader.position()));
         }
-        let whole = rest(&mut Reader::open(&bytes[..], &ReadOptions::default()).unwrap());
+        let whole = rest(&mut CaptureReader::open(&bytes[..], &ReadOptions::default()).unwrap());
         for (frames, notices, position) in positions {
             let source = &bytes[usize::try_from(position.offset).unwrap()..];
-            let content = rest(&mut Reader::resume(source, &position.clone()));
+            let content = rest(&mut CaptureReader::resume(source, &position.clone()));
             assert_eq!(content.frames, whole.frames[frames..], "{name} from {}", position.offset);
             let texts =
                 |notices: &[(usize, Notice)]| notices.iter().map(|(_, n)| n.clone()).collect::<Vec<_>>();
@@ -330,13 +331,13 @@ enum ReaderItem {
 }
 
 fn kept(bytes: &[u8], most: usize) -> (Vec<ReaderItem>, BusNames) {
-    let mut reader = Reader::open(bytes, &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(bytes, &ReadOptions::default()).unwrap();
     let mut batch = Batch::new();
     let mut all = Vec::new();
     while all.len() < most && reader.read(&mut batch).unwrap_or(false) {
         all.extend(batch.items().map(|item| match item {
-            Item::Frame(frame) => ReaderItem::Frame(*frame),
-            Item::Notice(notice) => ReaderItem::Notice(notice.clone()),
+            BatchItem::Frame(frame) => ReaderItem::Frame(*frame),
+            BatchItem::Notice(notice) => ReaderItem::Notice(notice.clone()),
         }));
     }
     (all, reader.buses().clone())
@@ -348,7 +349,7 @@ fn push(decoder: &mut Decoder, item: &ReaderItem, names: &BusNames, checker: &mu
             checker.last_frame = frame.number;
             decoder.push(frame, names, checker);
         }
-        ReaderItem::Notice(notice) => decoder.notice(notice, names, checker),
+        ReaderItem::Notice(notice) => decoder.on_notice(notice, names, checker),
     }
 }
 
@@ -369,13 +370,13 @@ fn resumes_from(name: &str, items: &[ReaderItem], names: &BusNames, places: &[us
         push(&mut decoder, item, names, &mut checker);
         assert!(decoder.footprint() <= CHECKPOINT_LIMIT, "{name}: {} bytes", decoder.footprint());
     }
-    decoder.finish(names, &mut checker);
+    decoder.finish_capture(names, &mut checker);
     let whole = checker.kept.unwrap();
     for (index, last_frame, before, mut clone) in clones {
         let mut checker = Checker::keeping();
         checker.last_frame = last_frame;
         items[index..].iter().for_each(|item| push(&mut clone, item, names, &mut checker));
-        clone.finish(names, &mut checker);
+        clone.finish_capture(names, &mut checker);
         let after = checker.kept.unwrap();
         assert!(after == whole[before..], "{name}: from item {index} other events follow");
     }

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::finding::{Findings, GROUP_LIMIT, KEPT_OCCURRENCES};
+use cobscope_decoder::finding::{CaptureFindings, GROUP_LIMIT, KEPT_OCCURRENCES};
 
 use crate::mutations::remarks;
 use crate::mutator::{Dice, Line, lines, text};
@@ -78,7 +78,7 @@ fn change(dice: &mut Dice, lines: &mut Vec<Line>) {
 }
 
 /// All findings, as text.
-fn told(capture: &Annotated) -> (String, Findings) {
+fn told(capture: &Annotated) -> (String, CaptureFindings) {
     let (news, findings) = judge(&capture.frames, &capture.options, capture.setup.clone());
     let mut told = String::new();
     for (number, Event { kind, .. }) in &news {

@@ -3,13 +3,15 @@
 use std::fs;
 use std::path::Path;
 
-use cobscope_decoder::capture::{Batch, MergedCapture, MergedReader, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, CaptureReader, MergedCapture, MergedReader, ReadOptions};
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::{Checkpoint, EventPosition, Index, MOST_MARKS, PlacedEvent, ReplayState};
+use cobscope_decoder::replay::{
+    Checkpoint, CheckpointIndex, EventPosition, MOST_MARKS, PlacedEvent, ReplayState,
+};
 use cobscope_decoder::session::{Bus, SessionOptions};
 use cobscope_decoder::sink::EventSink as _;
-use cobscope_decoder::sink::jsonl::Jsonl;
+use cobscope_decoder::sink::jsonl::JsonlSink;
 
 /// All fixture captures, concatenated: every service, times that step back, silences.
 fn capture() -> Vec<u8> {
@@ -21,7 +23,7 @@ fn capture() -> Vec<u8> {
 }
 
 fn open(bytes: &[u8]) -> MergedReader<&[u8]> {
-    let reader = Reader::open(bytes, &ReadOptions::default()).unwrap();
+    let reader = CaptureReader::open(bytes, &ReadOptions::default()).unwrap();
     MergedReader::new(vec![MergedCapture { reader, group: 0, shift: 0, continues: false }])
 }
 
@@ -40,35 +42,41 @@ fn read_on(
             break;
         }
         for item in batch.items() {
-            world.take(&item, reader.buses(), &mut see);
+            world.take_item(&item, reader.buses(), &mut see);
         }
     }
-    world.finish(reader.buses(), &mut see);
+    world.finish_capture(reader.buses(), &mut see);
     lines
 }
 
 fn line(event: &Event, bus: &Bus) -> String {
     let mut text = Vec::new();
-    Jsonl::new(&mut text).write(event, bus);
+    JsonlSink::new(&mut text).write_event(event, bus);
     String::from_utf8(text).unwrap()
 }
 
 #[test]
 fn decoding_on_from_any_mark_equals_decoding_from_the_start() {
     let bytes = capture();
-    let mut index = Index::every(1);
+    let mut index = CheckpointIndex::with_interval(1);
     let all = read_on(open(&bytes), ReplayState::new(SessionOptions::default()), |reader, world| {
         if index.is_due(world.frames()) {
             let (position, world) = (reader.position(), world.clone());
-            index.add(Checkpoint { frames: world.frames(), time: world.time(), position, world });
+            index.add_checkpoint(Checkpoint {
+                frames: world.frames(),
+                time: world.last_time(),
+                position,
+                world,
+            });
         }
     });
-    assert!(index.marks().len() >= 6, "{}", index.marks().len());
-    for mark in index.marks() {
+    assert!(index.checkpoints().len() >= 6, "{}", index.checkpoints().len());
+    for mark in index.checkpoints() {
         let offset = usize::try_from(mark.position.offsets().next().unwrap()).unwrap();
         let reader = MergedReader::resume(vec![&bytes[offset..]], &mark.position).unwrap();
         let again = read_on(reader, mark.world.clone(), |_, _| ());
-        let expected: Vec<_> = all.iter().filter(|(spot, _)| *spot >= mark.world.spot()).cloned().collect();
+        let expected: Vec<_> =
+            all.iter().filter(|(spot, _)| *spot >= mark.world.next_position()).cloned().collect();
         assert_eq!(again, expected, "from frame {}", mark.frames);
     }
 }
@@ -88,15 +96,15 @@ fn marks_are_found_by_frame_and_time_and_thinned_out() {
     let bytes = capture();
     let reader = open(&bytes);
     let world = ReplayState::new(SessionOptions::default());
-    let mut index = Index::every(10);
+    let mut index = CheckpointIndex::with_interval(10);
     for frames in (0..10_000_u32).step_by(10) {
         let time = (frames > 0).then(|| Timestamp(i64::from(frames)));
         if index.is_due(frames.into()) {
             let (position, world) = (reader.position(), world.clone());
-            index.add(Checkpoint { frames: frames.into(), time, position, world });
+            index.add_checkpoint(Checkpoint { frames: frames.into(), time, position, world });
         }
     }
-    assert!(index.marks().len() <= MOST_MARKS);
+    assert!(index.checkpoints().len() <= MOST_MARKS);
     let mark = index.before_frame(5_005).unwrap();
     assert!((4_600..=5_005).contains(&mark.frames), "{}", mark.frames);
     assert_eq!(index.before_frame(0).unwrap().frames, 0);

@@ -20,14 +20,14 @@ use std::sync::Arc;
 
 use cobscope_decoder::Reading;
 use cobscope_decoder::bus_file::BusFile;
-use cobscope_decoder::capture::{Batch, BusNames, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, BusNames, CaptureReader, ReadOptions};
 use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::finding::{Cause, Findings};
+use cobscope_decoder::finding::{CaptureFindings, FindingCause};
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::profile::Catalogue;
 use cobscope_decoder::profile::dbc::{self, Database};
 use cobscope_decoder::reading::{FrameDemand, ReadingPart};
-use cobscope_decoder::rules::{HEADINGS, Setup, declarations, section};
+use cobscope_decoder::rules::{HEADINGS, RuleSetup, all_declarations, section_text};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, SessionOptions};
 
 use crate::support::workspace;
@@ -43,7 +43,7 @@ pub struct Annotated {
     /// Text of the bus file.
     pub bus_text: String,
     /// Setup of the rules.
-    pub setup: Setup,
+    pub setup: RuleSetup,
     /// For each mark: number of the frame above, whether the finding closes, rule, keys.
     marks: Vec<(u64, bool, String, BTreeMap<String, String>)>,
 }
@@ -96,7 +96,7 @@ pub fn parse(name: &str, text: &str) -> Annotated {
         options.assignments.push(Assignment { bus, node, device, by: AssignedBy::BusFile });
     }
     options.catalogue = Arc::new(catalogue);
-    let setup = Setup::new(&options.bus_file, &bus_file, Some("2026-06-01".into()));
+    let setup = RuleSetup::new(&options.bus_file, &bus_file, Some("2026-06-01".into()));
     let setup = setup.unwrap_or_else(|error| panic!("{name}: {error}"));
     Annotated { name, frames, options, bus_text: bus_file, setup, marks }
 }
@@ -112,7 +112,7 @@ fn option(text: &str, options: &mut SessionOptions, catalogue: &mut Catalogue) {
         ["--dbc", file] => {
             let text = fs::read(workspace().join("fixtures").join(file)).unwrap();
             let mut database = Database::default();
-            database.add(dbc::parse(&text).unwrap());
+            database.add_file(dbc::parse_database(&text).unwrap());
             options.database = Arc::new(database);
         }
         ["--protocol", "canopen"] => options.protocol = ProtocolChoice::Canopen,
@@ -121,12 +121,16 @@ fn option(text: &str, options: &mut SessionOptions, catalogue: &mut Catalogue) {
 }
 
 /// A setup without any settings.
-pub fn plain_setup() -> Setup {
-    Setup::new(&BusFile::default(), "", None).unwrap()
+pub fn plain_setup() -> RuleSetup {
+    RuleSetup::new(&BusFile::default(), "", None).unwrap()
 }
 
 /// Events of findings with the number of the frame that caused them, and all findings.
-pub fn judge(frames: &str, options: &SessionOptions, setup: Setup) -> (Vec<(u64, Event)>, Findings) {
+pub fn judge(
+    frames: &str,
+    options: &SessionOptions,
+    setup: RuleSetup,
+) -> (Vec<(u64, Event)>, CaptureFindings) {
     judge_capture(frames.as_bytes(), options, setup)
 }
 
@@ -165,9 +169,9 @@ fn an_emcy_at_power_on_is_one_within_5_s_of_the_boot() {
 pub fn judge_capture(
     capture: &[u8],
     options: &SessionOptions,
-    setup: Setup,
-) -> (Vec<(u64, Event)>, Findings) {
-    let mut reader = Reader::open(capture, &ReadOptions::default()).unwrap();
+    setup: RuleSetup,
+) -> (Vec<(u64, Event)>, CaptureFindings) {
+    let mut reader = CaptureReader::open(capture, &ReadOptions::default()).unwrap();
     let mut reading = Reading::of_options(options.clone(), Some(Arc::new(setup)), FindingNewsList::default());
     let mut batch = Batch::new();
     while reader.read(&mut batch).unwrap() {
@@ -218,16 +222,21 @@ fn keys(event: &Event) -> (bool, String, BTreeMap<String, String>) {
 }
 
 /// Whether a finding with this evidence counts with another one, whose rule is the value of `same`.
-fn is_absorbed(findings: &Findings, number: u64, rule: &str, wanted: &BTreeMap<String, String>) -> bool {
+fn is_absorbed(
+    findings: &CaptureFindings,
+    number: u64,
+    rule: &str,
+    wanted: &BTreeMap<String, String>,
+) -> bool {
     findings.groups.iter().any(|group| {
         let cause = match group.cause {
-            Some(Cause::Group(id)) => findings.group(id).map(|cause| cause.rule.to_string()),
+            Some(FindingCause::Group(id)) => findings.group_by_id(id).map(|cause| cause.rule.to_string()),
             _ => None,
         };
         let node = group.key.node.map(|node| node.to_string());
         group.is_absorbed
             && *group.rule == *rule
-            && group.began().frames.last <= number
+            && group.first_occurrence().frames.last <= number
             && cause.as_ref() == wanted.get("same")
             && node.as_ref() == wanted.get("node")
     })
@@ -290,7 +299,7 @@ fn findings_are_those_that_are_marked() {
 fn every_rule_has_a_fixture_in_which_it_fires_and_others_in_which_it_is_silent() {
     let captures: Vec<_> = captures().iter().map(|path| read(path)).collect();
     let mut report = String::new();
-    for rule in declarations() {
+    for rule in all_declarations() {
         let own = captures.iter().find(|capture| capture.name == format!("{}.log", rule.name));
         match own {
             None => writeln!(report, "fixtures/rules/{}.log is missing", rule.name).unwrap(),
@@ -355,9 +364,9 @@ fn every_rule_of_a_device_fires_somewhere_and_passes_somewhere() {
 #[test]
 fn every_rule_explains_itself() {
     let mut report = String::new();
-    for rule in declarations() {
+    for rule in all_declarations() {
         for heading in HEADINGS {
-            if section(rule.explanation, heading).is_none_or(|text| text.trim().len() < 10) {
+            if section_text(rule.explanation, heading).is_none_or(|text| text.trim().len() < 10) {
                 writeln!(report, "{}: says nothing under {heading}", rule.name).unwrap();
             }
         }

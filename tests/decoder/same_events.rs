@@ -3,13 +3,13 @@
 use std::fmt::Write as _;
 use std::fs;
 
-use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, CaptureReader, ReadOptions};
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::event::{Event, EventKind, Protocol};
+use cobscope_decoder::event::{Event, EventKind, EventProtocol};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
 use cobscope_decoder::session::{Bus, SessionOptions};
 use cobscope_decoder::sink::EventSink as _;
-use cobscope_decoder::sink::jsonl::Jsonl;
+use cobscope_decoder::sink::jsonl::JsonlSink;
 
 use crate::support::workspace;
 
@@ -18,7 +18,7 @@ const CAPTURES: &[&str] =
     &["guarding", "lss", "mid_run", "pdo_mapping", "sdo_block_upload", "sdo_segmented", "emcy"];
 
 fn frames(bytes: &[u8]) -> Vec<Frame> {
-    let mut reader = Reader::open(bytes, &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(bytes, &ReadOptions::default()).unwrap();
     let mut batch = Batch::new();
     let mut frames = Vec::new();
     while reader.read(&mut batch).unwrap() {
@@ -29,21 +29,21 @@ fn frames(bytes: &[u8]) -> Vec<Frame> {
 
 /// Events as JSON lines without their bus and with times since the first frame.
 fn events(bytes: &[u8]) -> Vec<String> {
-    let mut reader = Reader::open(bytes, &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(bytes, &ReadOptions::default()).unwrap();
     let mut decoder = Decoder::new(SessionOptions::default());
     let mut batch = Batch::new();
     let mut lines = Vec::new();
     let mut first = None;
     let mut see = |event: &Event, bus: &Bus| {
         // Remarks about a format ("times read as UTC") are not events of the bus.
-        if event.protocol == Protocol::Capture || matches!(event.kind, EventKind::Note { .. }) {
+        if event.protocol == EventProtocol::Capture || matches!(event.kind, EventKind::Note { .. }) {
             return;
         }
         let start = *first.get_or_insert(event.time.unwrap());
         let mut event = event.clone();
         event.time = event.time.map(|time| cobscope_decoder::frame::Timestamp(time.since(start)));
         let mut line = Vec::new();
-        Jsonl::new(&mut line).write(&event, bus);
+        JsonlSink::new(&mut line).write_event(&event, bus);
         let line = String::from_utf8(line).unwrap();
         let bus = format!("\"bus\":\"{}\",", bus.name());
         lines.push(line.replace(&bus, ""));
@@ -53,7 +53,7 @@ fn events(bytes: &[u8]) -> Vec<String> {
             decoder.push(frame, reader.buses(), &mut see);
         }
     }
-    decoder.finish(reader.buses(), &mut see);
+    decoder.finish_capture(reader.buses(), &mut see);
     lines
 }
 
@@ -211,13 +211,13 @@ fn random_traffic_is_no_canopen_network() {
         writeln!(log, "({seconds}.{fraction:06}) can0 {id:03X}#{data}").unwrap();
     }
     let mut claimed = 0;
-    let mut reader = Reader::open(log.as_bytes(), &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(log.as_bytes(), &ReadOptions::default()).unwrap();
     let mut decoder = Decoder::new(SessionOptions::default());
     let mut batch = Batch::new();
     while reader.read(&mut batch).unwrap() {
         for frame in batch.frames() {
             decoder.push(frame, reader.buses(), &mut |event: &Event, _: &Bus| {
-                claimed += u32::from(event.protocol == Protocol::Canopen && !event.presumed);
+                claimed += u32::from(event.protocol == EventProtocol::Canopen && !event.presumed);
             });
         }
     }

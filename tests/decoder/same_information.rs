@@ -13,14 +13,14 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, BatchItem, CaptureReader, ReadOptions};
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::event::{Direction, Event, EventKind, ExchangeOutcome, Outcome};
+use cobscope_decoder::event::{Event, EventKind, ExchangeOutcome, SdoDirection, SdoOutcome};
 use cobscope_decoder::profile::Catalogue;
 use cobscope_decoder::profile::dbc::{self, Database};
 use cobscope_decoder::session::{Bus, ProtocolChoice, SessionOptions};
-use cobscope_decoder::sink::jsonl::Jsonl;
-use cobscope_decoder::sink::text::Line;
+use cobscope_decoder::sink::jsonl::JsonlSink;
+use cobscope_decoder::sink::text::EventLine;
 use cobscope_decoder::sink::{EVENT_FORMATS, EventSink, Output, OutputFiles, SinkOptions, SpoolFile};
 use serde_json::Value as Json;
 
@@ -49,15 +49,15 @@ impl Write for Shared {
 }
 
 impl OutputFiles for Shared {
-    fn whole(&mut self) -> io::Result<Output> {
+    fn whole_file(&mut self) -> io::Result<Output> {
         Ok(Box::new(self.clone()))
     }
 
-    fn part(&mut self, _content: &str) -> io::Result<Output> {
-        self.whole()
+    fn part_file(&mut self, _content: &str) -> io::Result<Output> {
+        self.whole_file()
     }
 
-    fn spool(&mut self) -> io::Result<Box<dyn SpoolFile>> {
+    fn spool_file(&mut self) -> io::Result<Box<dyn SpoolFile>> {
         Err(io::ErrorKind::Unsupported.into())
     }
 }
@@ -119,7 +119,7 @@ fn values<'a>(event: &Event, text: &'a str) -> Option<&'a str> {
         | EventKind::J1939Message(_)
         | EventKind::J1939Transfer(_)
         | EventKind::Frame(_) => {
-            event.signals().next()?;
+            event.decode_signals().next()?;
             text.split_once(": ").map(|(_, values)| values)
         }
         EventKind::SdoTransfer(transfer) => {
@@ -132,7 +132,7 @@ fn values<'a>(event: &Event, text: &'a str) -> Option<&'a str> {
         EventKind::UdsExchange(exchange) => {
             let value = text.split_once(" = ")?.1;
             let end = ENDS.iter().filter_map(|end| value.find(end)).min().unwrap_or(value.len());
-            exchange.decoded().and_then(|_| value.get(..end))
+            exchange.decoded_value().and_then(|_| value.get(..end))
         }
         EventKind::Emcy(_) if !text.starts_with("empty") && !text.starts_with("0000") => Some(text),
         EventKind::BitsChanged(_) => text.split_once(": ").map(|(_, values)| values),
@@ -145,10 +145,10 @@ fn values<'a>(event: &Event, text: &'a str) -> Option<&'a str> {
 fn is_in_csv(event: &Event) -> bool {
     match &event.kind {
         EventKind::SdoTransfer(transfer) => {
-            transfer.outcome == Outcome::Complete
+            transfer.outcome == SdoOutcome::Complete
                 && transfer
                     .direction
-                    .is_some_and(|way| matches!(way, Direction::Upload | Direction::Download))
+                    .is_some_and(|way| matches!(way, SdoDirection::Upload | SdoDirection::Download))
                 && !transfer.truncated
                 && !transfer.cut_start
         }
@@ -177,7 +177,7 @@ fn words<'a>(event: &'a Event, text: &'a str) -> Vec<&'a str> {
         "words",
     ];
     let names: BTreeSet<_> = event
-        .signals()
+        .decode_signals()
         .filter_map(|signal| signal.field.meaning.as_deref())
         .flat_map(|meaning| [meaning.short.as_deref().unwrap_or_default(), meaning.name.as_str()])
         .flat_map(|name| name.split(|c: char| !is_word(c)))
@@ -205,7 +205,7 @@ fn is_word(c: char) -> bool {
 fn compare(name: &Path, options: SessionOptions, report: &mut String) -> usize {
     // A name can contain dots.
     let bytes = fs::read(format!("{}.log", name.display())).unwrap();
-    let mut reader = Reader::open(&bytes[..], &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(&bytes[..], &ReadOptions::default()).unwrap();
     let mut decoder = Decoder::new(options);
     let mut batch = Batch::new();
     let mut shared = Shared::default();
@@ -213,12 +213,12 @@ fn compare(name: &Path, options: SessionOptions, report: &mut String) -> usize {
     let mut csv = (format.sink)(&mut shared, &SinkOptions::default()).unwrap();
     let mut count = 0;
     let mut observer = |event: &Event, bus: &Bus| {
-        csv.write(event, bus);
+        csv.write_event(event, bus);
         let rows = shared.take();
-        let text = Line::of(event, bus).what;
+        let text = EventLine::describe_event(event, bus).what;
         let Some(text) = values(event, &text) else { return };
         let mut line = Vec::new();
-        Jsonl::new(&mut line).write(event, bus);
+        JsonlSink::new(&mut line).write_event(event, bus);
         let json = String::from_utf8(line).unwrap();
         let (in_json, in_csv) = (Contents::of_json(&json), Contents::of_csv(&rows));
         for word in words(event, text) {
@@ -234,12 +234,12 @@ fn compare(name: &Path, options: SessionOptions, report: &mut String) -> usize {
     while reader.read(&mut batch).unwrap() {
         for item in batch.items() {
             match item {
-                Item::Frame(frame) => decoder.push(frame, reader.buses(), &mut observer),
-                Item::Notice(notice) => decoder.notice(notice, reader.buses(), &mut observer),
+                BatchItem::Frame(frame) => decoder.push(frame, reader.buses(), &mut observer),
+                BatchItem::Notice(notice) => decoder.on_notice(notice, reader.buses(), &mut observer),
             }
         }
     }
-    decoder.finish(reader.buses(), &mut observer);
+    decoder.finish_capture(reader.buses(), &mut observer);
     count
 }
 
@@ -261,10 +261,10 @@ fn json_and_csv_contain_the_values_of_the_text() {
 
 /// A database as a session uses it.
 fn with_database(text: &str) -> SessionOptions {
-    let file = dbc::parse(text.as_bytes()).unwrap_or_else(|problem| panic!("{problem}"));
+    let file = dbc::parse_database(text.as_bytes()).unwrap_or_else(|problem| panic!("{problem}"));
     assert_eq!(file.problems, []);
     let mut database = Database::default();
-    database.add(file);
+    database.add_file(file);
     // 0x100 is TIME on a CANopen bus.
     let protocol = ProtocolChoice::None;
     SessionOptions { database: Arc::new(database), protocol, ..SessionOptions::default() }
@@ -272,7 +272,7 @@ fn with_database(text: &str) -> SessionOptions {
 
 /// JSON lines and CSV rows of a capture.
 fn both(capture: &str, options: SessionOptions) -> (Vec<Json>, Vec<String>) {
-    let mut reader = Reader::open(capture.as_bytes(), &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(capture.as_bytes(), &ReadOptions::default()).unwrap();
     let mut decoder = Decoder::new(options);
     let mut batch = Batch::new();
     let mut shared = Shared::default();
@@ -280,9 +280,9 @@ fn both(capture: &str, options: SessionOptions) -> (Vec<Json>, Vec<String>) {
     let mut csv = (format.sink)(&mut shared, &SinkOptions::default()).unwrap();
     let mut lines = Vec::new();
     let mut observer = |event: &Event, bus: &Bus| {
-        csv.write(event, bus);
+        csv.write_event(event, bus);
         let mut line = Vec::new();
-        Jsonl::new(&mut line).write(event, bus);
+        JsonlSink::new(&mut line).write_event(event, bus);
         lines.push(serde_json::from_slice(&line).unwrap());
     };
     while reader.read(&mut batch).unwrap() {
@@ -290,7 +290,7 @@ fn both(capture: &str, options: SessionOptions) -> (Vec<Json>, Vec<String>) {
             decoder.push(frame, reader.buses(), &mut observer);
         }
     }
-    decoder.finish(reader.buses(), &mut observer);
+    decoder.finish_capture(reader.buses(), &mut observer);
     (lines, shared.take().lines().skip(1).map(str::to_owned).collect())
 }
 

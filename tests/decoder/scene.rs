@@ -5,11 +5,11 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, BatchItem, CaptureReader, ReadOptions};
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::event::{Event, EventKind, Pdo};
+use cobscope_decoder::event::{DecodedPdo, Event, EventKind};
 use cobscope_decoder::frame::Frame;
-use cobscope_decoder::query::record::{FieldValue, Fields, visit};
+use cobscope_decoder::query::record::{FieldConsumer, FieldValue, visit_event};
 use cobscope_decoder::session::{Bus, SessionOptions};
 
 /// Keys of an event in the notation.
@@ -23,8 +23,8 @@ struct Flat {
     lists: usize,
 }
 
-impl Fields for Flat {
-    fn field(&mut self, key: &'static str, value: FieldValue<'_>) {
+impl FieldConsumer for Flat {
+    fn add_field(&mut self, key: &'static str, value: FieldValue<'_>) {
         let text = match value {
             FieldValue::Null => "null".into(),
             FieldValue::Bool(value) => value.to_string(),
@@ -52,11 +52,11 @@ impl Fields for Flat {
         slot.push_str(&text);
     }
 
-    fn open(&mut self, key: &'static str) {
+    fn open_group(&mut self, key: &'static str) {
         self.path.push(key);
     }
 
-    fn close(&mut self) {
+    fn close_group(&mut self) {
         self.path.pop();
     }
 
@@ -72,14 +72,14 @@ impl Fields for Flat {
 }
 
 /// The formatted values of a PDO: `5001:00=49.4%`, with `?` after values that depend on an assumption.
-fn values(pdo: &Pdo) -> String {
+fn values(pdo: &DecodedPdo) -> String {
     let Some(layout) = &pdo.layout else { return String::new() };
-    let values = layout.signals(pdo.payload()).map(|signal| {
+    let values = layout.decode_signals(pdo.payload()).map(|signal| {
         let meaning = signal.field.meaning.as_deref();
-        let number = match meaning.and_then(|meaning| Some((meaning, meaning.scaled(&signal.value)?))) {
+        let number = match meaning.and_then(|meaning| Some((meaning, meaning.scaled_value(&signal.value)?))) {
             Some((meaning, scaled)) => format!("{scaled:.*}", usize::from(meaning.decimals)),
             None => match (
-                meaning.filter(|it| it.scale.is_some()).and_then(|it| it.label(&signal.value)),
+                meaning.filter(|it| it.scale.is_some()).and_then(|it| it.value_label(&signal.value)),
                 &signal.value,
             ) {
                 (Some(special), _) => special.to_owned(),
@@ -96,16 +96,16 @@ fn values(pdo: &Pdo) -> String {
 }
 
 /// Raw values of a PDO: `0x2001:00=200`.
-fn signals(pdo: &Pdo) -> String {
+fn signals(pdo: &DecodedPdo) -> String {
     let Some(layout) = &pdo.layout else { return String::new() };
-    let signals = layout.signals(pdo.payload()).map(|it| format!("0x{}={}", it.field.id, it.raw));
+    let signals = layout.decode_signals(pdo.payload()).map(|it| format!("0x{}={}", it.field.id, it.raw));
     signals.collect::<Vec<_>>().join(",")
 }
 
 /// All keys of an event.
 pub fn keys(event: &Event, bus: &Bus) -> Keys {
     let mut flat = Flat::default();
-    visit(event, bus, None, &mut flat);
+    visit_event(event, bus, None, &mut flat);
     let mut keys = flat.keys;
     if let EventKind::Pdo(pdo) = &event.kind {
         keys.insert("values".into(), values(pdo));
@@ -117,7 +117,7 @@ pub fn keys(event: &Event, bus: &Bus) -> Keys {
 /// All events of a capture from frame `first` on; that frame is number 1.
 pub fn events(path: &Path, options: SessionOptions, first: u64) -> Vec<Keys> {
     let bytes = fs::read(path).unwrap();
-    let mut reader = Reader::open(&bytes[..], &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(&bytes[..], &ReadOptions::default()).unwrap();
     let mut decoder = Decoder::new(options);
     let mut batch = Batch::new();
     let mut all = Vec::new();
@@ -125,16 +125,16 @@ pub fn events(path: &Path, options: SessionOptions, first: u64) -> Vec<Keys> {
     while reader.read(&mut batch).unwrap() {
         for item in batch.items() {
             match item {
-                Item::Frame(frame) if frame.number >= first => {
+                BatchItem::Frame(frame) if frame.number >= first => {
                     let frame = Frame { number: frame.number - first + 1, ..*frame };
                     decoder.push(&frame, reader.buses(), &mut observer);
                 }
-                Item::Frame(_) => {}
-                Item::Notice(notice) => decoder.notice(notice, reader.buses(), &mut observer),
+                BatchItem::Frame(_) => {}
+                BatchItem::Notice(notice) => decoder.on_notice(notice, reader.buses(), &mut observer),
             }
         }
     }
-    decoder.finish(reader.buses(), &mut observer);
+    decoder.finish_capture(reader.buses(), &mut observer);
     all
 }
 

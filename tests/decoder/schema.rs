@@ -7,14 +7,14 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, BatchItem, CaptureReader, ReadOptions};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{Event, Kind, KindSet};
 use cobscope_decoder::profile::Catalogue;
-use cobscope_decoder::query::fields::{Field, FieldType, table};
+use cobscope_decoder::query::fields::{FieldDefinition, FieldType, field_table};
 use cobscope_decoder::session::{Bus, SessionOptions};
 use cobscope_decoder::sink::EventSink as _;
-use cobscope_decoder::sink::jsonl::Jsonl;
+use cobscope_decoder::sink::jsonl::JsonlSink;
 use regex_lite::Regex;
 use serde_json::{Map, Value, json};
 
@@ -30,8 +30,8 @@ fn path() -> PathBuf {
 
 /// The whole schema.
 fn schema() -> Value {
-    let (every, some): (Vec<&Field>, Vec<&Field>) =
-        table().fields.iter().partition(|field| field.kinds == KindSet::ALL);
+    let (every, some): (Vec<&FieldDefinition>, Vec<&FieldDefinition>) =
+        field_table().fields.iter().partition(|field| field.kinds == KindSet::ALL);
     let mut definitions = Map::new();
     let mut choices = Vec::new();
     for kind in Kind::ALL {
@@ -63,7 +63,7 @@ fn schema() -> Value {
 }
 
 /// Properties of the object at `prefix`, which ends with a dot unless it is empty.
-fn properties(fields: &[&Field], prefix: &str) -> Value {
+fn properties(fields: &[&FieldDefinition], prefix: &str) -> Value {
     let mut all = Map::new();
     for field in fields {
         let Some(key) = field.key.strip_prefix(prefix).filter(|key| !key.contains('.')) else { continue };
@@ -83,7 +83,7 @@ fn properties(fields: &[&Field], prefix: &str) -> Value {
     all.into()
 }
 
-fn value(field: &Field) -> Value {
+fn value(field: &FieldDefinition) -> Value {
     let (name, pattern) = match field.value {
         FieldType::Any => return json!({ "type": ["number", "string", "null"] }),
         FieldType::Bool => ("boolean", ""),
@@ -225,24 +225,24 @@ fn has_type(rule: &Value, value: &Value) -> bool {
 
 /// All lines of the JSON output for a capture.
 fn lines(bytes: &[u8], options: SessionOptions) -> String {
-    let mut reader = Reader::open(bytes, &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(bytes, &ReadOptions::default()).unwrap();
     let mut decoder = Decoder::new(options);
     let mut batch = Batch::new();
     let mut output = Vec::new();
-    let mut sink = Jsonl::new(&mut output);
+    let mut sink = JsonlSink::new(&mut output);
     let mut observer = |event: &Event, bus: &Bus| {
-        sink.write(event, bus);
+        sink.write_event(event, bus);
     };
     while reader.read(&mut batch).unwrap() {
         for item in batch.items() {
             match item {
-                Item::Frame(frame) => decoder.push(frame, reader.buses(), &mut observer),
-                Item::Notice(notice) => decoder.notice(notice, reader.buses(), &mut observer),
+                BatchItem::Frame(frame) => decoder.push(frame, reader.buses(), &mut observer),
+                BatchItem::Notice(notice) => decoder.on_notice(notice, reader.buses(), &mut observer),
             }
         }
     }
-    decoder.finish(reader.buses(), &mut observer);
-    sink.finish().unwrap();
+    decoder.finish_capture(reader.buses(), &mut observer);
+    sink.finish_output().unwrap();
     String::from_utf8(output).unwrap()
 }
 
@@ -275,8 +275,9 @@ fn every_event_of_every_fixture_is_as_the_schema_says() {
         }
         let kind = value["kind"].as_str().unwrap();
         for key in value.as_object().unwrap().keys() {
-            let known = |field: &Field| field.key == *key && field.kinds.names().any(|own| own == kind);
-            assert!(table().fields.iter().any(known), "{key} is in no table: {line}");
+            let known =
+                |field: &FieldDefinition| field.key == *key && field.kinds.names().any(|own| own == kind);
+            assert!(field_table().fields.iter().any(known), "{key} is in no table: {line}");
         }
     }
 }
@@ -331,8 +332,8 @@ fn aliases_are_names_of_wireshark() {
     };
     let listing = String::from_utf8_lossy(&output.stdout);
     let names: BTreeSet<&str> = listing.lines().filter_map(|line| line.split('\t').nth(2)).collect();
-    let fields = table().fields.iter().flat_map(|field| &field.alias);
-    for alias in fields.chain(table().parts.iter().flat_map(|part| &part.alias)) {
+    let fields = field_table().fields.iter().flat_map(|field| &field.alias);
+    for alias in fields.chain(field_table().parts.iter().flat_map(|part| &part.alias)) {
         assert!(names.contains(alias.as_str()), "{alias}");
     }
 }

@@ -3,11 +3,11 @@
 
 use std::fmt::Write as _;
 
-use cobscope_decoder::event::{Crc, Event, EventKind, Outcome, SdoTransfer};
-use cobscope_decoder::finding::Findings;
+use cobscope_decoder::event::{CrcCheck, Event, EventKind, SdoOutcome, SdoTransfer};
+use cobscope_decoder::finding::CaptureFindings;
 use cobscope_decoder::sink::EventSink;
-use cobscope_decoder::sink::jsonl::Jsonl;
-use cobscope_decoder::sink::text::{Text, TextOptions};
+use cobscope_decoder::sink::jsonl::JsonlSink;
+use cobscope_decoder::sink::text::{TextOptions, TextSink};
 use cobscope_decoder::{Bus, Reading};
 use proptest::prelude::*;
 
@@ -74,7 +74,7 @@ fn capture(steps: impl Iterator<Item = UploadStep>) -> String {
     text
 }
 
-fn decode(text: &str) -> (Vec<SdoTransfer>, Findings) {
+fn decode(text: &str) -> (Vec<SdoTransfer>, CaptureFindings) {
     let mut transfers = Vec::new();
     let mut reading = Reading::new(|event: &Event, _: &Bus| {
         if let EventKind::SdoTransfer(transfer) = &event.kind {
@@ -90,16 +90,16 @@ fn decode(text: &str) -> (Vec<SdoTransfer>, Findings) {
 fn printed(text: &str, as_json: bool) -> String {
     let mut out = Vec::new();
     let mut sink: Box<dyn EventSink + '_> = if as_json {
-        Box::new(Jsonl::new(&mut out))
+        Box::new(JsonlSink::new(&mut out))
     } else {
-        Box::new(Text::new(&mut out, TextOptions::default()))
+        Box::new(TextSink::new(&mut out, TextOptions::default()))
     };
     let mut reading = Reading::new(|event: &Event, bus: &Bus| {
-        sink.write(event, bus);
+        sink.write_event(event, bus);
     });
     reading.run(text.as_bytes()).unwrap();
     drop(reading);
-    sink.finish().unwrap();
+    sink.finish_output().unwrap();
     drop(sink);
     String::from_utf8(out).unwrap()
 }
@@ -118,7 +118,7 @@ fn check(transfer: &SdoTransfer, whole: &[u8]) {
         assert_eq!(wanted, Some(data), "at {offset}");
         seen += data.len();
     }
-    assert_eq!(seen as u64, transfer.seen());
+    assert_eq!(seen as u64, transfer.captured_bytes());
 }
 
 #[test]
@@ -126,7 +126,7 @@ fn a_complete_transfer_has_no_gap() {
     let whole = value(100);
     let (transfers, findings) = decode(&capture(upload(&whole).into_iter()));
     let [transfer] = transfers.as_slice() else { panic!("{transfers:?}") };
-    assert_eq!((transfer.outcome, transfer.crc), (Outcome::Complete, Some(Crc::Correct)));
+    assert_eq!((transfer.outcome, transfer.crc), (SdoOutcome::Complete, Some(CrcCheck::Correct)));
     assert_eq!((&transfer.data, transfer.unseen, transfer.truncated), (&whole, 0, false));
     assert!(findings.quality.is_empty(), "{:?}", findings.quality);
 }
@@ -150,14 +150,14 @@ fn an_acknowledged_segment_is_missing_in_the_capture() {
     assert_eq!((transfer.size, transfer.unseen, transfer.missing_segments), (100, 7, 1));
     assert_eq!(
         (transfer.losses, transfer.crc, transfer.outcome),
-        (0, Some(Crc::Unchecked), Outcome::Complete)
+        (0, Some(CrcCheck::Unchecked), SdoOutcome::Complete)
     );
     let ranges: Vec<_> = transfer.ranges().map(|(offset, data)| (offset, data.len())).collect();
     assert_eq!(ranges, [(0, 42), (49, 51)]);
     check(transfer, &whole);
     let quality = "1 segment of SDO transfers not captured (the other side received them)";
     assert_eq!(findings.quality, [quality]);
-    assert_eq!(findings.counting().count(), 0, "a property of the capture is not a finding");
+    assert_eq!(findings.reported_groups().count(), 0, "a property of the capture is not a finding");
     let json = printed(&text, true);
     let line = json.lines().find(|line| line.contains("sdo-transfer")).unwrap();
     for wanted in [
@@ -196,10 +196,10 @@ fn each_kind_of_frame_may_be_missing() {
     for (dropped, missing, what) in cases {
         let (transfers, findings) = decode(&without(&steps, &dropped));
         let [transfer] = transfers.as_slice() else { panic!("{what}: {transfers:?}") };
-        assert_eq!(transfer.outcome, Outcome::Complete, "{what}");
+        assert_eq!(transfer.outcome, SdoOutcome::Complete, "{what}");
         assert_eq!((transfer.missing_segments, transfer.size), (missing, 200), "{what}");
         assert_eq!(transfer.frame_count, (count - dropped.len()) as u64, "{what}: frames are counted once");
-        assert_eq!(findings.counting().count(), 0, "{what}: {:?}", findings.counting().next());
+        assert_eq!(findings.reported_groups().count(), 0, "{what}: {:?}", findings.reported_groups().next());
         check(transfer, &whole);
     }
 }
@@ -230,12 +230,12 @@ fn repeated_segments_are_neither_missing_nor_double() {
         let (transfers, findings) = decode(&without(&steps, &dropped));
         let [transfer] = transfers.as_slice() else { panic!("{transfers:?}") };
         assert_eq!((transfer.data.as_slice(), transfer.size), (&b"123456789"[..], 9));
-        assert_eq!((transfer.crc, transfer.missing_segments), (Some(Crc::Correct), 0));
+        assert_eq!((transfer.crc, transfer.missing_segments), (Some(CrcCheck::Correct), 0));
         assert_eq!(
             (transfer.losses, transfer.first_loss, transfer.frame_count),
             (1, Some((2, Some(6))), frames)
         );
-        let rules: Vec<_> = findings.counting().map(|group| group.rule.to_string()).collect();
+        let rules: Vec<_> = findings.reported_groups().map(|group| group.rule.to_string()).collect();
         assert_eq!(rules, ["sdo-block-loss"]);
     }
 }
@@ -247,9 +247,9 @@ fn a_missing_block_is_no_crc_error() {
     let whole = value(200);
     let (transfers, findings) = decode(&without(&upload(&whole), &[3, 4, 5, 6, 7, 8]));
     let [transfer] = transfers.as_slice() else { panic!("{transfers:?}") };
-    assert_eq!((transfer.crc, transfer.missing_segments), (Some(Crc::Unchecked), 5));
+    assert_eq!((transfer.crc, transfer.missing_segments), (Some(CrcCheck::Unchecked), 5));
     assert_eq!((transfer.truncated, transfer.partly_seen()), (true, Some((165, 200))));
-    assert_eq!(findings.counting().count(), 0);
+    assert_eq!(findings.reported_groups().count(), 0);
 }
 
 /// The capture starts between the segments of a block: no bytes are invented for those before.
@@ -301,9 +301,9 @@ fn a_segment_is_missing_in_the_capture() {
         let ranges: Vec<_> = transfer.ranges().map(|(offset, data)| (offset, data.len())).collect();
         assert_eq!(ranges, [(0, 7), (14, 13)]);
         assert_eq!((transfer.size, transfer.unseen, transfer.missing_segments), (27, 7, 1));
-        assert_eq!((transfer.outcome, transfer.truncated), (Outcome::Complete, true));
+        assert_eq!((transfer.outcome, transfer.truncated), (SdoOutcome::Complete, true));
         check(transfer, &whole);
-        assert_eq!(findings.counting().count(), 0, "a property of the capture is not a finding");
+        assert_eq!(findings.reported_groups().count(), 0, "a property of the capture is not a finding");
         assert!(printed(&text, false).contains("20 of 27 bytes seen"));
     }
 }
@@ -330,7 +330,7 @@ proptest! {
         if transfer.unseen > 0 {
             check(transfer, &whole);
         }
-        prop_assert_eq!(findings.counting().count(), 0);
+        prop_assert_eq!(findings.reported_groups().count(), 0);
     }
 }
 
@@ -350,8 +350,8 @@ proptest! {
         prop_assert_eq!(transfers.len(), 1, "{:?}", transfers);
         let transfer = &transfers[0];
         prop_assert_eq!(transfer.missing_segments, dropped.len() as u64);
-        prop_assert_eq!((transfer.size, transfer.outcome), (length as u64, Outcome::Complete));
-        prop_assert_eq!(findings.counting().count(), 0);
+        prop_assert_eq!((transfer.size, transfer.outcome), (length as u64, SdoOutcome::Complete));
+        prop_assert_eq!(findings.reported_groups().count(), 0);
         check(transfer, &whole);
     }
 

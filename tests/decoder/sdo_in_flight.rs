@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 
-use cobscope_decoder::event::{Event, EventKind, Outcome, SdoTransfer};
+use cobscope_decoder::event::{Event, EventKind, SdoOutcome, SdoTransfer};
 use cobscope_decoder::{Bus, Reading};
 use proptest::prelude::*;
 
@@ -24,7 +24,7 @@ fn decode(lines: &[(f64, &str)]) -> (Transfers, Vec<String>) {
     });
     reading.run(text.as_bytes()).unwrap();
     let findings = reading.finish().findings;
-    let rules = findings.counting().map(|group| group.rule.to_string()).collect();
+    let rules = findings.reported_groups().map(|group| group.rule.to_string()).collect();
     (transfers, rules)
 }
 
@@ -139,7 +139,7 @@ fn a_flood_of_responses_invents_no_requests() {
     let lines: Vec<_> = (0..20).map(|place| (f64::from(place) * 1.3, "585#4318100111000000")).collect();
     let (transfers, rules) = decode(&lines);
     assert_eq!(transfers.len(), 20);
-    assert!(transfers.iter().skip(1).all(|(_, it)| it.is_unrequested && it.outcome == Outcome::Complete));
+    assert!(transfers.iter().skip(1).all(|(_, it)| it.is_unrequested && it.outcome == SdoOutcome::Complete));
     assert_eq!(rules, ["sdo-unrequested-response"]);
     // Confirmations of segments, which contain no object.
     let lines: Vec<_> = (0..20).map(|place| (f64::from(place) * 1.3, "585#2000000000000000")).collect();
@@ -189,7 +189,7 @@ proptest! {
         for (_, transfer) in &transfers {
             let sub = transfer.object.unwrap().sub;
             prop_assert_eq!(&transfer.data, &[sub + 0x40]);
-            prop_assert_eq!((transfer.outcome, transfer.frame_count), (Outcome::Complete, 2));
+            prop_assert_eq!((transfer.outcome, transfer.frame_count), (SdoOutcome::Complete, 2));
         }
         prop_assert_eq!(rules, ["sdo-client-does-not-wait"]);
     }

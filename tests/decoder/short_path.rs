@@ -4,12 +4,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use cobscope_decoder::capture::{Batch, BusNames, Item, Notice, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, BatchItem, BusNames, CaptureReader, Notice, ReadOptions};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::frame::Frame;
-use cobscope_decoder::rules::{Engine, Setup};
-use cobscope_decoder::session::{AssignedBy, Assignment, Bus, Observer, Preview, SessionOptions};
+use cobscope_decoder::rules::{RuleEngine, RuleSetup};
+use cobscope_decoder::session::{AssignedBy, Assignment, Bus, MessagePreview, Observer, SessionOptions};
 use cobscope_decoder::statistics::Statistics;
 
 use crate::machine::devices::{DEVICES, Devices};
@@ -39,13 +39,13 @@ struct Recording {
 impl Recording {
     /// Readable part of a capture; `None` if its format is unknown or it has no frames.
     fn of(capture: &[u8]) -> Option<Self> {
-        let mut reader = Reader::open(capture, &ReadOptions::default()).ok()?;
+        let mut reader = CaptureReader::open(capture, &ReadOptions::default()).ok()?;
         let mut batch = Batch::new();
         let mut items = Vec::new();
         while let Ok(true) = reader.read(&mut batch) {
             items.extend(batch.items().map(|item| match item {
-                Item::Frame(frame) => Ok(*frame),
-                Item::Notice(notice) => Err(notice.clone()),
+                BatchItem::Frame(frame) => Ok(*frame),
+                BatchItem::Notice(notice) => Err(notice.clone()),
             }));
         }
         let names = reader.buses().clone();
@@ -60,40 +60,40 @@ impl Recording {
     fn push(&self, decoder: &mut Decoder, place: usize, out: &mut dyn Observer) {
         match &self.items[place] {
             Ok(frame) => decoder.push(frame, &self.names, out),
-            Err(notice) => decoder.notice(notice, &self.names, out),
+            Err(notice) => decoder.on_notice(notice, &self.names, out),
         }
     }
 }
 
 /// Runs the rules and keeps all events; with `takes_all` it needs the event of each frame.
 struct Judging {
-    engine: Engine,
+    engine: RuleEngine,
     takes_all: bool,
     events: Vec<(bool, String)>,
     skipped: usize,
 }
 
 impl Observer for Judging {
-    fn event(&mut self, event: &Event, bus: &Bus) {
+    fn on_event(&mut self, event: &Event, bus: &Bus) {
         let events = &mut self.events;
         keep(event, events);
-        self.engine.event(event, bus, &mut |event: &Event, _: &Bus| keep(event, events));
+        self.engine.on_event(event, bus, &mut |event: &Event, _: &Bus| keep(event, events));
     }
 
-    fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.takes_all || self.engine.needs(preview, bus)
+    fn needs_event(&self, preview: &MessagePreview, bus: &Bus) -> bool {
+        self.takes_all || self.engine.needs_event(preview, bus)
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
+    fn skip_event(&mut self, preview: &MessagePreview, bus: &Bus) -> bool {
         // Both answers must be the same.
-        let is_needed = self.needs(preview, bus);
-        let is_skipped = !self.takes_all && self.engine.skip(preview, bus);
+        let is_needed = self.needs_event(preview, bus);
+        let is_skipped = !self.takes_all && self.engine.skip_event(preview, bus);
         assert_eq!(is_skipped, !is_needed);
         self.skipped += usize::from(is_skipped);
         is_skipped
     }
 
-    fn is_selective(&self, preview: &Preview, bus: &Bus) -> bool {
+    fn is_selective(&self, preview: &MessagePreview, bus: &Bus) -> bool {
         self.engine.is_selective(preview, bus)
     }
 }
@@ -109,13 +109,13 @@ fn keep(event: &Event, events: &mut Vec<(bool, String)>) {
 struct EventlessObserver(usize);
 
 impl Observer for EventlessObserver {
-    fn event(&mut self, _event: &Event, _bus: &Bus) {}
+    fn on_event(&mut self, _event: &Event, _bus: &Bus) {}
 
-    fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
+    fn needs_event(&self, _preview: &MessagePreview, _bus: &Bus) -> bool {
         false
     }
 
-    fn skip(&mut self, _preview: &Preview, _bus: &Bus) -> bool {
+    fn skip_event(&mut self, _preview: &MessagePreview, _bus: &Bus) -> bool {
         self.0 += 1;
         true
     }
@@ -125,26 +125,27 @@ impl Observer for EventlessObserver {
 fn judged(
     recording: &Recording,
     options: &SessionOptions,
-    setup: Setup,
+    setup: RuleSetup,
     takes_all: bool,
 ) -> (Vec<(bool, String)>, String, usize) {
     let mut decoder = Decoder::new(options.clone());
-    let engine = Engine::new(Arc::new(setup));
+    let engine = RuleEngine::new(Arc::new(setup));
     let mut judging = Judging { engine, takes_all, events: Vec::new(), skipped: 0 };
     // Frames are also counted in advance, as a command does with those of a batch.
     let mut counted = 0;
     for (place, item) in recording.items.iter().enumerate() {
         match item {
-            Ok(frame) if takes_all => judging.engine.frame(frame),
-            Ok(_) if counted == 0 => counted = judging.engine.frames(&recording.frames(place)),
+            Ok(frame) if takes_all => judging.engine.on_frame(frame),
+            Ok(_) if counted == 0 => counted = judging.engine.on_frames(&recording.frames(place)),
             _ => {}
         }
         counted = counted.saturating_sub(usize::from(item.is_ok()));
         recording.push(&mut decoder, place, &mut judging);
     }
-    decoder.finish(&recording.names, &mut judging);
+    decoder.finish_capture(&recording.names, &mut judging);
     let Judging { engine, mut events, skipped, .. } = judging;
-    let findings = engine.finish(decoder.buses(), &mut |event: &Event, _: &Bus| keep(event, &mut events));
+    let findings =
+        engine.finish_capture(decoder.buses(), &mut |event: &Event, _: &Bus| keep(event, &mut events));
     (events, format!("{findings:#?}"), skipped)
 }
 
@@ -153,7 +154,7 @@ fn assert_same_verdicts(
     name: &str,
     recording: &Recording,
     options: &SessionOptions,
-    setup: impl Fn() -> Setup,
+    setup: impl Fn() -> RuleSetup,
 ) -> usize {
     let (all, wanted, none) = judged(recording, options, setup(), true);
     let (some, found, skipped) = judged(recording, options, setup(), false);
@@ -212,17 +213,17 @@ struct Counting {
 }
 
 impl Observer for Counting {
-    fn event(&mut self, event: &Event, _bus: &Bus) {
-        self.statistics.event(event);
+    fn on_event(&mut self, event: &Event, _bus: &Bus) {
+        self.statistics.count_event(event);
     }
 
-    fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
+    fn needs_event(&self, _preview: &MessagePreview, _bus: &Bus) -> bool {
         self.takes_all
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
+    fn skip_event(&mut self, preview: &MessagePreview, bus: &Bus) -> bool {
         if !self.takes_all {
-            self.statistics.skip(preview, bus);
+            self.statistics.skip_event(preview, bus);
         }
         !self.takes_all
     }
@@ -236,10 +237,10 @@ fn assert_same_statistics(name: &str, recording: &Recording, options: &SessionOp
         let mut counted = 0;
         for (place, item) in recording.items.iter().enumerate() {
             match item {
-                Ok(frame) if takes_all => counting.statistics.frame(frame),
+                Ok(frame) if takes_all => counting.statistics.count_frame(frame),
                 Ok(_) if counted == 0 => {
                     let frames = recording.frames(place);
-                    counting.statistics.frames(&frames);
+                    counting.statistics.count_frames(&frames);
                     counted = frames.len();
                 }
                 _ => {}
@@ -247,8 +248,8 @@ fn assert_same_statistics(name: &str, recording: &Recording, options: &SessionOp
             counted = counted.saturating_sub(usize::from(item.is_ok()));
             recording.push(&mut decoder, place, &mut counting);
         }
-        decoder.finish(&recording.names, &mut counting);
-        counting.statistics.withdraw(decoder.buses());
+        decoder.finish_capture(&recording.names, &mut counting);
+        counting.statistics.withdraw_canopen(decoder.buses());
         format!("{:#?}", counting.statistics)
     });
     // The place of the next search is not a result.

@@ -10,8 +10,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use cobscope_decoder::event::Kind;
-use cobscope_decoder::profile::{Catalogue, Device, Reference};
-use cobscope_decoder::rules::declarations;
+use cobscope_decoder::profile::{Catalogue, DeviceProfile, ObjectReference};
+use cobscope_decoder::rules::all_declarations;
 use serde::Deserialize;
 
 use crate::rules::device_rules;
@@ -81,7 +81,7 @@ impl StatementKind {
 /// A manual with the variants of its device.
 struct Described {
     manual: Manual,
-    devices: Vec<Arc<Device>>,
+    devices: Vec<Arc<DeviceProfile>>,
 }
 
 fn path(id: &str) -> PathBuf {
@@ -106,13 +106,15 @@ fn described() -> Vec<Described> {
 }
 
 /// Whether a variant of the device, or the output, has the named part.
-fn is_shown(devices: &[Arc<Device>], part: &str) -> bool {
+fn is_shown(devices: &[Arc<DeviceProfile>], part: &str) -> bool {
     let Some((sort, name)) = part.split_once(' ') else { return false };
-    let any = |test: &dyn Fn(&Device) -> bool| devices.iter().any(|device| test(device));
+    let any = |test: &dyn Fn(&DeviceProfile) -> bool| devices.iter().any(|device| test(device));
     match sort {
         "event" => Kind::ALL.iter().any(|kind| kind.name() == name),
-        "object" => name.parse::<Reference>().is_ok_and(|reference| {
-            any(&|device| device.dictionary.find(reference.object).is_some_and(|found| found.entry.is_some()))
+        "object" => name.parse::<ObjectReference>().is_ok_and(|reference| {
+            any(&|device| {
+                device.dictionary.find_object(reference.object).is_some_and(|found| found.entry.is_some())
+            })
         }),
         "pdo" => any(&|device| device.pdos.iter().any(|pdo| pdo.pdo.to_string() == name)),
         "message" => any(&|device| device.messages.iter().any(|message| message.name == name)),
@@ -149,7 +151,7 @@ pub fn judged_statements(profile: &str) -> BTreeMap<String, BTreeSet<String>> {
 
 #[test]
 fn every_statement_names_what_there_is() {
-    let general: BTreeSet<_> = declarations().map(|rule| rule.name.to_owned()).collect();
+    let general: BTreeSet<_> = all_declarations().map(|rule| rule.name.to_owned()).collect();
     let own = device_rules();
     let mut report = String::new();
     for Described { manual, devices } in described() {

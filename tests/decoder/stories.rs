@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use cobscope_decoder::diagnosis::{Diagnosis, Setting};
+use cobscope_decoder::diagnosis::{Diagnosis, DiagnosisContext};
 use serde::Deserialize;
 
 use crate::rules::{judge, parse};
@@ -55,9 +55,10 @@ fn deviations(path: &Path) -> Vec<String> {
     head.extend(expectation.bus_file.lines().map(|line| format!("#| {line}")));
     let capture = parse(&path.display().to_string(), &format!("{}\n{frames}", head.join("\n")));
     let (_, findings) = judge(&capture.frames, &capture.options, capture.setup.clone());
-    let diagnosis = Diagnosis::of(&findings, findings.counting(), Setting::default());
+    let diagnosis =
+        Diagnosis::diagnose_findings(&findings, findings.reported_groups(), DiagnosisContext::default());
     let told = diagnosis.stories.first().map(|story| story.findings.clone()).unwrap_or_default();
-    let told: BTreeSet<&str> = told.iter().filter_map(|id| Some(&*findings.group(*id)?.rule)).collect();
+    let told: BTreeSet<&str> = told.iter().filter_map(|id| Some(&*findings.group_by_id(*id)?.rule)).collect();
     let is_only_notes = diagnosis.stories.is_empty() && !diagnosis.notes.is_empty();
     if !expectation.expected.is_empty()
         && !is_only_notes
@@ -66,7 +67,7 @@ fn deviations(path: &Path) -> Vec<String> {
         let text = format!("{}: the first story has none of the expected findings: {told:?}", path.display());
         return vec![text];
     }
-    let reported: BTreeSet<&str> = findings.counting().map(|group| &*group.rule).collect();
+    let reported: BTreeSet<&str> = findings.reported_groups().map(|group| &*group.rule).collect();
     let mut deviations = Vec::new();
     if expectation.clean && !reported.is_empty() {
         deviations.push("a clean run has findings".to_owned());

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Command;
 
 use cobscope_decoder::bus_file::BusFile;
-use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader, decompress};
+use cobscope_decoder::capture::{Batch, BatchItem, CaptureReader, ReadOptions, decompress};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{Event, EventKind, MessageOutcome, UdsExchange};
 use cobscope_decoder::profile::Catalogue;
@@ -35,7 +35,7 @@ fn every_capture_of_uds_gives_the_events_written_beside_it() {
 /// Complete messages of a capture in the format of `uds_tshark.py`, and its exchanges.
 fn decode(path: &Path, bus_file: &str) -> (Vec<String>, Vec<UdsExchange>) {
     let bytes = fs::read(path).unwrap();
-    let mut reader = Reader::open(decompress(&bytes[..]).unwrap(), &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(decompress(&bytes[..]).unwrap(), &ReadOptions::default()).unwrap();
     let bus_file = BusFile::parse(bus_file).unwrap();
     let mut decoder = Decoder::new(SessionOptions { bus_file, ..SessionOptions::default() });
     let (mut messages, mut exchanges) = (Vec::new(), Vec::new());
@@ -51,12 +51,12 @@ fn decode(path: &Path, bus_file: &str) -> (Vec<String>, Vec<UdsExchange>) {
     let mut batch = Batch::new();
     while reader.read(&mut batch).unwrap() {
         for item in batch.items() {
-            if let Item::Frame(frame) = item {
+            if let BatchItem::Frame(frame) = item {
                 decoder.push(frame, reader.buses(), &mut see);
             }
         }
     }
-    decoder.finish(reader.buses(), &mut see);
+    decoder.finish_capture(reader.buses(), &mut see);
     (messages, exchanges)
 }
 

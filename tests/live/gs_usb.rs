@@ -34,7 +34,7 @@ impl Plugged {
             let device = Arc::clone(device);
             move || {
                 // An error is the end of the connection from the side of the kernel.
-                let _ = device.lock().unwrap().serve(&ours);
+                let _ = device.lock().unwrap().serve_kernel(&ours);
                 // The kernel discards what it has not read if it cannot write.
                 let _ = ours.shutdown(Shutdown::Write);
                 let _ = io::copy(&mut &ours, &mut io::sink());

@@ -5,7 +5,7 @@
 use std::fs;
 use std::process::Command;
 
-use cobscope_decoder::comparison::{Kind, Section};
+use cobscope_decoder::comparison::{DifferenceKind, DifferenceSection};
 use serde_json::{Map, Value, json};
 
 use crate::check::RECIPE;
@@ -46,9 +46,14 @@ fn choices_of_why() -> [Choices<'static>; 3] {
 
 /// Fields of `diff -f json` with a fixed set of values; kinds may be added.
 fn choices_of_diff() -> [Choices<'static>; 5] {
-    let sections: Vec<_> = Section::ALL.iter().map(|section| section.name()).collect();
+    let sections: Vec<_> = DifferenceSection::ALL.iter().map(|section| section.name()).collect();
     [
-        ("DifferenceRecord", "kind", "examples", Kind::ALL.iter().map(|kind| kind.name()).collect()),
+        (
+            "DifferenceRecord",
+            "kind",
+            "examples",
+            DifferenceKind::ALL.iter().map(|kind| kind.name()).collect(),
+        ),
         ("DifferenceRecord", "section", "enum", sections.clone()),
         ("UnseenSubject", "section", "enum", sections.clone()),
         ("UnseenSubject", "by", "enum", vec!["good", "bad"]),

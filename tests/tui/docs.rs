@@ -73,7 +73,7 @@ fn the_formats_of_captures() {
     for format in FORMATS {
         let written = WRITABLE.iter().find(|writable| writable.name == format.name);
         let suffix = written.map_or(String::new(), |written| format!("`.{}`", written.suffix));
-        let lacks = written.map_or(String::new(), |written| written.holds.lacks().join("; "));
+        let lacks = written.map_or(String::new(), |written| written.holds.missing_data().join("; "));
         writeln!(text, "| {} | {} | {suffix} | {lacks} |", format.name, format.title).unwrap();
     }
     is_current("docs/formats.md", &text);

@@ -2,7 +2,7 @@
 
 use std::ffi::OsString;
 
-use cobscope::Exit;
+use cobscope::ExitStatus;
 use cobscope::embedded::{self, CaptureSource};
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::Event;
@@ -73,20 +73,22 @@ fn errors_have_the_status_of_the_command() {
         let error = CaptureSource::open(&words(arguments)).map(|_| ()).unwrap_err();
         (error.exit, error.text)
     };
-    let absent =
-        (Exit::Capture, "absent.log: cannot be opened: No such file or directory (os error 2)".to_owned());
+    let absent = (
+        ExitStatus::Capture,
+        "absent.log: cannot be opened: No such file or directory (os error 2)".to_owned(),
+    );
     assert_eq!(exit(&["absent.log"]), absent);
     let (status, text) = exit(&["--node=2=rexroth-sydfek", "fixtures/devices/sydfec.log"]);
-    assert_eq!(status, Exit::Profile);
+    assert_eq!(status, ExitStatus::Profile);
     assert!(text.contains("did you mean 'rexroth-sydfec'?"), "{text}");
     let (status, text) = exit(&["--protocol=morse", "fixtures/devices/sydfec.log"]);
-    assert_eq!(status, Exit::Usage);
+    assert_eq!(status, ExitStatus::Usage);
     assert!(text.starts_with("invalid value 'morse' for '--protocol"), "{text}");
     let (status, text) = exit(&["fixtures/devices/sydfec.log", "fixtures/machine/machine.log"]);
-    assert_eq!(status, Exit::Usage);
+    assert_eq!(status, ExitStatus::Usage);
     assert!(text.starts_with("the 2 files are 2 captures"), "{text}");
     let (status, text) = exit(&["--select=node-losst", "fixtures/devices/sydfec.log"]);
-    assert_eq!(status, Exit::Usage);
+    assert_eq!(status, ExitStatus::Usage);
     assert!(text.starts_with("--select: unknown rule 'node-losst'"), "{text}");
 }
 
@@ -101,7 +103,7 @@ fn results_equal_the_output_of_the_commands() {
         embedded::explain(&words(&["06090031"])).unwrap().value,
         run(&["explain", "06090031"], "").stdout
     );
-    assert_eq!(embedded::explain(&words(&["nothing"])).unwrap_err().exit, Exit::Usage);
+    assert_eq!(embedded::explain(&words(&["nothing"])).unwrap_err().exit, ExitStatus::Usage);
     let pair = ["fixtures/devices/sydfec.log", "fixtures/rules/node-lost.log"];
     let program = run(&[&["diff", "-f", "json"][..], &pair].concat(), "").stdout;
     assert_eq!(embedded::diff(&words(&pair)).unwrap().value.replace(&root, ""), program);

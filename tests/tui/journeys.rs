@@ -118,7 +118,7 @@ fn what_is_done_most_takes_few_keys() {
         session.wait_text("#104/190");
         let mut count = 0;
         for (keys, expected) in steps {
-            let keys = cobscope::keymap::sequence(keys).unwrap();
+            let keys = cobscope::keymap::parse_sequence(keys).unwrap();
             count += keys.len();
             for key in &keys {
                 session.send(&terminal_bytes(key.code));

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use cobscope_web::Session;
+use cobscope_web::WorkerState;
 use cobscope_web::files::MemoryFiles;
 use serde_json::{Value, json};
 
@@ -18,13 +18,13 @@ const COMPARED: usize = 200;
 /// Frames per step.
 const STEP: u64 = 1_000;
 
-fn call(session: &mut Session, request: &Value) -> (Value, Vec<u8>) {
-    let response = session.call(request.to_string().as_bytes());
+fn call(session: &mut WorkerState, request: &Value) -> (Value, Vec<u8>) {
+    let response = session.call_json(request.to_string().as_bytes());
     (response.value, response.bytes)
 }
 
 /// Works until nothing is pending; returns the last response, and the exported bytes.
-fn finish(session: &mut Session) -> (Value, Vec<u8>) {
+fn finish(session: &mut WorkerState) -> (Value, Vec<u8>) {
     let mut bytes = Vec::new();
     loop {
         let (value, _) = call(session, &json!({"do": "step", "frames": STEP}));
@@ -38,7 +38,7 @@ fn finish(session: &mut Session) -> (Value, Vec<u8>) {
 }
 
 /// A session with files in memory; the error if they cannot be opened.
-fn open(files: &[(&str, &[u8])]) -> Result<Session, String> {
+fn open(files: &[(&str, &[u8])]) -> Result<WorkerState, String> {
     let (beside, captures): (Vec<_>, Vec<_>) =
         (0..).zip(files).partition(|(_, (name, _))| Path::new(name).extension() == Some("toml".as_ref()));
     let list = |files: Vec<(u32, &(&str, &[u8]))>| {
@@ -47,7 +47,7 @@ fn open(files: &[(&str, &[u8])]) -> Result<Session, String> {
     };
     let request = json!({"do": "open", "captures": list(captures), "beside": list(beside)});
     let memory = MemoryFiles(files.iter().map(|(_, bytes)| bytes.to_vec()).collect());
-    let mut session = Session::new(Arc::new(memory));
+    let mut session = WorkerState::new(Arc::new(memory));
     let error = |value: &Value| value.get("error")?.as_str().map(str::to_owned);
     if let Some(error) = error(&call(&mut session, &request).0) {
         return Err(error);
@@ -56,7 +56,7 @@ fn open(files: &[(&str, &[u8])]) -> Result<Session, String> {
     error(&value).map_or(Ok(session), Err)
 }
 
-fn overview(session: &mut Session) -> Value {
+fn overview(session: &mut WorkerState) -> Value {
     call(session, &json!({"do": "overview"})).0
 }
 
@@ -187,7 +187,7 @@ fn rows_are_decoded_when_they_are_shown() {
         .collect();
     let mut session = open(&[("a.log", &capture)]).unwrap();
     let total = overview(&mut session)["events"].as_u64().unwrap();
-    let all = |session: &mut Session, from: u64, count: u64| {
+    let all = |session: &mut WorkerState, from: u64, count: u64| {
         let request = json!({"do": "rows", "list": "all", "from": from, "count": count});
         call(session, &request).0["rows"].as_array().cloned().unwrap()
     };
@@ -260,7 +260,7 @@ fn errors_name_the_file_and_the_remedy() {
 }
 
 /// Position that a search found.
-fn sought(session: &mut Session, text: &str, from: u64, backward: bool) -> Value {
+fn sought(session: &mut WorkerState, text: &str, from: u64, backward: bool) -> Value {
     let from = json!({"frame": from, "ordinal": 0});
     let request = json!({"do": "search", "text": text, "list": "all", "from": from, "backward": backward});
     call(session, &request);
@@ -290,7 +290,7 @@ fn a_search_finds_rows_in_both_directions_across_checkpoints() {
     let request = json!({"do": "search", "text": "[", "list": "all", "from": {"frame": 1, "ordinal": 0}, "backward": false});
     assert!(call(&mut session, &request).0["invalid"]["reason"].is_string());
     // The error register of frame 139,990 is clear: the only error event is in frame 5.
-    let error = |session: &mut Session, frame: u64, backward: bool| {
+    let error = |session: &mut WorkerState, frame: u64, backward: bool| {
         let from = json!({"frame": frame, "ordinal": 0});
         call(session, &json!({"do": "error", "from": from, "backward": backward})).0
     };

@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use cobscope::keymap::defaults;
-use cobscope::panes::{COMMON, Layout, LegendEntry, PaneId, Panes};
+use cobscope::keymap::default_bindings;
+use cobscope::panes::{COMMON, LegendEntry, PaneId, PaneLayout, Panes};
 
 use crate::docs::is_current;
 
@@ -18,9 +18,9 @@ fn every_column_head_is_in_the_legend() {
     let panes = Panes::default();
     for id in PaneId::ALL {
         let pane = panes.get(*id).unwrap();
-        let titles = pane.heads().into_iter().map(|column| column.title.into_owned());
+        let titles = pane.table_heads().into_iter().map(|column| column.title.into_owned());
         let drawn: Vec<String> = titles.filter(|title| !title.is_empty()).collect();
-        let explained: Vec<&str> = pane.legend().columns.iter().map(|entry| entry.mark).collect();
+        let explained: Vec<&str> = pane.pane_legend().columns.iter().map(|entry| entry.mark).collect();
         assert_eq!(explained, drawn, "{}", id.name());
     }
 }
@@ -30,7 +30,7 @@ fn a_legend_is_short_enough_for_80_columns() {
     let panes = Panes::default();
     let mut all = COMMON.to_vec();
     for id in PaneId::ALL {
-        let legend = panes.get(*id).unwrap().legend();
+        let legend = panes.get(*id).unwrap().pane_legend();
         all.extend(legend.columns.iter().chain(legend.marks));
     }
     for LegendEntry { mark, meaning, .. } in all {
@@ -52,7 +52,7 @@ fn table(text: &mut String, head: &str, entries: &[LegendEntry]) {
 }
 
 /// Panes with the main one in bold.
-fn named(panes: &[PaneId], layout: Layout) -> String {
+fn named(panes: &[PaneId], layout: PaneLayout) -> String {
     let name = |pane: &PaneId| {
         if *pane == layout.main() { format!("**{}**", pane.title()) } else { pane.title().to_owned() }
     };
@@ -60,15 +60,15 @@ fn named(panes: &[PaneId], layout: Layout) -> String {
 }
 
 /// The panes of a wide layout, one column after the other.
-fn columns(layout: Layout) -> String {
-    let columns = layout.columns().map(|column| named(column, layout));
+fn columns(layout: PaneLayout) -> String {
+    let columns = layout.layout_columns().map(|column| named(column, layout));
     let columns: Vec<_> = columns.into_iter().filter(|column| !column.is_empty()).collect();
     if columns.is_empty() { "one pane".to_owned() } else { columns.join(" and, beside them, ") }
 }
 
 /// The panes of a narrow layout.
-fn stack(layout: Layout) -> String {
-    let panes = named(layout.stack(), layout);
+fn stack(layout: PaneLayout) -> String {
+    let panes = named(layout.stacked_panes(), layout);
     if panes.is_empty() { "one pane".to_owned() } else { panes }
 }
 
@@ -81,7 +81,7 @@ fn the_reference_of_panes() {
     table(&mut text, "mark", COMMON);
     let panes = Panes::default();
     for (number, id) in (0..).zip(PaneId::ALL) {
-        let legend = panes.get(*id).unwrap().legend();
+        let legend = panes.get(*id).unwrap().pane_legend();
         writeln!(text, "\n## {number} {}\n\nKey `{number}`: {}.", id.title(), legend.purpose).unwrap();
         table(&mut text, "column", legend.columns);
         table(&mut text, "mark", legend.marks);
@@ -91,12 +91,12 @@ fn the_reference_of_panes() {
              are left out, from the last one of a column. A pane that does not belong to the layout takes the place of the one in \
              bold.\n\n\
              | layout | 140 columns and more | narrower |\n| --- | --- | --- |\n";
-    for layout in Layout::ALL {
+    for layout in PaneLayout::ALL {
         writeln!(text, "| `{}` | {} | {} |", layout.name(), columns(layout), stack(layout)).unwrap();
     }
     text += "\n## Keys\n\nThe names of actions and keys are those of `[keys]` in the config file (docs/config.toml).\n\n\
              | key | action | meaning |\n| --- | --- | --- |\n";
-    for binding in defaults() {
+    for binding in default_bindings() {
         let keys: Vec<String> =
             binding.keys.iter().map(|key| format!("`{}`", key.replace('|', "\\|"))).collect();
         writeln!(text, "| {} | `{}` | {} |", keys.join(" "), binding.name(), binding.help).unwrap();

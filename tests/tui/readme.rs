@@ -5,7 +5,7 @@
 use std::fs;
 use std::sync::Mutex;
 
-use cobscope::keymap::defaults;
+use cobscope::keymap::default_bindings;
 
 use crate::cli::run_in;
 use crate::docs::is_blessing;
@@ -166,7 +166,7 @@ fn each_key_of_the_table_exists() {
     let readme = fs::read_to_string(workspace().join("README.md")).unwrap();
     let table = readme.split_once("| keys | action |").unwrap().1;
     let rows = table.lines().skip(2).take_while(|line| line.starts_with('|'));
-    let known: Vec<_> = defaults().flat_map(|binding| binding.keys).collect();
+    let known: Vec<_> = default_bindings().flat_map(|binding| binding.keys).collect();
     let mut count = 0;
     for row in rows {
         for key in row.split('|').nth(1).unwrap().split('`').skip(1).step_by(2) {

@@ -22,7 +22,7 @@ use cobscope::action::Action;
 use cobscope::app::App;
 use cobscope::ascii;
 use cobscope::panes::PaneId;
-use cobscope::timeline::News;
+use cobscope::timeline::TimelineNews;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::crossterm::event::{KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
@@ -43,7 +43,7 @@ const STEP: usize = 7;
 /// The application on a screen of fixed size.
 pub struct Screen {
     app: App,
-    news: Receiver<News>,
+    news: Receiver<TimelineNews>,
     terminal: Terminal<TestBackend>,
 }
 
@@ -54,7 +54,7 @@ impl Screen {
         std::env::set_current_dir(workspace()).unwrap();
         let words = shell_words(command.strip_prefix("cobscope ").unwrap());
         let (mut app, news) = cobscope::open_view(&words).unwrap();
-        app.resize(width, height);
+        app.on_resize(width, height);
         let terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
         let mut screen = Self { app, news, terminal };
         screen.settle();
@@ -65,29 +65,29 @@ impl Screen {
     fn settle(&mut self) {
         loop {
             while let Ok(news) = self.news.try_recv() {
-                self.app.news(news);
+                self.app.on_news(news);
             }
             if !self.app.is_busy() {
                 return;
             }
-            self.app.news(self.news.recv().unwrap());
+            self.app.on_news(self.news.recv().unwrap());
         }
     }
 
     pub fn keys(&mut self, keys: &str) {
-        for key in cobscope::keymap::sequence(keys).unwrap() {
-            self.app.key(key);
+        for key in cobscope::keymap::parse_sequence(keys).unwrap() {
+            self.app.on_key(key);
             self.settle();
         }
     }
 
     /// Whether the program ends after the keys so far.
     pub fn quits(&mut self) -> bool {
-        self.app.outputs().iter().any(|output| matches!(output, cobscope::app::Output::Quit))
+        self.app.take_outputs().iter().any(|output| matches!(output, cobscope::app::TerminalRequest::Quit))
     }
 
     fn act(&mut self, action: Action) {
-        self.app.act(action);
+        self.app.perform_action(action);
         self.settle();
     }
 
@@ -95,7 +95,7 @@ impl Screen {
     fn mouse(&mut self, kind: MouseEventKind, place: &str) {
         let (column, row) = place.split_once(',').unwrap();
         let (column, row) = (column.parse().unwrap(), row.parse().unwrap());
-        self.app.mouse(MouseEvent { kind, column, row, modifiers: KeyModifiers::NONE });
+        self.app.on_mouse(MouseEvent { kind, column, row, modifiers: KeyModifiers::NONE });
         self.settle();
     }
 
@@ -161,7 +161,7 @@ fn play(session: &str) -> String {
                 let (width, height) = wanted.split_once('x').unwrap();
                 size = (width.parse().unwrap(), height.parse().unwrap());
                 if let Some(screen) = &mut screen {
-                    screen.app.resize(size.0, size.1);
+                    screen.app.on_resize(size.0, size.1);
                     screen.terminal = Terminal::new(TestBackend::new(size.0, size.1)).unwrap();
                     screen.settle();
                     played += &screen.picture();
@@ -224,8 +224,10 @@ fn every_session_is_ascii_on_request() {
         // Dots of curves are drawn differently, and characters of captures may have no substitute.
         let is_of_capture = |letter: char| matches!(letter, '\u{2800}'..='\u{28FF}' | '\u{FFFD}' | '▶');
         let is_ui = |letter: &char| !letter.is_ascii() && !is_of_capture(*letter);
-        let unknown =
-            session.chars().filter(is_ui).find(|letter| ascii::of(letter.encode_utf8(&mut [0; 4])) == "?");
+        let unknown = session
+            .chars()
+            .filter(is_ui)
+            .find(|letter| ascii::ascii_substitute(letter.encode_utf8(&mut [0; 4])) == "?");
         assert_eq!(unknown, None, "{}", path.display());
         let screens = seen.lines().filter(|line| !line.starts_with(['>', '#']));
         let other: Vec<_> = screens.filter(|line| !line.trim_start_matches('▶').is_ascii()).collect();
@@ -279,7 +281,7 @@ fn look_through(folder: &Path) -> usize {
         looked += 1;
         let mut screen = Screen { app, news, terminal: Terminal::new(TestBackend::new(80, 24)).unwrap() };
         for (width, height) in [(100, 30), (20, 5)] {
-            screen.app.resize(width, height);
+            screen.app.on_resize(width, height);
             screen.terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
             for keys in ["]", "vG"] {
                 screen.keys(keys);
@@ -354,14 +356,14 @@ fn a_preview_that_arrives_late_does_not_move_the_cursor() {
     let command = "cobscope view --color never --at 7.21 fixtures/devices/pve.log";
     let mut screen = Screen::open(command, 100, 24);
     // The second digit is typed before the preview of the first one arrives.
-    for key in cobscope::keymap::sequence(":22").unwrap() {
-        screen.app.key(key);
+    for key in cobscope::keymap::parse_sequence(":22").unwrap() {
+        screen.app.on_key(key);
     }
     let mut is_late = false;
     while !is_late {
         let news = screen.news.recv().unwrap();
-        is_late = matches!(news, News::Window(_));
-        screen.app.news(news);
+        is_late = matches!(news, TimelineNews::Window(_));
+        screen.app.on_news(news);
     }
     screen.keys("<esc>");
     assert!(screen.text().contains("--at '#105'"), "{}", screen.text());

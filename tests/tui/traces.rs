@@ -8,12 +8,15 @@ use std::process::Command;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 
-use cobscope::timeline::{Bucket, Captures, JoinOptions, MOST_SIGNALS, News, SignalKey, Timeline, Traces};
+use cobscope::timeline::{
+    JoinOptions, MOST_SIGNALS, SampleBucket, SignalKey, SignalTraces, Timeline, TimelineCaptures,
+    TimelineNews,
+};
 use cobscope_decoder::capture::ReadOptions;
 use cobscope_decoder::frame::{CanId, Timestamp};
 use cobscope_decoder::profile::Catalogue;
 use cobscope_decoder::profile::dbc::{self, Database};
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::{AssignedBy, Assignment, SessionOptions};
 
 use crate::support::workspace;
@@ -21,7 +24,7 @@ use crate::support::workspace;
 const MILLISECOND: i64 = 1_000_000;
 
 /// A capture that is completely read.
-fn open(capture: &str, node: u8, device: &str) -> (Timeline, Receiver<News>) {
+fn open(capture: &str, node: u8, device: &str) -> (Timeline, Receiver<TimelineNews>) {
     let catalogue = Catalogue::default();
     let device = catalogue.device(device).unwrap();
     let assignment = Assignment { bus: None, node: node.into(), device, by: AssignedBy::Option };
@@ -29,10 +32,10 @@ fn open(capture: &str, node: u8, device: &str) -> (Timeline, Receiver<News>) {
     read(workspace().join(capture), session)
 }
 
-fn read(path: PathBuf, session: SessionOptions) -> (Timeline, Receiver<News>) {
+fn read(path: PathBuf, session: SessionOptions) -> (Timeline, Receiver<TimelineNews>) {
     let (sender, news) = channel();
-    let rules = Arc::new(Setup::default());
-    let captures = Captures {
+    let rules = Arc::new(RuleSetup::default());
+    let captures = TimelineCaptures {
         paths: vec![path],
         align: false,
         join: JoinOptions::OFF,
@@ -42,7 +45,7 @@ fn read(path: PathBuf, session: SessionOptions) -> (Timeline, Receiver<News>) {
         live: None,
     };
     let timeline = Timeline::open(captures, sender).unwrap();
-    while timeline.end().is_none() || !timeline.progress().is_complete() {
+    while timeline.end_state().is_none() || !timeline.progress().is_complete() {
         news.recv().unwrap();
     }
     (timeline, news)
@@ -50,35 +53,36 @@ fn read(path: PathBuf, session: SessionOptions) -> (Timeline, Receiver<News>) {
 
 /// All signals known at the end.
 fn signals(timeline: &Timeline) -> Vec<SignalKey> {
-    let end = timeline.end().unwrap();
+    let end = timeline.end_state().unwrap();
     let rows = end.identifiers().rows().iter().filter(|row| !row.is_remote);
-    rows.flat_map(|row| row.layout.iter().flat_map(|layout| SignalKey::all(row.bus, row.id, layout)))
+    rows.flat_map(|row| row.layout.iter().flat_map(|layout| SignalKey::signals_of(row.bus, row.id, layout)))
         .collect()
 }
 
-fn wait(traces: &Traces, news: &Receiver<News>) {
+fn wait(traces: &SignalTraces, news: &Receiver<TimelineNews>) {
     while !traces.is_complete() {
         news.recv().unwrap();
     }
 }
 
 /// Milliseconds from the first frame, with the value at that time.
-fn values(timeline: &Timeline, traces: &Traces, key: &SignalKey) -> Vec<(i64, f64)> {
-    let zero = timeline.first().unwrap();
-    let points = traces.points(key).unwrap();
+fn values(timeline: &Timeline, traces: &SignalTraces, key: &SignalKey) -> Vec<(i64, f64)> {
+    let zero = timeline.first_time().unwrap();
+    let points = traces.signal_points(key).unwrap();
     assert!(points.is_exact);
-    let value = |bucket: &Bucket| ((bucket.t - zero.0) / MILLISECOND, (bucket.last * 10.0).round() / 10.0);
+    let value =
+        |bucket: &SampleBucket| ((bucket.t - zero.0) / MILLISECOND, (bucket.last * 10.0).round() / 10.0);
     points.buckets.iter().map(value).collect()
 }
 
 #[test]
 fn a_value_is_scaled_as_it_was_at_its_time() {
     let (timeline, news) = open("fixtures/devices/sydfec_nominal_pressure.log", 2, "rexroth-sydfec");
-    let zero = timeline.first().unwrap();
+    let zero = timeline.first_time().unwrap();
     let keys = signals(&timeline);
     // The actual pressure: 16384 is the nominal pressure, 5208:02.
-    let key = keys.iter().find(|key| key.id == CanId::standard(0x182) && key.unit == "bar").unwrap();
-    let whole = timeline.trace(vec![key.clone()], zero, None);
+    let key = keys.iter().find(|key| key.id == CanId::from_standard(0x182) && key.unit == "bar").unwrap();
+    let whole = timeline.start_sampling(vec![key.clone()], zero, None);
     wait(&whole, &news);
     let found = values(&timeline, &whole, key);
     let expected = [
@@ -98,10 +102,10 @@ fn a_value_is_scaled_as_it_was_at_its_time() {
     assert_eq!(found.get(..expected.len()).unwrap(), expected);
     // A section starts with the value that is valid at its start.
     let (from, to) = (zero.plus(200 * MILLISECOND), zero.plus(250 * MILLISECOND));
-    let part = timeline.trace(vec![key.clone()], from, Some(to));
+    let part = timeline.start_sampling(vec![key.clone()], from, Some(to));
     wait(&part, &news);
     assert_eq!(values(&timeline, &part, key), expected[4..8]);
-    assert!(part.covers(from.0, to.0) && !part.covers(zero.0, to.0));
+    assert!(part.covers_range(from.0, to.0) && !part.covers_range(zero.0, to.0));
     assert!(!timeline.is_tracing());
 }
 
@@ -110,8 +114,8 @@ fn a_trace_that_nobody_wants_ends_and_there_are_never_too_many() {
     let (timeline, news) = open("fixtures/devices/pve.log", 32, "danfoss-pve-ci");
     let keys = signals(&timeline);
     let many: Vec<_> = keys.iter().cycle().take(MOST_SIGNALS * 2).cloned().collect();
-    let traces = timeline.trace(many, timeline.first().unwrap(), None);
-    traces.stop();
+    let traces = timeline.start_sampling(many, timeline.first_time().unwrap(), None);
+    traces.stop_sampling();
     wait(&traces, &news);
     assert_eq!(traces.signals().len(), MOST_SIGNALS);
 }
@@ -147,11 +151,11 @@ fn ranges_are_those_of_decode() {
         let keys = signals(&timeline);
         let mut compared = 0;
         for part in keys.chunks(MOST_SIGNALS) {
-            let traces = timeline.trace(part.to_vec(), timeline.first().unwrap(), None);
+            let traces = timeline.start_sampling(part.to_vec(), timeline.first_time().unwrap(), None);
             wait(&traces, &news);
             for key in part {
                 let Some((low, high)) = expected.get(&(key.id.number(), key.field)) else { continue };
-                let points = traces.points(key).unwrap();
+                let points = traces.signal_points(key).unwrap();
                 let numbers = || points.buckets.iter().filter(|bucket| !bucket.last.is_nan());
                 let least = numbers().map(|bucket| bucket.min).fold(f64::INFINITY, f64::min);
                 let most = numbers().map(|bucket| bucket.max).fold(f64::NEG_INFINITY, f64::max);
@@ -177,13 +181,13 @@ fn messages_of_a_database_are_traced_and_a_page_that_is_not_there_says_nothing()
     let line = |(at, frame): (usize, &&str)| format!("(1700000000.{at}) can0 {frame}\n");
     fs::write(&path, frames.iter().enumerate().map(line).collect::<String>()).unwrap();
     let mut database = Database::default();
-    database.add(dbc::parse(DBC.as_bytes()).unwrap());
+    database.add_file(dbc::parse_database(DBC.as_bytes()).unwrap());
     let session = SessionOptions { database: Arc::new(database), ..SessionOptions::default() };
     let (timeline, news) = read(path, session);
     let keys = signals(&timeline);
     let names: Vec<_> = keys.iter().map(|key| (key.name.as_str(), key.unit.as_str())).collect();
     assert_eq!(names, [("Page", ""), ("Speed", "km/h"), ("Level", "mm")]);
-    let traces = timeline.trace(keys.clone(), timeline.first().unwrap(), None);
+    let traces = timeline.start_sampling(keys.clone(), timeline.first_time().unwrap(), None);
     wait(&traces, &news);
     assert_eq!(values(&timeline, &traces, &keys[0]), [(0, 1.0), (100, 2.0), (200, 1.0), (400, 1.0)]);
     assert_eq!(values(&timeline, &traces, &keys[1]), [(0, 127.5), (200, 5.0)]);
@@ -194,8 +198,8 @@ fn messages_of_a_database_are_traced_and_a_page_that_is_not_there_says_nothing()
 #[test]
 fn a_range_that_ends_before_it_begins_has_nothing_in_it() {
     let (timeline, news) = open("fixtures/devices/pve.log", 32, "danfoss-pve-ci");
-    let zero = timeline.first().unwrap();
-    let traces = timeline.trace(signals(&timeline), zero, Some(Timestamp(zero.0 - 1)));
+    let zero = timeline.first_time().unwrap();
+    let traces = timeline.start_sampling(signals(&timeline), zero, Some(Timestamp(zero.0 - 1)));
     wait(&traces, &news);
-    assert!(traces.points(&traces.signals()[0]).unwrap().buckets.is_empty());
+    assert!(traces.signal_points(&traces.signals()[0]).unwrap().buckets.is_empty());
 }

@@ -12,7 +12,7 @@ use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use cobscope::app::App;
-use cobscope::timeline::News;
+use cobscope::timeline::TimelineNews;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 
@@ -20,7 +20,7 @@ const SIZE: (u16, u16) = (200, 60);
 
 struct Screen {
     app: App,
-    news: Receiver<News>,
+    news: Receiver<TimelineNews>,
     terminal: Terminal<TestBackend>,
 }
 
@@ -36,7 +36,7 @@ impl Screen {
         while !is_so(&self.app) {
             let news = self.news.recv_timeout(Duration::from_millis(1));
             if let Ok(news) = news {
-                self.app.news(news);
+                self.app.on_news(news);
             }
         }
     }
@@ -44,12 +44,12 @@ impl Screen {
     /// Presses keys and waits for the place they go to; time until its screen is drawn.
     fn go(&mut self, keys: &str) -> Duration {
         let start = Instant::now();
-        for key in cobscope::keymap::sequence(keys).unwrap() {
-            self.app.key(key);
+        for key in cobscope::keymap::parse_sequence(keys).unwrap() {
+            self.app.on_key(key);
         }
         while self.app.is_seeking() {
             let news = self.news.recv().unwrap();
-            self.app.news(news);
+            self.app.on_news(news);
         }
         self.draw();
         start.elapsed()
@@ -79,7 +79,7 @@ fn main() {
     let (app, news) = cobscope::open_view(&words).unwrap();
     let terminal = Terminal::new(TestBackend::new(SIZE.0, SIZE.1)).unwrap();
     let mut screen = Screen { app, news, terminal };
-    screen.app.resize(SIZE.0, SIZE.1);
+    screen.app.on_resize(SIZE.0, SIZE.1);
     screen.until(|app| !app.is_seeking());
     screen.draw();
     println!("{:<44} {:>15.2} ms", "first screen", start.elapsed().as_secs_f64() * 1e3);

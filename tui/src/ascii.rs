@@ -69,7 +69,7 @@ const SUBSTITUTES: &[(&str, &str)] = &[
 ];
 
 /// Substitute of a character.
-pub fn of(symbol: &str) -> &'static str {
+pub fn ascii_substitute(symbol: &str) -> &'static str {
     SUBSTITUTES.iter().find(|(from, _)| *from == symbol).map_or(UNKNOWN, |(_, to)| to)
 }
 
@@ -77,7 +77,7 @@ pub fn of(symbol: &str) -> &'static str {
 const ARROW: (&str, [&str; 2]) = ("→", ["-", ">"]);
 
 /// Replaces all characters of a screen that are not ASCII.
-pub fn replace(buf: &mut Buffer) {
+pub fn replace_symbols(buf: &mut Buffer) {
     let width = usize::from(buf.area.width).max(1);
     for row in buf.content.chunks_mut(width) {
         for place in 1..row.len() {
@@ -92,7 +92,7 @@ pub fn replace(buf: &mut Buffer) {
     }
     let other = buf.content.iter_mut().filter(|cell| !cell.symbol().is_ascii());
     other.for_each(|cell: &mut Cell| {
-        cell.set_symbol(of(cell.symbol()));
+        cell.set_symbol(ascii_substitute(cell.symbol()));
     });
 }
 
@@ -117,13 +117,13 @@ mod tests {
     fn a_screen_keeps_its_columns() {
         let mut buf = Buffer::empty(Rect::new(0, 0, 12, 1));
         buf.set_string(0, 0, "a→日b e\u{301}±ö", Style::new());
-        replace(&mut buf);
+        replace_symbols(&mut buf);
         let text: String = buf.content.iter().map(Cell::symbol).collect();
         // A wide character covers two cells.
         assert_eq!(text, "a>? b ?~?   ");
         buf.set_string(0, 0, "1 → 2 → ", Style::new());
         buf.set_string(11, 0, "→", Style::new());
-        replace(&mut buf);
+        replace_symbols(&mut buf);
         let text: String = buf.content.iter().map(Cell::symbol).collect();
         assert_eq!(text, "1 ->2 ->?  >");
     }

@@ -1,3 +1,3 @@
 //! Samples of a signal in an interval, for plots.
 
-pub use cobscope_decoder::replay::Bucket;
+pub use cobscope_decoder::replay::SampleBucket;

@@ -21,14 +21,14 @@ const OTHERS: [&str; 3] = ["PRN", "AUX", "CONIN$"];
 const NUMBERED: [&str; 2] = ["COM", "LPT"];
 
 /// The device that a path names; `None` for files, and on other systems.
-pub fn of(path: &Path) -> Option<DeviceName> {
+pub fn device_of(path: &Path) -> Option<DeviceName> {
     if cfg!(windows) { on_windows(&path.to_string_lossy()) } else { None }
 }
 
 /// Whether an output with this path is written to a device or a pipe. Such a path must not be opened for anything else: a pipe
 /// accepts one program.
 pub fn is_device(path: &Path) -> bool {
-    of(path) == Some(DeviceName::Intended)
+    device_of(path) == Some(DeviceName::Intended)
 }
 
 fn on_windows(path: &str) -> Option<DeviceName> {

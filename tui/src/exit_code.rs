@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 /// Exit statuses by severity; with several captures the most severe one is returned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Exit {
+pub enum ExitStatus {
     /// Success, also if the reader closed the output pipe.
     Clean = 0,
     /// Findings at or above `--fail-on`, or captures that differ.
@@ -18,8 +18,8 @@ pub enum Exit {
     Profile = 4,
 }
 
-impl From<Exit> for ExitCode {
-    fn from(exit: Exit) -> Self {
+impl From<ExitStatus> for ExitCode {
+    fn from(exit: ExitStatus) -> Self {
         Self::from(exit as u8)
     }
 }

@@ -5,17 +5,17 @@
 //! ```
 
 /// A number of tenths, with one decimal place below 100.
-pub fn tenths(tenths: u128) -> String {
+pub fn format_tenths(tenths: u128) -> String {
     if tenths < 1_000 { format!("{}.{}", tenths / 10, tenths % 10) } else { (tenths / 10).to_string() }
 }
 
 /// Bits as `590 bit` or `48 kbit`.
-pub fn bits(count: u128) -> String {
+pub fn format_bits(count: u128) -> String {
     if count < 10_000 { format!("{count} bit") } else { format!("{} kbit", count / 1000) }
 }
 
 /// Nanoseconds as milliseconds, with three decimal places, or one from 100 ms on.
-pub fn millis(nanoseconds: i64) -> String {
+pub fn format_millis(nanoseconds: i64) -> String {
     let micros = nanoseconds.unsigned_abs() / 1_000;
     if micros >= 100_000 {
         format!("{}.{}", micros / 1_000, micros % 1_000 / 100)
@@ -25,7 +25,7 @@ pub fn millis(nanoseconds: i64) -> String {
 }
 
 /// Nanoseconds as seconds with three decimal places, truncated.
-pub fn seconds(nanoseconds: i64) -> String {
+pub fn format_seconds(nanoseconds: i64) -> String {
     seconds_to(nanoseconds, 3)
 }
 
@@ -45,17 +45,17 @@ pub fn short_seconds(nanoseconds: i64) -> String {
 }
 
 /// Bytes with a unit and about three digits.
-pub fn bytes(count: u64) -> String {
+pub fn format_bytes(count: u64) -> String {
     match count {
         ..1_000 => format!("{count} B"),
-        1_000..1_000_000 => format!("{} kB", tenths(u128::from(count / 100))),
-        1_000_000..1_000_000_000 => format!("{} MB", tenths(u128::from(count / 100_000))),
-        _ => format!("{} GB", tenths(u128::from(count / 100_000_000))),
+        1_000..1_000_000 => format!("{} kB", format_tenths(u128::from(count / 100))),
+        1_000_000..1_000_000_000 => format!("{} MB", format_tenths(u128::from(count / 100_000))),
+        _ => format!("{} GB", format_tenths(u128::from(count / 100_000_000))),
     }
 }
 
 /// A limit in bytes, with units of 1,024 as its option has them: `256 MiB`, `1.5 GiB`; about three digits.
-pub fn limit(count: u64) -> String {
+pub fn format_limit(count: u64) -> String {
     let (unit, name) = match count {
         ..1_024 => return format!("{count} B"),
         1_024..1_048_576 => (10_u32, "KiB"),
@@ -63,7 +63,11 @@ pub fn limit(count: u64) -> String {
         _ => (30, "GiB"),
     };
     let parts = u128::from(count).saturating_mul(10) >> unit;
-    if parts % 10 == 0 { format!("{} {name}", parts / 10) } else { format!("{} {name}", tenths(parts)) }
+    if parts % 10 == 0 {
+        format!("{} {name}", parts / 10)
+    } else {
+        format!("{} {name}", format_tenths(parts))
+    }
 }
 
 #[cfg(test)]
@@ -72,18 +76,27 @@ mod tests {
 
     #[test]
     fn figures_have_significant_digits_only() {
-        assert_eq!([tenths(295), tenths(10_990)], ["29.5", "1099"]);
-        assert_eq!([bits(9_999), bits(48_500)], ["9999 bit", "48 kbit"]);
-        assert_eq!([millis(99_745_900), millis(100_049_000)], ["99.745", "100.0"]);
+        assert_eq!([format_tenths(295), format_tenths(10_990)], ["29.5", "1099"]);
+        assert_eq!([format_bits(9_999), format_bits(48_500)], ["9999 bit", "48 kbit"]);
+        assert_eq!([format_millis(99_745_900), format_millis(100_049_000)], ["99.745", "100.0"]);
         assert_eq!(
-            [seconds(7_204_999_999), seconds(-50_000_000), seconds(-999)],
+            [format_seconds(7_204_999_999), format_seconds(-50_000_000), format_seconds(-999)],
             ["7.204", "-0.050", "0.000"]
         );
         assert_eq!([seconds_to(7_206_000_999, 6), seconds_to(-1_500_000_000, 1)], ["7.206000", "-1.5"]);
-        assert_eq!([bytes(999), bytes(12_345), bytes(1_640_000_000)], ["999 B", "12.3 kB", "1.6 GB"]);
+        assert_eq!(
+            [format_bytes(999), format_bytes(12_345), format_bytes(1_640_000_000)],
+            ["999 B", "12.3 kB", "1.6 GB"]
+        );
         // 64 × 1024, 256 × 1024², 1.5 × 1024³, 1 × 1024³ - 1.
         assert_eq!(
-            [limit(65_536), limit(268_435_456), limit(1_610_612_736), limit(1_073_741_823), limit(1_023)],
+            [
+                format_limit(65_536),
+                format_limit(268_435_456),
+                format_limit(1_610_612_736),
+                format_limit(1_073_741_823),
+                format_limit(1_023)
+            ],
             ["64 KiB", "256 MiB", "1.5 GiB", "1023 MiB", "1023 B"]
         );
     }

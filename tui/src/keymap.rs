@@ -1,7 +1,7 @@
 //! Keys for input, help and key bar: default tables, which the config file may change. The registry of panes
 //! supplies the digits.
 
-use cobscope_decoder::query::fields::distance;
+use cobscope_decoder::query::fields::edit_distance;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
 use crate::action::Action;
@@ -12,8 +12,8 @@ const MOST_EDITS: usize = 3;
 
 /// Keys of an action.
 #[derive(Clone, Copy)]
-pub struct Binding {
-    /// Key names for [`parse`]; the key bar shows the first one.
+pub struct KeyBinding {
+    /// Key names for [`parse_key`]; the key bar shows the first one.
     pub keys: &'static [&'static str],
     /// Action of the keys.
     pub action: Action,
@@ -22,12 +22,12 @@ pub struct Binding {
     /// One line for the help.
     pub help: &'static str,
     /// Heading in the help.
-    pub group: Group,
+    pub group: HelpGroup,
 }
 
 /// Headings of the help.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Group {
+pub enum HelpGroup {
     /// Movement within a pane.
     Move,
     /// Movement in time.
@@ -40,7 +40,7 @@ pub enum Group {
     Program,
 }
 
-impl Group {
+impl HelpGroup {
     /// All headings in the order of the help.
     pub const ALL: [Self; 5] = [Self::Move, Self::Time, Self::Show, Self::Do, Self::Program];
 
@@ -56,14 +56,14 @@ impl Group {
     }
 }
 
-const fn key(
+const fn define_key(
     keys: &'static [&'static str],
     action: Action,
     short: &'static str,
     help: &'static str,
-    group: Group,
-) -> Binding {
-    Binding { keys, action, short, help, group }
+    group: HelpGroup,
+) -> KeyBinding {
+    KeyBinding { keys, action, short, help, group }
 }
 
 /// Keys of the panes.
@@ -71,199 +71,258 @@ const DIGITS: [&[&str]; 10] =
     [&["0"], &["1"], &["2"], &["3"], &["4"], &["5"], &["6"], &["7"], &["8"], &["9"]];
 
 /// Keys of actions.
-const ACTIONS: &[Binding] = &[
-    key(&["j", "down"], Action::Down, "down", "go down one line", Group::Move),
-    key(&["k", "up"], Action::Up, "up", "go up one line", Group::Move),
-    key(
+const ACTIONS: &[KeyBinding] = &[
+    define_key(&["j", "down"], Action::Down, "down", "go down one line", HelpGroup::Move),
+    define_key(&["k", "up"], Action::Up, "up", "go up one line", HelpGroup::Move),
+    define_key(
         &["right"],
         Action::Right,
         "move",
         "next visible column, next bit; later in time in a plot",
-        Group::Move,
+        HelpGroup::Move,
     ),
-    key(
+    define_key(
         &["left"],
         Action::Left,
         "move",
         "previous visible column, previous bit; earlier in time in a plot",
-        Group::Move,
+        HelpGroup::Move,
     ),
-    key(&["pgdn", "ctrl-f"], Action::PageDown, "page down", "go down one page", Group::Move),
-    key(&["pgup", "ctrl-b"], Action::PageUp, "page up", "go up one page", Group::Move),
-    key(&["g", "home"], Action::Top, "start", "go to the start", Group::Move),
-    key(&["G", "end"], Action::Bottom, "end", "go to the end", Group::Move),
-    key(&["enter"], Action::Open, "open", "open the selected row: detail, evidence, gates", Group::Move),
-    key(&["esc", "backspace"], Action::Back, "back", "close, or go to the previous pane", Group::Move),
-    key(
+    define_key(&["pgdn", "ctrl-f"], Action::PageDown, "page down", "go down one page", HelpGroup::Move),
+    define_key(&["pgup", "ctrl-b"], Action::PageUp, "page up", "go up one page", HelpGroup::Move),
+    define_key(&["g", "home"], Action::Top, "start", "go to the start", HelpGroup::Move),
+    define_key(&["G", "end"], Action::Bottom, "end", "go to the end", HelpGroup::Move),
+    define_key(
+        &["enter"],
+        Action::Open,
+        "open",
+        "open the selected row: detail, evidence, gates",
+        HelpGroup::Move,
+    ),
+    define_key(
+        &["esc", "backspace"],
+        Action::Back,
+        "back",
+        "close, or go to the previous pane",
+        HelpGroup::Move,
+    ),
+    define_key(
         &["x"],
         Action::Toggle,
         "expand",
         "expand, collapse or choose the selected row; Objects: next node; Why: events of the row",
-        Group::Move,
+        HelpGroup::Move,
     ),
-    key(&["]"], Action::NextFinding, "finding", "go to the next finding", Group::Time),
-    key(&["["], Action::PreviousFinding, "finding", "go to the previous finding", Group::Time),
-    key(
+    define_key(&["]"], Action::NextFinding, "finding", "go to the next finding", HelpGroup::Time),
+    define_key(&["["], Action::PreviousFinding, "finding", "go to the previous finding", HelpGroup::Time),
+    define_key(
         &["}"],
         Action::NextStory,
         "story",
         "go to the next story of the diagnosis; to the first one from a cursor at no story",
-        Group::Time,
+        HelpGroup::Time,
     ),
-    key(
+    define_key(
         &["{"],
         Action::PreviousStory,
         "story",
         "go to the previous story of the diagnosis; to the first one from a cursor at no story",
-        Group::Time,
+        HelpGroup::Time,
     ),
-    key(&["e"], Action::NextError, "error", "go to the next error event", Group::Time),
-    key(&["E"], Action::PreviousError, "error", "go to the previous error event", Group::Time),
-    key(
+    define_key(&["e"], Action::NextError, "error", "go to the next error event", HelpGroup::Time),
+    define_key(&["E"], Action::PreviousError, "error", "go to the previous error event", HelpGroup::Time),
+    define_key(
         &[":"],
         Action::GoTo,
         "go to",
         "go to 12.5 (seconds), #1234 (frame), -0.05 or +0.05 (relative), 22:13:25, a date and time",
-        Group::Time,
+        HelpGroup::Time,
     ),
-    key(&["t"], Action::Clock, "clock", "show times in seconds, in UTC or in local time", Group::Time),
-    key(&["m"], Action::SetMark, "mark", "set a mark, named by a letter, at the cursor", Group::Time),
-    key(&["'"], Action::ToMark, "to mark", "go to a mark", Group::Time),
-    key(&["space"], Action::Pause, "pause", "pause or resume following new frames", Group::Time),
-    key(
+    define_key(
+        &["t"],
+        Action::Clock,
+        "clock",
+        "show times in seconds, in UTC or in local time",
+        HelpGroup::Time,
+    ),
+    define_key(
+        &["m"],
+        Action::SetMark,
+        "mark",
+        "set a mark, named by a letter, at the cursor",
+        HelpGroup::Time,
+    ),
+    define_key(&["'"], Action::ToMark, "to mark", "go to a mark", HelpGroup::Time),
+    define_key(&["space"], Action::Pause, "pause", "pause or resume following new frames", HelpGroup::Time),
+    define_key(
         &["f", "f3"],
         Action::Filter,
         "filter",
         "show only events and findings that match a filter",
-        Group::Show,
+        HelpGroup::Show,
     ),
-    key(
+    define_key(
         &["="],
         Action::FilterCell,
         "like this",
         "filter by the selected cell: number, bus, ID, node, kind, object, PGN, severity, rule, outcome; \
          other cells: by node or kind of the row",
-        Group::Show,
+        HelpGroup::Show,
     ),
-    key(
+    define_key(
         &["c"],
         Action::Clear,
         "clear",
         "clear filter and search, and the search, highlight or plot of the focused pane",
-        Group::Show,
+        HelpGroup::Show,
     ),
-    key(
+    define_key(
         &["u"],
         Action::Undo,
         "undo",
         "undo the last change of filter, search, sort order, columns or v",
-        Group::Show,
+        HelpGroup::Show,
     ),
-    key(&["U"], Action::Redo, "redo", "redo the change that u undid", Group::Show),
-    key(&["v"], Action::News, "all/changes", "show all events, or only changes", Group::Show),
-    key(
+    define_key(&["U"], Action::Redo, "redo", "redo the change that u undid", HelpGroup::Show),
+    define_key(&["v"], Action::News, "all/changes", "show all events, or only changes", HelpGroup::Show),
+    define_key(
         &["/", "f7"],
         Action::Search,
         "search",
         "search for a regular expression; in Objects for words of address and name",
-        Group::Show,
+        HelpGroup::Show,
     ),
-    key(&["n"], Action::SearchNext, "next", "go to the next match", Group::Show),
-    key(&["N"], Action::SearchPrevious, "previous", "go to the previous match", Group::Show),
-    key(
+    define_key(&["n"], Action::SearchNext, "next", "go to the next match", HelpGroup::Show),
+    define_key(&["N"], Action::SearchPrevious, "previous", "go to the previous match", HelpGroup::Show),
+    define_key(
         &["s"],
         Action::Sort,
         "sort",
         "sort by the selected column (Frames, Transfers, Objects, Findings): ascending, descending, off; \
          Nodes: worst first, name, device, number",
-        Group::Show,
+        HelpGroup::Show,
     ),
-    key(
+    define_key(
         &["h"],
         Action::Highlight,
         "highlight",
         "highlight the selected value in Events, the row in Frames",
-        Group::Show,
+        HelpGroup::Show,
     ),
-    key(
+    define_key(
         &["p"],
         Action::Plot,
         "plot",
         "plot the signals of the selected row (Nodes, Events, Frames, Detail, Signals)",
-        Group::Do,
+        HelpGroup::Do,
     ),
-    key(&["+"], Action::ZoomIn, "zoom in", "show half the time range (Signals, Bus)", Group::Do),
-    key(&["-"], Action::ZoomOut, "zoom out", "show twice the time range (Signals, Bus)", Group::Do),
-    key(&["b"], Action::SetCursor, "cursor b", "set or remove cursor B of the plot (Signals)", Group::Do),
-    key(&["a"], Action::Assign, "assign", "assign a profile, EDS or DBC to the selected node", Group::Do),
-    key(&["y"], Action::Copy, "copy", "copy the selected line", Group::Do),
-    key(&["V"], Action::Select, "select", "start or clear the selection of frames to export", Group::Do),
-    key(&["w", "f2"], Action::Export, "export", "write the selection, or everything, to a file", Group::Do),
-    key(
+    define_key(&["+"], Action::ZoomIn, "zoom in", "show half the time range (Signals, Bus)", HelpGroup::Do),
+    define_key(
+        &["-"],
+        Action::ZoomOut,
+        "zoom out",
+        "show twice the time range (Signals, Bus)",
+        HelpGroup::Do,
+    ),
+    define_key(
+        &["b"],
+        Action::SetCursor,
+        "cursor b",
+        "set or remove cursor B of the plot (Signals)",
+        HelpGroup::Do,
+    ),
+    define_key(
+        &["a"],
+        Action::Assign,
+        "assign",
+        "assign a profile, EDS or DBC to the selected node",
+        HelpGroup::Do,
+    ),
+    define_key(&["y"], Action::Copy, "copy", "copy the selected line", HelpGroup::Do),
+    define_key(
+        &["V"],
+        Action::Select,
+        "select",
+        "start or clear the selection of frames to export",
+        HelpGroup::Do,
+    ),
+    define_key(
+        &["w", "f2"],
+        Action::Export,
+        "export",
+        "write the selection, or everything, to a file",
+        HelpGroup::Do,
+    ),
+    define_key(
         &["R"],
         Action::Report,
         "report",
         "write a report page of the selected finding (not of a note) or story (HTML, Markdown)",
-        Group::Do,
+        HelpGroup::Do,
     ),
-    key(
+    define_key(
         &["tab"],
         Action::NextPane,
         "pane",
         "go to the next pane, of those that are shown together",
-        Group::Program,
+        HelpGroup::Program,
     ),
-    key(&["shift-tab"], Action::PreviousPane, "pane", "go to the previous pane", Group::Program),
-    key(&["|"], Action::Layout, "layout", "show the panes of the next layout", Group::Program),
-    key(
+    define_key(&["shift-tab"], Action::PreviousPane, "pane", "go to the previous pane", HelpGroup::Program),
+    define_key(&["|"], Action::Layout, "layout", "show the panes of the next layout", HelpGroup::Program),
+    define_key(
         &["\\"],
         Action::Zoom,
         "zoom",
         "show only this pane, or all panes of the layout again",
-        Group::Program,
+        HelpGroup::Program,
     ),
-    key(&["<"], Action::SplitLeft, "split", "move the border between the panes to the left", Group::Program),
-    key(
+    define_key(
+        &["<"],
+        Action::SplitLeft,
+        "split",
+        "move the border between the panes to the left",
+        HelpGroup::Program,
+    ),
+    define_key(
         &[">"],
         Action::SplitRight,
         "split",
         "move the border between the panes to the right",
-        Group::Program,
+        HelpGroup::Program,
     ),
-    key(&["o"], Action::Columns, "columns", "choose the columns of the pane", Group::Show),
-    key(&["i"], Action::Strip, "strip", "show or hide the strip of time", Group::Program),
+    define_key(&["o"], Action::Columns, "columns", "choose the columns of the pane", HelpGroup::Show),
+    define_key(&["i"], Action::Strip, "strip", "show or hide the strip of time", HelpGroup::Program),
 ];
 
 /// Keys of the program; the help lists them after the panes.
-const PROGRAM: &[Binding] = &[
-    key(
+const PROGRAM: &[KeyBinding] = &[
+    define_key(
         &["T"],
         Action::Theme,
         "theme",
         "switch colours: dark, light (256, then 16 colours), none",
-        Group::Program,
+        HelpGroup::Program,
     ),
-    key(
+    define_key(
         &["ctrl-r"],
         Action::Forget,
         "forget",
         "discard the remembered layout, split, strip, columns and colours",
-        Group::Program,
+        HelpGroup::Program,
     ),
-    key(&["?", "f1"], Action::Help, "help", "explain the pane and list all keys", Group::Program),
-    key(&["q", "f10", "ctrl-c"], Action::Quit, "quit", "quit the program", Group::Program),
+    define_key(&["?", "f1"], Action::Help, "help", "explain the pane and list all keys", HelpGroup::Program),
+    define_key(&["q", "f10", "ctrl-c"], Action::Quit, "quit", "quit the program", HelpGroup::Program),
 ];
 
 /// Default bindings in the order of the help.
-pub fn defaults() -> impl Iterator<Item = Binding> {
-    let panes =
-        DIGITS.into_iter().zip(PaneId::ALL).zip(0..).map(|((keys, pane), number)| {
-            key(keys, Action::Pane(number), "pane", pane.title(), Group::Program)
-        });
+pub fn default_bindings() -> impl Iterator<Item = KeyBinding> {
+    let panes = DIGITS.into_iter().zip(PaneId::ALL).zip(0..).map(|((keys, pane), number)| {
+        define_key(keys, Action::Pane(number), "pane", pane.title(), HelpGroup::Program)
+    });
     ACTIONS.iter().copied().chain(panes).chain(PROGRAM.iter().copied())
 }
 
-impl Binding {
+impl KeyBinding {
     /// Name of the action in the config file: `next-finding`, `pane-events`.
     pub fn name(&self) -> String {
         match self.action {
@@ -287,7 +346,7 @@ impl Binding {
 
 /// Keys of one action.
 #[derive(Debug, Clone)]
-struct Keys {
+struct ActionKeys {
     action: Action,
     names: Vec<String>,
     pressed: Vec<(KeyCode, KeyModifiers)>,
@@ -295,16 +354,16 @@ struct Keys {
 
 /// The keys of all actions: the defaults with the changes of the config file.
 #[derive(Debug, Clone)]
-pub struct Keymap(Vec<Keys>);
+pub struct Keymap(Vec<ActionKeys>);
 
 impl Default for Keymap {
     fn default() -> Self {
-        let keys = |binding: Binding| Keys {
+        let keys = |binding: KeyBinding| ActionKeys {
             action: binding.action,
             names: binding.keys.iter().map(|name| (*name).to_owned()).collect(),
-            pressed: binding.keys.iter().filter_map(|name| parse(name)).collect(),
+            pressed: binding.keys.iter().filter_map(|name| parse_key(name)).collect(),
         };
-        Self(defaults().map(keys).collect())
+        Self(default_bindings().map(keys).collect())
     }
 }
 
@@ -313,22 +372,22 @@ impl Keymap {
     ///
     /// # Errors
     /// Unknown name of an action or of a key.
-    pub fn bind(&mut self, action: &str, names: &[String]) -> Result<(), String> {
-        let binding = defaults().find(|binding| binding.name() == action);
+    pub fn bind_action(&mut self, action: &str, names: &[String]) -> Result<(), String> {
+        let binding = default_bindings().find(|binding| binding.name() == action);
         let Some(binding) = binding else {
-            let known: Vec<String> = defaults().map(|binding| binding.name()).collect();
-            let near = known.iter().map(|name| (distance(action, name), name)).min();
+            let known: Vec<String> = default_bindings().map(|binding| binding.name()).collect();
+            let near = known.iter().map(|name| (edit_distance(action, name), name)).min();
             let near = near.filter(|(edits, _)| *edits <= MOST_EDITS);
             let hint = near.map_or(String::new(), |(_, name)| format!("; did you mean {name}?"));
             return Err(format!("no action {action:?}{hint}"));
         };
-        let key = |name: &String| parse(name).ok_or_else(|| format!("{action}: no key {name:?}"));
+        let key = |name: &String| parse_key(name).ok_or_else(|| format!("{action}: no key {name:?}"));
         let pressed: Vec<_> = names.iter().map(key).collect::<Result<_, _>>()?;
         for keys in &mut self.0 {
             if keys.action == binding.action {
                 (keys.names, keys.pressed) = (names.to_vec(), pressed.clone());
             } else {
-                keys.names.retain(|name| parse(name).is_none_or(|key| !pressed.contains(&key)));
+                keys.names.retain(|name| parse_key(name).is_none_or(|key| !pressed.contains(&key)));
                 keys.pressed.retain(|key| !pressed.contains(key));
             }
         }
@@ -336,29 +395,29 @@ impl Keymap {
     }
 
     /// Actions without any key.
-    pub fn unreachable(&self) -> impl Iterator<Item = Action> {
+    pub fn unbound_actions(&self) -> impl Iterator<Item = Action> {
         self.0.iter().filter(|keys| keys.pressed.is_empty()).map(|keys| keys.action)
     }
 
     /// The action of a key.
-    pub fn action(&self, event: &KeyEvent) -> Option<Action> {
-        let pressed = normal(*event);
+    pub fn action_for(&self, event: &KeyEvent) -> Option<Action> {
+        let pressed = normalise_key(*event);
         self.0.iter().find(|keys| keys.pressed.contains(&pressed)).map(|keys| keys.action)
     }
 
     /// Names of the keys of an action.
-    pub fn keys(&self, action: Action) -> &[String] {
+    pub fn keys_for(&self, action: Action) -> &[String] {
         self.0.iter().find(|keys| keys.action == action).map_or(&[], |keys| &keys.names)
     }
 }
 
 /// The default binding of an action.
-pub fn binding(action: Action) -> Option<Binding> {
-    defaults().find(|binding| binding.action == action)
+pub fn default_binding(action: Action) -> Option<KeyBinding> {
+    default_bindings().find(|binding| binding.action == action)
 }
 
 /// Normalises a key: some terminals report shift in addition to the capital letter.
-fn normal(event: KeyEvent) -> (KeyCode, KeyModifiers) {
+fn normalise_key(event: KeyEvent) -> (KeyCode, KeyModifiers) {
     let modifiers = match event.code {
         KeyCode::Char(_) | KeyCode::BackTab => event.modifiers.difference(KeyModifiers::SHIFT),
         _ => event.modifiers,
@@ -367,9 +426,9 @@ fn normal(event: KeyEvent) -> (KeyCode, KeyModifiers) {
 }
 
 /// A key by its name: `j`, `G`, `ctrl-f`, `pgdn`, `f3`.
-pub fn parse(name: &str) -> Option<(KeyCode, KeyModifiers)> {
+pub fn parse_key(name: &str) -> Option<(KeyCode, KeyModifiers)> {
     if let Some(rest) = name.strip_prefix("ctrl-").filter(|rest| !rest.is_empty()) {
-        let (code, modifiers) = parse(rest)?;
+        let (code, modifiers) = parse_key(rest)?;
         return Some((code, modifiers.union(KeyModifiers::CONTROL)));
     }
     let mut characters = name.chars();
@@ -402,7 +461,7 @@ pub fn parse(name: &str) -> Option<(KeyCode, KeyModifiers)> {
 ///
 /// # Errors
 /// Unknown key name in brackets.
-pub fn sequence(text: &str) -> Result<Vec<KeyEvent>, String> {
+pub fn parse_sequence(text: &str) -> Result<Vec<KeyEvent>, String> {
     let mut keys = Vec::new();
     let mut rest = text;
     while let Some(character) = rest.chars().next() {
@@ -410,7 +469,7 @@ pub fn sequence(text: &str) -> Result<Vec<KeyEvent>, String> {
             Some((name, behind)) => (name, behind),
             None => rest.split_at(character.len_utf8()),
         };
-        let (code, modifiers) = parse(name).ok_or_else(|| format!("unknown key <{name}>"))?;
+        let (code, modifiers) = parse_key(name).ok_or_else(|| format!("unknown key <{name}>"))?;
         keys.push(KeyEvent::new(code, modifiers));
         rest = behind;
     }
@@ -424,8 +483,8 @@ mod tests {
     #[test]
     fn every_key_has_one_action_and_can_be_read() {
         let mut seen = Vec::new();
-        for name in defaults().flat_map(|binding| binding.keys) {
-            let key = parse(name).unwrap_or_else(|| panic!("{name}"));
+        for name in default_bindings().flat_map(|binding| binding.keys) {
+            let key = parse_key(name).unwrap_or_else(|| panic!("{name}"));
             assert!(!seen.contains(&key), "{name} twice");
             seen.push(key);
         }
@@ -433,42 +492,42 @@ mod tests {
 
     #[test]
     fn keys_are_written_one_behind_the_other() {
-        let keys = sequence("j<enter>/<<><ctrl-f>").unwrap();
+        let keys = parse_sequence("j<enter>/<<><ctrl-f>").unwrap();
         let codes: Vec<_> = keys.iter().map(|key| key.code).collect();
         let expected =
             [KeyCode::Char('j'), KeyCode::Enter, KeyCode::Char('/'), KeyCode::Char('<'), KeyCode::Char('f')];
         assert_eq!(codes, expected);
-        assert_eq!(Keymap::default().action(&keys[4]), Some(Action::PageDown));
-        assert_eq!(sequence("<nokey>").unwrap_err(), "unknown key <nokey>");
+        assert_eq!(Keymap::default().action_for(&keys[4]), Some(Action::PageDown));
+        assert_eq!(parse_sequence("<nokey>").unwrap_err(), "unknown key <nokey>");
     }
 
     #[test]
     fn a_capital_letter_is_a_key_of_its_own_with_or_without_shift() {
         let shifted = KeyEvent::new(KeyCode::Char('G'), KeyModifiers::SHIFT);
-        assert_eq!(Keymap::default().action(&shifted), Some(Action::Bottom));
+        assert_eq!(Keymap::default().action_for(&shifted), Some(Action::Bottom));
         assert_eq!(
-            Keymap::default().action(&KeyEvent::new(KeyCode::BackTab, KeyModifiers::SHIFT)),
+            Keymap::default().action_for(&KeyEvent::new(KeyCode::BackTab, KeyModifiers::SHIFT)),
             Some(Action::PreviousPane)
         );
     }
 
     #[test]
     fn actions_have_names_and_can_have_other_keys() {
-        let mut names: Vec<String> = defaults().map(|binding| binding.name()).collect();
+        let mut names: Vec<String> = default_bindings().map(|binding| binding.name()).collect();
         let count = names.len();
         assert!(names.contains(&"next-finding".to_owned()) && names.contains(&"pane-why".to_owned()));
         names.sort();
         names.dedup();
         assert_eq!(names.len(), count);
         let mut keymap = Keymap::default();
-        keymap.bind("plot", &["F".into(), "f".into()]).unwrap();
+        keymap.bind_action("plot", &["F".into(), "f".into()]).unwrap();
         let key = |letter| KeyEvent::new(KeyCode::Char(letter), KeyModifiers::NONE);
-        assert_eq!(keymap.action(&key('f')), Some(Action::Plot));
-        assert_eq!(keymap.action(&key('p')), None);
+        assert_eq!(keymap.action_for(&key('f')), Some(Action::Plot));
+        assert_eq!(keymap.action_for(&key('p')), None);
         // The other key of the filter stays.
-        assert_eq!(keymap.keys(Action::Filter), ["f3"]);
-        assert_eq!(keymap.unreachable().count(), 0);
-        assert_eq!(keymap.bind("plod", &[]).unwrap_err(), "no action \"plod\"; did you mean plot?");
-        assert_eq!(keymap.bind("plot", &["hyper-f".into()]).unwrap_err(), "plot: no key \"hyper-f\"");
+        assert_eq!(keymap.keys_for(Action::Filter), ["f3"]);
+        assert_eq!(keymap.unbound_actions().count(), 0);
+        assert_eq!(keymap.bind_action("plod", &[]).unwrap_err(), "no action \"plod\"; did you mean plot?");
+        assert_eq!(keymap.bind_action("plot", &["hyper-f".into()]).unwrap_err(), "plot: no key \"hyper-f\"");
     }
 }

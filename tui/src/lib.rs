@@ -35,38 +35,38 @@ use clap::Parser as _;
 
 use app::App;
 pub use cmd::embedded;
-pub use exit_code::Exit;
-use timeline::News;
+pub use exit_code::ExitStatus;
+use timeline::TimelineNews;
 
 /// Runs the program with the arguments of the process.
 pub fn run() -> ExitCode {
-    run_with(arguments()).into()
+    run_with(process_arguments()).into()
 }
 
 /// Runs the program inside of another one: `arguments` are its path and the arguments after it.
-pub fn run_embedded(arguments: Vec<OsString>) -> Exit {
+pub fn run_embedded(arguments: Vec<OsString>) -> ExitStatus {
     if let Some(path) = arguments.first() {
         cmd::set_program(path.into());
     }
     run_with(arguments)
 }
 
-fn run_with(arguments: Vec<OsString>) -> Exit {
+fn run_with(arguments: Vec<OsString>) -> ExitStatus {
     if cli::is_extcap_call(&arguments) {
         return match cli::ExtcapCall::try_parse_from(arguments) {
-            Ok(call) => cmd::answer(&call),
-            Err(error) => cmd::refuse(&error),
+            Ok(call) => cmd::answer_call(&call),
+            Err(error) => cmd::print_refusal(&error),
         };
     }
     let arguments = cli::with_default_command(arguments.into_iter(), std::io::stdout().is_terminal());
     match cli::Cli::try_parse_from(arguments) {
         Ok(cli) => cmd::run(cli),
-        Err(error) => cmd::refuse(&error),
+        Err(error) => cmd::print_refusal(&error),
     }
 }
 
 /// Arguments of the process. Shells of Windows leave it to programs to expand `*.log`.
-fn arguments() -> Vec<OsString> {
+fn process_arguments() -> Vec<OsString> {
     #[cfg(windows)]
     return wild::args_os().collect();
     #[cfg(not(windows))]
@@ -78,9 +78,9 @@ fn arguments() -> Vec<OsString> {
 ///
 /// # Errors
 /// If the command is not `view`, or for the errors of `view` itself.
-pub fn open_view(arguments: &[String]) -> anyhow::Result<(App, Receiver<News>)> {
+pub fn open_view(arguments: &[String]) -> anyhow::Result<(App, Receiver<TimelineNews>)> {
     let words = std::iter::once("cobscope").chain(arguments.iter().map(String::as_str));
-    let cli::Command::View(view) = cli::Cli::try_parse_from(words)?.command else {
+    let cli::CliCommand::View(view) = cli::Cli::try_parse_from(words)?.command else {
         anyhow::bail!("{}: expected the command view", arguments.join(" "));
     };
     cmd::open_view(&view, arguments)
@@ -94,7 +94,7 @@ pub fn open_view(arguments: &[String]) -> anyhow::Result<(App, Receiver<News>)> 
 #[cfg(all(target_os = "linux", feature = "socketcan"))]
 pub fn live_over_datagrams(arguments: &[String], socket: std::net::UdpSocket) -> anyhow::Result<()> {
     let words = std::iter::once("cobscope").chain(arguments.iter().map(String::as_str));
-    let cli::Command::Live(live) = cli::Cli::try_parse_from(words)?.command else {
+    let cli::CliCommand::Live(live) = cli::Cli::try_parse_from(words)?.command else {
         anyhow::bail!("{}: expected the command live", arguments.join(" "));
     };
     cmd::over_datagrams(&live, socket)

@@ -6,7 +6,7 @@
 //! ```
 
 use crate::device_name::{self, DeviceName};
-use crate::path_text::shown;
+use crate::path_text::path_text;
 use std::ffi::OsString;
 use std::fs::{self, File, Metadata};
 use std::io::{self, ErrorKind, Write as _};
@@ -17,7 +17,7 @@ pub const PART: &str = "part";
 
 /// What happens to a file that exists.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Existing {
+pub enum ExistingFile {
     /// The output is refused.
     Keep,
     /// The whole output takes its place.
@@ -44,7 +44,7 @@ pub fn part_of(path: &Path) -> PathBuf {
 ///
 /// # Errors
 /// [`ErrorKind::AlreadyExists`] if the file exists and is to be kept; any error of the file system.
-pub fn create(path: &Path, existing: Existing) -> io::Result<(File, FinalName)> {
+pub fn create_output(path: &Path, existing: ExistingFile) -> io::Result<(File, FinalName)> {
     if is_device(path)? {
         return Ok((File::options().write(true).open(path)?, FinalName::at_once()));
     }
@@ -53,32 +53,32 @@ pub fn create(path: &Path, existing: Existing) -> io::Result<(File, FinalName)> 
             let file = File::options().write(true).open(path)?;
             return Ok((file, FinalName { names: None }));
         }
-        Ok(found) if existing == Existing::Replace => {
+        Ok(found) if existing == ExistingFile::Replace => {
             // A link stays, and its target is replaced. Other paths stay as typed: Windows lengthens them.
             let is_link = path.symlink_metadata()?.is_symlink();
             let place = if is_link { path.canonicalize()? } else { path.to_owned() };
-            return begin(place, Some(&found));
+            return begin_part(place, Some(&found));
         }
         // A link without a target exists, too.
-        _ if existing == Existing::Keep && path.symlink_metadata().is_ok() => {
+        _ if existing == ExistingFile::Keep && path.symlink_metadata().is_ok() => {
             return Err(ErrorKind::AlreadyExists.into());
         }
         _ => {}
     }
-    begin(path.to_owned(), None)
+    begin_part(path.to_owned(), None)
 }
 
 /// Creates an output file that others read while it grows.
 ///
 /// # Errors
-/// As [`create`].
-pub fn create_at_once(path: &Path, existing: Existing) -> io::Result<File> {
+/// As [`create_output`].
+pub fn create_at_once(path: &Path, existing: ExistingFile) -> io::Result<File> {
     let mut options = File::options();
     options.write(true);
     if !is_device(path)? && path.metadata().map_or(true, |found| found.is_file()) {
         match existing {
-            Existing::Keep => options.create_new(true),
-            Existing::Replace => options.create(true).truncate(true),
+            ExistingFile::Keep => options.create_new(true),
+            ExistingFile::Replace => options.create(true).truncate(true),
         };
     }
     options.open(path)
@@ -92,9 +92,9 @@ pub fn folder_problem(path: &Path) -> Option<String> {
     }
     match folder.metadata() {
         Ok(found) if found.is_dir() => None,
-        Ok(_) => Some(format!("{} is not a folder; choose another name", shown(folder))),
+        Ok(_) => Some(format!("{} is not a folder; choose another name", path_text(folder))),
         Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
-            Some(format!("folder {} does not exist; create it first", shown(folder)))
+            Some(format!("folder {} does not exist; create it first", path_text(folder)))
         }
         Err(_) => None,
     }
@@ -105,7 +105,7 @@ pub fn folder_problem(path: &Path) -> Option<String> {
 /// # Errors
 /// The path names a device in place of a file.
 pub fn is_device(path: &Path) -> io::Result<bool> {
-    match device_name::of(path) {
+    match device_name::device_of(path) {
         Some(DeviceName::Reserved) => {
             Err(io::Error::new(ErrorKind::InvalidInput, "name of a device; choose another file name"))
         }
@@ -114,7 +114,7 @@ pub fn is_device(path: &Path) -> io::Result<bool> {
 }
 
 /// Creates the part of a file; `replaced` has the permissions of the file whose place it takes.
-fn begin(path: PathBuf, replaced: Option<&Metadata>) -> io::Result<(File, FinalName)> {
+fn begin_part(path: PathBuf, replaced: Option<&Metadata>) -> io::Result<(File, FinalName)> {
     let part = part_of(&path);
     // The part of a run that was stopped. A new file never follows a link.
     if part.symlink_metadata().is_ok_and(|found| !found.is_dir()) {
@@ -131,11 +131,11 @@ fn begin(path: PathBuf, replaced: Option<&Metadata>) -> io::Result<(File, FinalN
 /// Writes a whole file.
 ///
 /// # Errors
-/// As [`create`]; an incomplete file keeps the name of a part.
-pub fn write(path: &Path, existing: Existing, content: &[u8]) -> io::Result<()> {
-    let (mut file, name) = create(path, existing)?;
+/// As [`create_output`]; an incomplete file keeps the name of a part.
+pub fn write_file(path: &Path, existing: ExistingFile, content: &[u8]) -> io::Result<()> {
+    let (mut file, name) = create_output(path, existing)?;
     file.write_all(content)?;
-    name.finish()
+    name.finish_file()
 }
 
 impl FinalName {
@@ -148,20 +148,20 @@ impl FinalName {
     ///
     /// # Errors
     /// If the file cannot be renamed; it keeps the name of a part.
-    pub fn finish(self) -> io::Result<()> {
+    pub fn finish_file(self) -> io::Result<()> {
         let Some((part, path)) = self.names else { return Ok(()) };
         let renamed = fs::rename(&part, &path);
         renamed.map_err(|error| {
             // Windows refuses it while another program has opened the file without sharing it.
             let is_in_use = cfg!(windows) && path.exists();
             let remedy = if is_in_use { "; close programs that have the file open" } else { "" };
-            let text = format!("cannot be renamed from {}: {error}{remedy}", shown(&part));
+            let text = format!("cannot be renamed from {}: {error}{remedy}", path_text(&part));
             io::Error::new(error.kind(), text)
         })
     }
 
     /// Removes the file, which has no content.
-    pub fn discard(self) {
+    pub fn discard_file(self) {
         if let Some((part, _)) = self.names {
             // A part that cannot be removed does not look like a result.
             let _ = fs::remove_file(part);
@@ -184,22 +184,22 @@ mod tests {
     fn a_file_has_its_name_once_it_is_whole() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("out.log");
-        let (mut file, name) = create(&path, Existing::Keep).unwrap();
+        let (mut file, name) = create_output(&path, ExistingFile::Keep).unwrap();
         file.write_all(b"1").unwrap();
         assert_eq!(names(folder.path()), ["out.log.part"]);
-        name.finish().unwrap();
+        name.finish_file().unwrap();
         assert_eq!(names(folder.path()), ["out.log"]);
-        let error = create(&path, Existing::Keep).unwrap_err();
+        let error = create_output(&path, ExistingFile::Keep).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::AlreadyExists);
 
-        let (mut file, name) = create(&path, Existing::Replace).unwrap();
+        let (mut file, name) = create_output(&path, ExistingFile::Replace).unwrap();
         file.write_all(b"2").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"1");
         drop((file, name));
         // A later run replaces the part.
-        let (_, name) = create(&path, Existing::Replace).unwrap();
+        let (_, name) = create_output(&path, ExistingFile::Replace).unwrap();
         assert_eq!(fs::read(part_of(&path)).unwrap(), b"");
-        name.discard();
+        name.discard_file();
         assert_eq!(names(folder.path()), ["out.log"]);
     }
 
@@ -231,21 +231,24 @@ mod tests {
         let other = folder.path().join("other");
         fs::write(&other, b"mine").unwrap();
         symlink(&other, part_of(&target)).unwrap();
-        write(&link, Existing::Replace, b"2").unwrap();
+        write_file(&link, ExistingFile::Replace, b"2").unwrap();
         assert_eq!((fs::read(&target).unwrap(), fs::read(&other).unwrap()), (b"2".into(), b"mine".into()));
         assert!(link.symlink_metadata().unwrap().is_symlink());
         assert_eq!(target.metadata().unwrap().permissions().mode() & 0o777, 0o600);
 
         let dangling = folder.path().join("dangling");
         symlink(folder.path().join("nowhere"), &dangling).unwrap();
-        assert_eq!(create(&dangling, Existing::Keep).unwrap_err().kind(), ErrorKind::AlreadyExists);
+        assert_eq!(
+            create_output(&dangling, ExistingFile::Keep).unwrap_err().kind(),
+            ErrorKind::AlreadyExists
+        );
     }
 
     #[cfg(unix)]
     #[test]
     fn a_device_is_written_directly() {
-        write(Path::new("/dev/null"), Existing::Keep, b"1").unwrap();
-        assert!(write(Path::new("/dev/full"), Existing::Keep, b"1").is_err());
+        write_file(Path::new("/dev/null"), ExistingFile::Keep, b"1").unwrap();
+        assert!(write_file(Path::new("/dev/full"), ExistingFile::Keep, b"1").is_err());
         assert!(!part_of(Path::new("/dev/null")).exists());
     }
 }

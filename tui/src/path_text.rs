@@ -5,6 +5,6 @@ use std::path::Path;
 use cobscope_decoder::sink::escape;
 
 /// A path as one line of text without control characters.
-pub fn shown(path: &Path) -> String {
+pub fn path_text(path: &Path) -> String {
     escape(&path.display().to_string()).into_owned()
 }

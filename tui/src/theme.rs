@@ -6,10 +6,10 @@
 //! Selected   grey background      reversed             reversed
 //! ```
 //!
-//! Widgets and panes use a [`Role`], never a colour. Roles that must be distinguished differ in every depth,
+//! Widgets and panes use a [`TextRole`], never a colour. Roles that must be distinguished differ in every depth,
 //! so that no information depends on colour alone.
 
-use cobscope_decoder::sink::text::Tone;
+use cobscope_decoder::sink::text::LineTone;
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::symbols::border;
 
@@ -17,7 +17,7 @@ use crate::ascii;
 
 /// Role of a text; it decides colour and attributes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
+pub enum TextRole {
     /// Ordinary text.
     Text,
     /// Minor text: units, frame numbers, unchanged values.
@@ -57,22 +57,22 @@ pub enum Role {
 }
 
 /// Role of a tone.
-pub fn role_of(tone: Tone) -> Role {
+pub fn role_of(tone: LineTone) -> TextRole {
     match tone {
-        Tone::Plain => Role::Text,
-        Tone::Quiet => Role::Quiet,
-        Tone::Good => Role::Good,
-        Tone::Caution => Role::Caution,
-        Tone::Bad => Role::Bad,
+        LineTone::Plain => TextRole::Text,
+        LineTone::Quiet => TextRole::Quiet,
+        LineTone::Good => TextRole::Good,
+        LineTone::Caution => TextRole::Caution,
+        LineTone::Bad => TextRole::Bad,
     }
 }
 
-/// Number of different looks of [`Role::Highlight`].
+/// Number of different looks of [`TextRole::Highlight`].
 pub const HIGHLIGHTS: u8 = 6;
 
 /// Background of the terminal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Palette {
+pub enum ThemePalette {
     /// Light text on a dark background.
     #[default]
     Dark,
@@ -93,7 +93,7 @@ pub enum ThemeName {
 
 /// Number of colours of the terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Depth {
+pub enum ColorDepth {
     /// No colours: bold, dim, italic, underlined and reversed only.
     None,
     /// The 16 named ANSI colours of the terminal.
@@ -104,7 +104,7 @@ pub enum Depth {
 
 /// Characters for lines, marks and plots.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Borders {
+pub enum LineCharacters {
     /// Box drawing, block and braille characters.
     #[default]
     Unicode,
@@ -148,70 +148,70 @@ pub enum Glyph {
 /// The user's choice of palette, depth and characters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Theme {
-    palette: Palette,
-    depth: Depth,
-    borders: Borders,
+    palette: ThemePalette,
+    depth: ColorDepth,
+    borders: LineCharacters,
     /// Keys act on the pane that is drawn.
     is_focused: bool,
 }
 
 impl Theme {
     /// A theme.
-    pub fn new(palette: Palette, depth: Depth, borders: Borders) -> Self {
+    pub fn new(palette: ThemePalette, depth: ColorDepth, borders: LineCharacters) -> Self {
         Self { palette, depth, borders, is_focused: true }
     }
 
     /// Background of the terminal.
-    pub fn palette(&self) -> Palette {
+    pub fn palette(&self) -> ThemePalette {
         self.palette
     }
 
     /// Number of colours used.
-    pub fn depth(&self) -> Depth {
+    pub fn depth(&self) -> ColorDepth {
         self.depth
     }
 
     /// The same characters in other colours.
     #[must_use]
-    pub fn with(self, palette: Palette, depth: Depth) -> Self {
+    pub fn with_colours(self, palette: ThemePalette, depth: ColorDepth) -> Self {
         Self { palette, depth, ..self }
     }
 
     /// The theme for a pane on which keys act, or for another one, whose selection is weaker.
     #[must_use]
-    pub fn focused(self, is_focused: bool) -> Self {
+    pub fn with_focus(self, is_focused: bool) -> Self {
         Self { is_focused, ..self }
     }
 
     /// Characters for lines, marks and plots.
-    pub fn borders(&self) -> Borders {
+    pub fn borders(&self) -> LineCharacters {
         self.borders
     }
 
     /// The style of a role.
-    pub fn style(&self, role: Role) -> Style {
-        let look = look(role);
+    pub fn role_style(&self, role: TextRole) -> Style {
+        let look = role_look(role);
         let (front, back) = match (self.depth, self.palette) {
-            (Depth::None, _) => return Style::new().add_modifier(look.colourless),
-            (Depth::Sixteen, Palette::Dark) => look.sixteen_dark,
-            (Depth::Sixteen, Palette::Light) => look.sixteen_light,
-            (Depth::Full, Palette::Dark) => indexed(look.full_dark),
-            (Depth::Full, Palette::Light) => indexed(look.full_light),
+            (ColorDepth::None, _) => return Style::new().add_modifier(look.colourless),
+            (ColorDepth::Sixteen, ThemePalette::Dark) => look.sixteen_dark,
+            (ColorDepth::Sixteen, ThemePalette::Light) => look.sixteen_light,
+            (ColorDepth::Full, ThemePalette::Dark) => indexed_colours(look.full_dark),
+            (ColorDepth::Full, ThemePalette::Light) => indexed_colours(look.full_light),
         };
         let modifier = match (self.depth, role) {
             // With sixteen colours only reversing keeps the colours of the cells readable.
-            (Depth::Sixteen, Role::Selected) => Modifier::REVERSED,
+            (ColorDepth::Sixteen, TextRole::Selected) => Modifier::REVERSED,
             _ => look.modifier,
         };
         Style { fg: front, bg: back, ..Style::new().add_modifier(modifier) }
     }
 
-    /// Style over the selected line: [`Role::Selected`] if keys act on it, else a weaker one.
-    pub fn selection(&self, is_focused: bool) -> Style {
+    /// Style over the selected line: [`TextRole::Selected`] if keys act on it, else a weaker one.
+    pub fn selection_style(&self, is_focused: bool) -> Style {
         match (is_focused && self.is_focused, self.depth, self.palette) {
-            (true, _, _) => self.style(Role::Selected),
-            (false, Depth::Full, Palette::Dark) => Style::new().bg(Color::Indexed(235)),
-            (false, Depth::Full, Palette::Light) => Style::new().bg(Color::Indexed(255)),
+            (true, _, _) => self.role_style(TextRole::Selected),
+            (false, ColorDepth::Full, ThemePalette::Dark) => Style::new().bg(Color::Indexed(235)),
+            (false, ColorDepth::Full, ThemePalette::Light) => Style::new().bg(Color::Indexed(255)),
             (false, _, _) => Style::new().add_modifier(Modifier::UNDERLINED),
         }
     }
@@ -219,8 +219,8 @@ impl Theme {
     /// Border characters of a pane.
     pub fn border_set(&self) -> border::Set<'static> {
         match self.borders {
-            Borders::Unicode => border::PLAIN,
-            Borders::Ascii => border::Set {
+            LineCharacters::Unicode => border::PLAIN,
+            LineCharacters::Ascii => border::Set {
                 top_left: "+",
                 top_right: "+",
                 bottom_left: "+",
@@ -252,10 +252,10 @@ impl Theme {
             Glyph::Delta => "Δ",
         };
         match self.borders {
-            Borders::Unicode => unicode,
+            LineCharacters::Unicode => unicode,
             // `>` between two values reads as a comparison.
-            Borders::Ascii if glyph == Glyph::Arrow => "->",
-            Borders::Ascii => ascii::of(unicode),
+            LineCharacters::Ascii if glyph == Glyph::Arrow => "->",
+            LineCharacters::Ascii => ascii::ascii_substitute(unicode),
         }
     }
 }
@@ -264,7 +264,7 @@ impl Theme {
 type Pair<C> = (Option<C>, Option<C>);
 
 /// Colours and attributes of a role for each depth and palette.
-struct Look {
+struct RoleStyle {
     full_dark: Pair<u8>,
     full_light: Pair<u8>,
     sixteen_dark: Pair<Color>,
@@ -275,13 +275,18 @@ struct Look {
     colourless: Modifier,
 }
 
-fn indexed((front, back): Pair<u8>) -> Pair<Color> {
+fn indexed_colours((front, back): Pair<u8>) -> Pair<Color> {
     (front.map(Color::Indexed), back.map(Color::Indexed))
 }
 
 /// A look with a foreground colour only.
-const fn front(full: (u8, u8), sixteen: (Color, Color), modifier: Modifier, colourless: Modifier) -> Look {
-    Look {
+const fn foreground_look(
+    full: (u8, u8),
+    sixteen: (Color, Color),
+    modifier: Modifier,
+    colourless: Modifier,
+) -> RoleStyle {
+    RoleStyle {
         full_dark: (Some(full.0), None),
         full_light: (Some(full.1), None),
         sixteen_dark: (Some(sixteen.0), None),
@@ -292,12 +297,12 @@ const fn front(full: (u8, u8), sixteen: (Color, Color), modifier: Modifier, colo
 }
 
 /// A look with attributes, and with a background at full depth.
-const fn back(full: Option<(u8, u8)>, modifier: Modifier, colourless: Modifier) -> Look {
+const fn background_look(full: Option<(u8, u8)>, modifier: Modifier, colourless: Modifier) -> RoleStyle {
     let (dark, light) = match full {
         Some((dark, light)) => (Some(dark), Some(light)),
         None => (None, None),
     };
-    Look {
+    RoleStyle {
         full_dark: (None, dark),
         full_light: (None, light),
         sixteen_dark: (None, None),
@@ -308,14 +313,14 @@ const fn back(full: Option<(u8, u8)>, modifier: Modifier, colourless: Modifier) 
 }
 
 /// A look with black or white text on a colour.
-const fn block(
+const fn block_look(
     full: (u8, u8),
     sixteen: (Color, Color),
     is_light_on_light: bool,
     colourless: Modifier,
-) -> Look {
+) -> RoleStyle {
     let (text, sixteen_text) = if is_light_on_light { (231, Color::White) } else { (16, Color::Black) };
-    Look {
+    RoleStyle {
         full_dark: (Some(16), Some(full.0)),
         full_light: (Some(text), Some(full.1)),
         sixteen_dark: (Some(Color::Black), Some(sixteen.0)),
@@ -327,7 +332,7 @@ const fn block(
 
 /// The looks of all roles. Yellow is unreadable on white, so the light palette of sixteen colours uses
 /// magenta.
-const fn look(role: Role) -> Look {
+const fn role_look(role: TextRole) -> RoleStyle {
     use Color::{Blue, Cyan, DarkGray, Green, LightBlue, LightCyan, LightGreen, LightMagenta, LightRed};
     use Color::{LightYellow, Magenta, Red, Yellow};
     const NONE: Modifier = Modifier::empty();
@@ -337,29 +342,29 @@ const fn look(role: Role) -> Look {
     const UNDER: Modifier = Modifier::UNDERLINED;
     const REVERSED: Modifier = Modifier::REVERSED;
     match role {
-        Role::Text => back(None, NONE, NONE),
-        Role::Quiet => front((245, 242), (DarkGray, DarkGray), NONE, DIM),
-        Role::Good => front((114, 28), (Green, Green), NONE, ITALIC),
-        Role::Caution => front((221, 130), (Yellow, Magenta), NONE, BOLD),
-        Role::Bad => front((203, 160), (LightRed, Red), BOLD, BOLD.union(UNDER)),
-        Role::Note => front((117, 25), (Cyan, Blue), NONE, UNDER),
-        Role::Title | Role::Header => back(None, BOLD, BOLD),
-        Role::Key => front((81, 25), (LightCyan, Blue), BOLD, BOLD),
-        Role::Border => front((240, 249), (DarkGray, DarkGray), NONE, DIM),
-        Role::BorderActive => front((81, 25), (LightCyan, Blue), NONE, BOLD),
-        Role::Selected => back(Some((237, 253)), BOLD, REVERSED),
-        Role::Cursor => block((81, 25), (Cyan, Blue), true, BOLD.union(REVERSED)),
-        Role::HeaderCell => back(None, BOLD.union(UNDER), BOLD.union(UNDER)),
-        Role::Changed => front((215, 166), (LightYellow, Red), BOLD, BOLD),
-        Role::Search => block((221, 226), (Yellow, Yellow), false, REVERSED.union(UNDER)),
-        Role::Link => front((111, 26), (LightBlue, Blue), UNDER, UNDER),
-        Role::Highlight(number) => match number % HIGHLIGHTS {
-            0 => front((117, 25), (LightCyan, Blue), NONE, BOLD),
-            1 => front((215, 166), (LightYellow, Red), NONE, UNDER),
-            2 => front((156, 28), (LightGreen, Green), NONE, ITALIC),
-            3 => front((213, 162), (LightMagenta, Magenta), NONE, BOLD.union(UNDER)),
-            4 => front((229, 94), (LightRed, DarkGray), NONE, BOLD.union(ITALIC)),
-            _ => front((141, 55), (LightBlue, Cyan), NONE, UNDER.union(ITALIC)),
+        TextRole::Text => background_look(None, NONE, NONE),
+        TextRole::Quiet => foreground_look((245, 242), (DarkGray, DarkGray), NONE, DIM),
+        TextRole::Good => foreground_look((114, 28), (Green, Green), NONE, ITALIC),
+        TextRole::Caution => foreground_look((221, 130), (Yellow, Magenta), NONE, BOLD),
+        TextRole::Bad => foreground_look((203, 160), (LightRed, Red), BOLD, BOLD.union(UNDER)),
+        TextRole::Note => foreground_look((117, 25), (Cyan, Blue), NONE, UNDER),
+        TextRole::Title | TextRole::Header => background_look(None, BOLD, BOLD),
+        TextRole::Key => foreground_look((81, 25), (LightCyan, Blue), BOLD, BOLD),
+        TextRole::Border => foreground_look((240, 249), (DarkGray, DarkGray), NONE, DIM),
+        TextRole::BorderActive => foreground_look((81, 25), (LightCyan, Blue), NONE, BOLD),
+        TextRole::Selected => background_look(Some((237, 253)), BOLD, REVERSED),
+        TextRole::Cursor => block_look((81, 25), (Cyan, Blue), true, BOLD.union(REVERSED)),
+        TextRole::HeaderCell => background_look(None, BOLD.union(UNDER), BOLD.union(UNDER)),
+        TextRole::Changed => foreground_look((215, 166), (LightYellow, Red), BOLD, BOLD),
+        TextRole::Search => block_look((221, 226), (Yellow, Yellow), false, REVERSED.union(UNDER)),
+        TextRole::Link => foreground_look((111, 26), (LightBlue, Blue), UNDER, UNDER),
+        TextRole::Highlight(number) => match number % HIGHLIGHTS {
+            0 => foreground_look((117, 25), (LightCyan, Blue), NONE, BOLD),
+            1 => foreground_look((215, 166), (LightYellow, Red), NONE, UNDER),
+            2 => foreground_look((156, 28), (LightGreen, Green), NONE, ITALIC),
+            3 => foreground_look((213, 162), (LightMagenta, Magenta), NONE, BOLD.union(UNDER)),
+            4 => foreground_look((229, 94), (LightRed, DarkGray), NONE, BOLD.union(ITALIC)),
+            _ => foreground_look((141, 55), (LightBlue, Cyan), NONE, UNDER.union(ITALIC)),
         },
     }
 }
@@ -369,72 +374,80 @@ mod tests {
     use super::*;
 
     /// Groups of roles that appear next to each other and must be distinguishable.
-    const APART: &[&[Role]] = &[
-        &[Role::Text, Role::Quiet, Role::Good, Role::Caution, Role::Bad, Role::Note],
-        &[Role::Border, Role::BorderActive],
-        &[Role::Text, Role::Selected, Role::Cursor, Role::Search],
-        &[Role::Text, Role::Quiet, Role::Changed],
-        &[Role::Text, Role::HeaderCell],
-        &[Role::Text, Role::Title],
-        &[Role::Text, Role::Quiet, Role::Key],
-        &[Role::Text, Role::Link],
+    const APART: &[&[TextRole]] = &[
+        &[TextRole::Text, TextRole::Quiet, TextRole::Good, TextRole::Caution, TextRole::Bad, TextRole::Note],
+        &[TextRole::Border, TextRole::BorderActive],
+        &[TextRole::Text, TextRole::Selected, TextRole::Cursor, TextRole::Search],
+        &[TextRole::Text, TextRole::Quiet, TextRole::Changed],
+        &[TextRole::Text, TextRole::HeaderCell],
+        &[TextRole::Text, TextRole::Title],
+        &[TextRole::Text, TextRole::Quiet, TextRole::Key],
+        &[TextRole::Text, TextRole::Link],
         &[
-            Role::Text,
-            Role::Highlight(0),
-            Role::Highlight(1),
-            Role::Highlight(2),
-            Role::Highlight(3),
-            Role::Highlight(4),
-            Role::Highlight(5),
+            TextRole::Text,
+            TextRole::Highlight(0),
+            TextRole::Highlight(1),
+            TextRole::Highlight(2),
+            TextRole::Highlight(3),
+            TextRole::Highlight(4),
+            TextRole::Highlight(5),
         ],
     ];
 
     #[test]
     fn distinct_roles_differ_in_every_colour_depth() {
-        for palette in [Palette::Dark, Palette::Light] {
-            for depth in [Depth::None, Depth::Sixteen, Depth::Full] {
-                let theme = Theme::new(palette, depth, Borders::Unicode);
+        for palette in [ThemePalette::Dark, ThemePalette::Light] {
+            for depth in [ColorDepth::None, ColorDepth::Sixteen, ColorDepth::Full] {
+                let theme = Theme::new(palette, depth, LineCharacters::Unicode);
                 for group in APART {
                     for (at, one) in group.iter().enumerate() {
                         for other in &group[at + 1..] {
-                            let styles = (theme.style(*one), theme.style(*other));
+                            let styles = (theme.role_style(*one), theme.role_style(*other));
                             assert_ne!(styles.0, styles.1, "{palette:?} {depth:?} {one:?} {other:?}");
                         }
                     }
                 }
-                assert_ne!(theme.selection(true), theme.selection(false), "{palette:?} {depth:?}");
-                assert_ne!(theme.selection(false), theme.style(Role::Text), "{palette:?} {depth:?}");
+                assert_ne!(
+                    theme.selection_style(true),
+                    theme.selection_style(false),
+                    "{palette:?} {depth:?}"
+                );
+                assert_ne!(
+                    theme.selection_style(false),
+                    theme.role_style(TextRole::Text),
+                    "{palette:?} {depth:?}"
+                );
             }
         }
     }
 
-    fn every_role() -> Vec<Role> {
-        let mut roles = vec![Role::Header];
+    fn every_role() -> Vec<TextRole> {
+        let mut roles = vec![TextRole::Header];
         roles.extend(APART.iter().copied().flatten().copied());
         roles
     }
 
     #[test]
     fn no_colour_means_no_colour() {
-        let theme = Theme::new(Palette::Dark, Depth::None, Borders::Unicode);
+        let theme = Theme::new(ThemePalette::Dark, ColorDepth::None, LineCharacters::Unicode);
         for role in every_role() {
-            let style = theme.style(role);
+            let style = theme.role_style(role);
             assert_eq!((style.fg, style.bg), (None, None), "{role:?}");
         }
     }
 
     #[test]
     fn sixteen_colours_are_the_named_ones() {
-        for palette in [Palette::Dark, Palette::Light] {
-            let theme = Theme::new(palette, Depth::Sixteen, Borders::Unicode);
+        for palette in [ThemePalette::Dark, ThemePalette::Light] {
+            let theme = Theme::new(palette, ColorDepth::Sixteen, LineCharacters::Unicode);
             for role in every_role() {
-                let style = theme.style(role);
+                let style = theme.role_style(role);
                 for colour in [style.fg, style.bg].into_iter().flatten() {
                     assert!(!matches!(colour, Color::Indexed(_) | Color::Rgb(..)), "{role:?}");
                     // Colours close to the background of their palette.
                     let faint = match palette {
-                        Palette::Dark => [Color::Blue, Color::Magenta],
-                        Palette::Light => [Color::LightYellow, Color::White],
+                        ThemePalette::Dark => [Color::Blue, Color::Magenta],
+                        ThemePalette::Light => [Color::LightYellow, Color::White],
                     };
                     let on_background = style.bg.is_none();
                     assert!(!on_background || !faint.contains(&colour), "{palette:?} {role:?}");
@@ -445,7 +458,7 @@ mod tests {
 
     #[test]
     fn ascii_is_ascii() {
-        let theme = Theme::new(Palette::Dark, Depth::Full, Borders::Ascii);
+        let theme = Theme::new(ThemePalette::Dark, ColorDepth::Full, LineCharacters::Ascii);
         let set = theme.border_set();
         let glyphs = [Glyph::Arrow, Glyph::Up, Glyph::Down, Glyph::Ellipsis, Glyph::Warning, Glyph::Bar];
         let more = [Glyph::Check, Glyph::Cross, Glyph::Dot, Glyph::Closed, Glyph::Open, Glyph::Vertical];
@@ -455,7 +468,7 @@ mod tests {
         }
         assert_eq!((set.top_left, set.vertical_right, set.horizontal_top), ("+", "|", "-"));
         assert_eq!(theme.glyph(Glyph::Arrow), "->");
-        let unicode = Theme::new(Palette::Dark, Depth::Full, Borders::Unicode);
+        let unicode = Theme::new(ThemePalette::Dark, ColorDepth::Full, LineCharacters::Unicode);
         assert_eq!((unicode.glyph(Glyph::Arrow), unicode.glyph(Glyph::Ellipsis)), ("→", "…"));
     }
 }

@@ -7,21 +7,21 @@
 
 use cobscope_decoder::session::{Bus, Buses, SessionOptions};
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::statistics::{BusStatistics, Intervals, Quality, span};
+use cobscope_decoder::statistics::{BusStatistics, CaptureQuality, IntervalStatistics, format_span};
 use cobscope_decoder::why::NodeChoice;
 use cobscope_decoder::wire::NodeId;
-use cobscope_decoder::words::plural;
+use cobscope_decoder::words::count_noun;
 
-use crate::figures::{bits, millis, seconds, tenths};
+use crate::figures::{format_bits, format_millis, format_seconds, format_tenths};
 
 /// Maximum number of nodes in a list.
 const LISTED: usize = 20;
 
 /// Protocols detected on a bus, or the reason why it is not detected as CANopen.
-pub fn protocols(bus: &Bus) -> String {
+pub fn protocols_text(bus: &Bus) -> String {
     let seen = [(bus.is_canopen(), "CANopen"), (bus.is_j1939(), "J1939"), (bus.is_uds(), "UDS")];
     let seen: Vec<_> = seen.iter().filter(|(is_seen, _)| *is_seen).map(|(_, name)| *name).collect();
-    match (seen.as_slice(), bus.doubt()) {
+    match (seen.as_slice(), bus.detection_doubt()) {
         ([], Some(reason)) => format!("not detected as CANopen: {reason}"),
         ([], None) if bus.is_canopen_presumed() => "CANopen presumed, not confirmed".to_owned(),
         ([], None) => "no CANopen, J1939 or UDS messages".to_owned(),
@@ -30,30 +30,34 @@ pub fn protocols(bus: &Bus) -> String {
 }
 
 /// Granularity of the timestamps, or a note that they are synthetic.
-pub fn stamps(quality: &Quality) -> Option<String> {
+pub fn granularity_text(quality: &CaptureQuality) -> Option<String> {
     if let Some(interval) = quality.made_up_interval() {
-        return Some(format!("timestamps synthetic (every {}): timing unknown", step(interval)));
+        return Some(format!("timestamps synthetic (every {}): timing unknown", step_text(interval)));
     }
     if quality.has_equal_stamps() {
         return Some("all timestamps equal: no times".to_owned());
     }
-    quality.granularity().map(|granularity| format!("timestamps in steps of {}", step(granularity)))
+    quality.granularity().map(|granularity| format!("timestamps in steps of {}", step_text(granularity)))
 }
 
 /// A step of timestamps: `0.100 ms`, `100 ns`.
-fn step(nanoseconds: i64) -> String {
-    if nanoseconds < 1_000 { format!("{nanoseconds} ns") } else { format!("{} ms", millis(nanoseconds)) }
+fn step_text(nanoseconds: i64) -> String {
+    if nanoseconds < 1_000 {
+        format!("{nanoseconds} ns")
+    } else {
+        format!("{} ms", format_millis(nanoseconds))
+    }
 }
 
 /// `27 error frames: protocol 27, bus-error 27`.
-pub fn error_frames(quality: &Quality) -> String {
+pub fn error_frames(quality: &CaptureQuality) -> String {
     let classes: Vec<String> =
         quality.error_classes.iter().map(|(name, count)| format!("{name} {count}")).collect();
-    format!("{}: {}", plural(quality.error_frames, "error frame"), classes.join(", "))
+    format!("{}: {}", count_noun(quality.error_frames, "error frame"), classes.join(", "))
 }
 
 /// `1 line or record`, `2 lines or records`.
-pub fn unreadable(count: u64) -> String {
+pub fn unreadable_text(count: u64) -> String {
     if count == 1 { "1 line or record".to_owned() } else { format!("{count} lines or records") }
 }
 
@@ -65,11 +69,11 @@ pub fn unknown_bus(captures: &str, name: &str, by: &str, names: &[&str]) -> Opti
 }
 
 /// Note on nodes that the user named and that sent no frame, with the nodes that did.
-pub fn unheard(capture: &str, buses: Buses<'_>, options: &SessionOptions) -> Option<String> {
+pub fn unheard_note(capture: &str, buses: Buses<'_>, options: &SessionOptions) -> Option<String> {
     unheard_until(capture, buses, options, None)
 }
 
-/// As [`unheard`], for a capture of which only the part up to `end` was read.
+/// As [`unheard_note`], for a capture of which only the part up to `end` was read.
 pub fn unheard_until(
     capture: &str,
     buses: Buses<'_>,
@@ -116,15 +120,15 @@ pub fn absent_choices(capture: &str, buses: Buses<'_>, choices: &[NodeChoice]) -
 fn no_frame_of(capture: &str, buses: Buses<'_>, missing: &[NodeId], end: &str) -> Option<String> {
     let first = missing.first()?;
     let (subject, others) = match missing {
-        [_] => (first.words(), String::new()),
-        several => ("named nodes".to_owned(), format!(" {}", list(several.iter().copied()))),
+        [_] => (first.sentence_label(), String::new()),
+        several => ("named nodes".to_owned(), format!(" {}", node_list(several.iter().copied()))),
     };
-    let present = present(buses);
+    let present = present_nodes(buses);
     Some(format!("{capture}: {subject}{others} sent no frame{end}; nodes present: {present}"))
 }
 
 /// Labels of the nodes that sent a frame, with their buses if there are several: `can0 1/01, can1 5/05`.
-pub fn present(buses: Buses<'_>) -> String {
+pub fn present_nodes(buses: Buses<'_>) -> String {
     let mut all = Vec::new();
     for bus in buses.iter() {
         let nodes = bus.nodes().filter(|node| node.last_seen().0 > 0).map(|node| node.id().label());
@@ -134,7 +138,7 @@ pub fn present(buses: Buses<'_>) -> String {
             all.extend(nodes);
         }
     }
-    if all.is_empty() { "none".to_owned() } else { shortened(all) }
+    if all.is_empty() { "none".to_owned() } else { shorten_labels(all) }
 }
 
 /// Whether a node sent a frame, also under a later node-ID, or was present before the capture.
@@ -142,40 +146,43 @@ fn has_sent(bus: &Bus, node: NodeId) -> bool {
     bus.present_or_former(node).is_some_and(|node| node.last_seen().0 > 0 || node.was_present())
 }
 
-fn list(nodes: impl Iterator<Item = NodeId>) -> String {
-    shortened(nodes.map(NodeId::label).collect())
+fn node_list(nodes: impl Iterator<Item = NodeId>) -> String {
+    shorten_labels(nodes.map(NodeId::label).collect())
 }
 
 /// Labels separated by commas, of many only the first.
-fn shortened(labels: Vec<String>) -> String {
+fn shorten_labels(labels: Vec<String>) -> String {
     let more = if labels.len() > LISTED { ", …" } else { "" };
     let shown: Vec<String> = labels.into_iter().take(LISTED).collect();
     format!("{}{more}", shown.join(", "))
 }
 
 /// Defects of a capture.
-pub fn faults(quality: &Quality) -> Vec<String> {
+pub fn capture_defects(quality: &CaptureQuality) -> Vec<String> {
     let mut faults = Vec::new();
     if quality.unreadable > 0 {
-        faults.push(format!("{} unreadable", unreadable(quality.unreadable)));
+        faults.push(format!("{} unreadable", unreadable_text(quality.unreadable)));
     }
     if quality.lost > 0 {
-        faults.push(format!("{} lost by the recorder", plural(quality.lost, "frame")));
+        faults.push(format!("{} lost by the recorder", count_noun(quality.lost, "frame")));
     }
     if quality.clock_steps.0 > 0 {
-        let (steps, largest) = (quality.clock_steps.0, span(quality.clock_steps.1.saturating_neg()));
-        faults.push(format!("{} of the timestamps, largest {largest}", plural(steps, "backward step")));
+        let (steps, largest) = (quality.clock_steps.0, format_span(quality.clock_steps.1.saturating_neg()));
+        faults.push(format!("{} of the timestamps, largest {largest}", count_noun(steps, "backward step")));
     }
     if quality.silences.0 > 0 {
-        let longest = seconds(quality.silences.1);
-        faults.push(format!("{} without any frame, longest {longest} s", plural(quality.silences.0, "gap")));
-        faults.extend(quality.holes());
+        let longest = format_seconds(quality.silences.1);
+        faults.push(format!(
+            "{} without any frame, longest {longest} s",
+            count_noun(quality.silences.0, "gap")
+        ));
+        faults.extend(quality.gap_texts());
     }
     faults
 }
 
 /// Frames and bits per second, mean and maximum; and the bus load, or `hint` on how to set the bit rate.
-pub fn rates(
+pub fn rate_texts(
     statistics: &BusStatistics,
     duration: Option<i64>,
     start: i64,
@@ -184,7 +191,7 @@ pub fn rates(
 ) -> Vec<String> {
     let load = &statistics.load;
     let Some(duration) = duration.filter(|duration| *duration > 0) else {
-        return vec![plural(load.frames, "frame")];
+        return vec![count_noun(load.frames, "frame")];
     };
     let per_second = |count: u64, times: u128| {
         u128::from(count) * times * 1_000_000_000 / u128::from(duration.unsigned_abs())
@@ -193,16 +200,16 @@ pub fn rates(
     let (worst, at) = load.worst_frames();
     let first = format!(
         "{}, {}/s, {}/s; worst second {}, {} from {} s",
-        plural(load.frames, "frame"),
-        tenths(frames),
-        bits(mean),
-        plural(worst, "frame"),
-        bits(u128::from(load.worst_bits().0)),
-        since(at, start)
+        count_noun(load.frames, "frame"),
+        format_tenths(frames),
+        format_bits(mean),
+        count_noun(worst, "frame"),
+        format_bits(u128::from(load.worst_bits().0)),
+        format_since(at, start)
     );
     let second = match rate {
         Some(rate) => {
-            let percent = |bits: u128| tenths(bits * 1000 / u128::from(rate.max(1)));
+            let percent = |bits: u128| format_tenths(bits * 1000 / u128::from(rate.max(1)));
             let (mean, worst) = (percent(mean), percent(u128::from(load.worst_bits().0)));
             format!("load {mean} % of {} kbit/s, worst second {worst} %", rate / 1000)
         }
@@ -212,7 +219,7 @@ pub fn rates(
 }
 
 /// Messages of the NMT master, one line per kind.
-pub fn commands(statistics: &BusStatistics, quality: &Quality) -> Vec<String> {
+pub fn command_texts(statistics: &BusStatistics, quality: &CaptureQuality) -> Vec<String> {
     let start = quality.first.unwrap_or(0);
     let is_synthetic = !quality.is_timed();
     let master = &statistics.master;
@@ -220,14 +227,14 @@ pub fn commands(statistics: &BusStatistics, quality: &Quality) -> Vec<String> {
         master.commands.iter().map(|(service, count)| format!("NMT {} {count}", service.name())).collect();
     if master.syncs > 0 {
         let gaps = if master.sync_gaps > 0 {
-            format!(", {}", plural(master.sync_gaps, "counter gap"))
+            format!(", {}", count_noun(master.sync_gaps, "counter gap"))
         } else {
             String::new()
         };
         // Synthetic timestamps have no jitter, and an interval with a silence is not one.
         let jitter = master.sync.jitter().filter(|_| !is_synthetic && master.sync.is_regular());
-        let jitter = jitter.map_or(String::new(), |jitter| format!(", jitter ±{} ms", millis(jitter)));
-        parts.push(format!("SYNC {}{}{jitter}{gaps}", master.syncs, period(&master.sync, start)));
+        let jitter = jitter.map_or(String::new(), |jitter| format!(", jitter ±{} ms", format_millis(jitter)));
+        parts.push(format!("SYNC {}{}{jitter}{gaps}", master.syncs, period_text(&master.sync, start)));
     }
     if master.times > 0 {
         parts.push(format!("TIME {}", master.times));
@@ -239,17 +246,17 @@ pub fn commands(statistics: &BusStatistics, quality: &Quality) -> Vec<String> {
 }
 
 /// ` every 10.000 ms (9.812 to 14.200, worst from 3.211 s)`.
-pub fn period(intervals: &Intervals, start: i64) -> String {
+pub fn period_text(intervals: &IntervalStatistics, start: i64) -> String {
     let (Some(mean), Some(shortest), Some((longest, began))) =
         (intervals.mean(), intervals.shortest(), intervals.longest())
     else {
         return String::new();
     };
-    let (mean, shortest, longest) = (millis(mean), millis(shortest), millis(longest));
-    format!(" every {mean} ms ({shortest} to {longest}, worst from {} s)", since(began, start))
+    let (mean, shortest, longest) = (format_millis(mean), format_millis(shortest), format_millis(longest));
+    format!(" every {mean} ms ({shortest} to {longest}, worst from {} s)", format_since(began, start))
 }
 
 /// Time since the first frame, in seconds.
-pub fn since(time: i64, start: i64) -> String {
-    seconds(time.saturating_sub(start))
+pub fn format_since(time: i64, start: i64) -> String {
+    format_seconds(time.saturating_sub(start))
 }

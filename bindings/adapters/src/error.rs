@@ -115,18 +115,18 @@ impl fmt::Display for OpenError {
                 f,
                 "{} is in use by another program or by a driver; an adapter that Linux uses is an interface of \
                  SocketCAN: open can0",
-                adapter(channel)
+                adapter_text(channel)
             ),
             Self::NoPermission { channel } => write!(
                 f,
                 "no permission to open {}; on Linux a udev rule gives it (docs/adapters.md)",
-                adapter(channel)
+                adapter_text(channel)
             ),
             Self::NotListenOnly { kind, channel } => write!(
                 f,
                 "{} has no listen-only mode; other modes are not used because they acknowledge frames; {}",
                 match kind {
-                    AdapterKind::GsUsb => adapter(channel),
+                    AdapterKind::GsUsb => adapter_text(channel),
                     AdapterKind::Pcan | AdapterKind::Kvaser => format!("channel {channel}"),
                 },
                 kind.listen_only_remedy()
@@ -139,7 +139,7 @@ impl fmt::Display for OpenError {
 impl std::error::Error for OpenError {}
 
 /// An adapter by its name; the only one has none.
-fn adapter(name: &str) -> String {
+fn adapter_text(name: &str) -> String {
     if name.is_empty() { "the adapter".into() } else { format!("adapter {name}") }
 }
 

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::{ControllerStatus, Disconnected, OpenError, Reading, gs_usb, kvaser, pcan};
+use crate::{ControllerStatus, Disconnected, OpenError, ReceivedItem, gs_usb, kvaser, pcan};
 
 /// A kind of adapters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -17,7 +17,7 @@ pub enum AdapterKind {
 
 /// An adapter channel that a driver reports.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Channel {
+pub struct AdapterChannel {
     /// Name for [`AdapterKind::listen`]: `USB1`, `0`, a serial number.
     pub name: String,
     /// Device with its channel: `PCAN-USB Pro FD, channel 2`.
@@ -40,12 +40,12 @@ pub enum ChannelState {
 }
 
 /// A channel in listen-only mode. Dropping it takes the channel off the bus and closes it.
-pub trait Listener: Send {
+pub trait ChannelListener: Send {
     /// Appends received items in order, waiting at most `wait` for the first one.
     ///
     /// # Errors
     /// The adapter is unplugged, or the driver closed the channel.
-    fn read(&mut self, readings: &mut Vec<Reading>, wait: Duration) -> Result<(), Disconnected>;
+    fn read(&mut self, readings: &mut Vec<ReceivedItem>, wait: Duration) -> Result<(), Disconnected>;
 
     /// State of the controller.
     ///
@@ -93,7 +93,7 @@ impl AdapterKind {
     ///
     /// # Errors
     /// The driver is missing or fails.
-    pub fn channels(self) -> Result<Vec<Channel>, OpenError> {
+    pub fn channels(self) -> Result<Vec<AdapterChannel>, OpenError> {
         match self {
             Self::Pcan => pcan::channels(),
             Self::Kvaser => kvaser::channels(),
@@ -105,7 +105,7 @@ impl AdapterKind {
     ///
     /// # Errors
     /// Driver, channel, bit rate or listen-only mode are not available, or another program uses the channel.
-    pub fn listen(self, channel: &str, bit_rate: u32) -> Result<Box<dyn Listener>, OpenError> {
+    pub fn listen(self, channel: &str, bit_rate: u32) -> Result<Box<dyn ChannelListener>, OpenError> {
         match self {
             Self::Pcan => Ok(Box::new(pcan::PcanListener::open(channel, bit_rate)?)),
             Self::Kvaser => Ok(Box::new(kvaser::KvaserListener::open(channel, bit_rate)?)),

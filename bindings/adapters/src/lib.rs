@@ -31,8 +31,9 @@ mod reading;
 mod vendor;
 
 pub use error::{Disconnected, OpenError};
-pub use kind::{AdapterKind, Channel, ChannelState, Listener};
+pub use kind::{AdapterChannel, AdapterKind, ChannelListener, ChannelState};
 pub use reading::{
-    BusError, Confinement, ControllerStatus, Counters, ErrorFrame, Reading, ReceivedFrame, Violation,
+    AdapterErrorFrame, BusError, ControllerStatus, ErrorCounters, FaultConfinement, ReceivedFrame,
+    ReceivedItem, ViolationKind,
 };
 pub use vendor::Vendor;

@@ -15,12 +15,12 @@ pub(crate) struct DriverLibrary {
 }
 
 /// Text of the operating system, which is the source of the error.
-fn reason(error: &libloading::Error) -> String {
+fn error_reason(error: &libloading::Error) -> String {
     error.source().map_or_else(|| error.to_string(), ToString::to_string)
 }
 
 /// Name of the library on this system, or the path from the variable of the vendor.
-pub(crate) fn path(vendor: Vendor, variable: Option<OsString>) -> PathBuf {
+pub(crate) fn library_path(vendor: Vendor, variable: Option<OsString>) -> PathBuf {
     let name = if cfg!(windows) { vendor.windows_library() } else { vendor.linux_library() };
     variable.filter(|path| !path.is_empty()).map_or_else(|| name.into(), PathBuf::from)
 }
@@ -28,11 +28,11 @@ pub(crate) fn path(vendor: Vendor, variable: Option<OsString>) -> PathBuf {
 impl DriverLibrary {
     /// Loads the library of the vendor.
     pub(crate) fn load(vendor: Vendor) -> Result<Self, OpenError> {
-        let path = path(vendor, std::env::var_os(vendor.variable()));
+        let path = library_path(vendor, std::env::var_os(vendor.variable()));
         let library = open(&path).map_err(|error| OpenError::NoDriver {
             vendor,
             library: path.clone(),
-            reason: reason(&error),
+            reason: error_reason(&error),
         })?;
         Ok(Self { vendor, library })
     }
@@ -61,10 +61,10 @@ fn open(path: &std::path::Path) -> Result<Library, libloading::Error> {
 #[cfg(windows)]
 fn open(path: &std::path::Path) -> Result<Library, libloading::Error> {
     use libloading::os::windows::{LOAD_LIBRARY_SEARCH_DEFAULT_DIRS, Library as WindowsLibrary};
-    let is_name = path.components().count() == 1;
+    let is_name = library_path.components().count() == 1;
     let flags = if is_name { LOAD_LIBRARY_SEARCH_DEFAULT_DIRS } else { 0 };
     // SAFETY: as for other systems.
-    unsafe { WindowsLibrary::load_with_flags(path, flags) }.map(Library::from)
+    unsafe { WindowsLibrary::load_with_flags(library_path, flags) }.map(Library::from)
 }
 
 #[cfg(test)]
@@ -74,8 +74,8 @@ mod tests {
     #[test]
     fn a_variable_overrides_the_name_of_the_library() {
         let name = if cfg!(windows) { "PCANBasic.dll" } else { "libpcanbasic.so" };
-        assert_eq!(path(Vendor::Pcan, None), PathBuf::from(name));
-        assert_eq!(path(Vendor::Pcan, Some(OsString::new())), PathBuf::from(name));
-        assert_eq!(path(Vendor::Pcan, Some("/opt/x.so".into())), PathBuf::from("/opt/x.so"));
+        assert_eq!(library_path(Vendor::Pcan, None), PathBuf::from(name));
+        assert_eq!(library_path(Vendor::Pcan, Some(OsString::new())), PathBuf::from(name));
+        assert_eq!(library_path(Vendor::Pcan, Some("/opt/x.so".into())), PathBuf::from("/opt/x.so"));
     }
 }

@@ -1,6 +1,6 @@
 //! Data of an adapter, in the same types for all vendors.
 
-/// Max number of readings per call of [`read`](crate::Listener::read): a queue that fills faster than it is read must not
+/// Max number of readings per call of [`read`](crate::ChannelListener::read): a queue that fills faster than it is read must not
 /// use unlimited memory.
 pub(crate) const MAX_READINGS: usize = 8_192;
 
@@ -23,7 +23,7 @@ pub struct ReceivedFrame {
 
 /// Kind of a protocol violation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Violation {
+pub enum ViolationKind {
     /// Bit error.
     Bit,
     /// Form error.
@@ -38,7 +38,7 @@ pub enum Violation {
 
 /// Error counters of the CAN controller in the adapter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Counters {
+pub struct ErrorCounters {
     /// Receive error counter; 255 if above.
     pub receive: u8,
     /// Transmit error counter; 255 if above.
@@ -49,39 +49,39 @@ pub struct Counters {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BusError {
     /// Kind; `None` if only the counters changed.
-    pub violation: Option<Violation>,
+    pub violation: Option<ViolationKind>,
     /// The adapter was transmitting. In listen-only mode it never is.
     pub is_transmitting: bool,
     /// Position in the frame as segment code of the SJA1000; 0 if unknown.
     pub place: u8,
     /// Error counters after it, if the driver states them.
-    pub counters: Option<Counters>,
+    pub counters: Option<ErrorCounters>,
     /// Time by the clock of the adapter in µs, as [`ReceivedFrame::stamp`].
     pub stamp: u32,
 }
 
 /// An error frame that the adapter reports in the layout of SocketCAN (linux/can/error.h).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ErrorFrame {
+pub struct AdapterErrorFrame {
     /// Error classes: the identifier without flags.
     pub class: u32,
     /// Data.
     pub data: [u8; 8],
     /// The state of the controller, if the frame reports it.
-    pub confinement: Option<Confinement>,
+    pub confinement: Option<FaultConfinement>,
     /// Time by the clock of the adapter in µs, as [`ReceivedFrame::stamp`].
     pub stamp: u32,
 }
 
 /// An item from the receive queue.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Reading {
+pub enum ReceivedItem {
     /// A frame.
     Frame(ReceivedFrame),
     /// A bus error.
     Error(BusError),
     /// An error frame.
-    ErrorFrame(ErrorFrame),
+    ErrorFrame(AdapterErrorFrame),
     /// The controller or the queue of the driver was read too late: at least one frame is lost.
     Lost,
     /// Data of the driver that cannot be valid: found and expected value.
@@ -90,7 +90,7 @@ pub enum Reading {
 
 /// Fault confinement state (ISO 11898-1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Confinement {
+pub enum FaultConfinement {
     /// Both error counters are below the warning limit.
     Active,
     /// An error counter reached the warning limit.
@@ -105,9 +105,9 @@ pub enum Confinement {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ControllerStatus {
     /// Fault confinement state.
-    pub confinement: Confinement,
+    pub confinement: FaultConfinement,
     /// Error counters, if the driver states them.
-    pub counters: Option<Counters>,
+    pub counters: Option<ErrorCounters>,
 }
 
 /// Identifiers of 11 and of 29 bits.
@@ -116,18 +116,18 @@ const MAX_EXTENDED: u32 = 0x1FFF_FFFF;
 
 impl ReceivedFrame {
     /// The frame, or a reading that states which value is not valid.
-    pub(crate) fn checked(self) -> Reading {
+    pub(crate) fn check_frame(self) -> ReceivedItem {
         let max = if self.is_extended { MAX_EXTENDED } else { MAX_STANDARD };
         if self.id > max {
-            return Reading::Invalid(format!(
+            return ReceivedItem::Invalid(format!(
                 "identifier {:X} from the driver; expected 0 to {max:X}",
                 self.id
             ));
         }
         if self.length > 8 {
-            return Reading::Invalid(format!("length {} from the driver; expected 0 to 8", self.length));
+            return ReceivedItem::Invalid(format!("length {} from the driver; expected 0 to 8", self.length));
         }
-        Reading::Frame(self)
+        ReceivedItem::Frame(self)
     }
 }
 
@@ -145,11 +145,11 @@ mod tests {
             data: [0; 8],
             stamp: 0,
         };
-        assert_eq!(frame.checked(), Reading::Frame(frame));
+        assert_eq!(frame.check_frame(), ReceivedItem::Frame(frame));
         let extended = ReceivedFrame { id: 0x1FFF_FFFF, is_extended: true, ..frame };
-        assert_eq!(extended.checked(), Reading::Frame(extended));
+        assert_eq!(extended.check_frame(), ReceivedItem::Frame(extended));
         let invalid = |frame: ReceivedFrame, text: &str| {
-            assert_eq!(frame.checked(), Reading::Invalid(text.into()));
+            assert_eq!(frame.check_frame(), ReceivedItem::Invalid(text.into()));
         };
         invalid(ReceivedFrame { id: 0x800, ..frame }, "identifier 800 from the driver; expected 0 to 7FF");
         invalid(

@@ -14,8 +14,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use cobscope_adapters::{
-    AdapterKind, ChannelState, Confinement, Counters, Listener, OpenError, Reading, ReceivedFrame, Vendor,
-    Violation,
+    AdapterKind, ChannelListener, ChannelState, ErrorCounters, FaultConfinement, OpenError, ReceivedFrame,
+    ReceivedItem, Vendor, ViolationKind,
 };
 
 /// Time limit, far longer than any step takes.
@@ -75,7 +75,7 @@ impl Driver {
 
 const CHANNELS: [(AdapterKind, &str); 2] = [(AdapterKind::Pcan, "USB1"), (AdapterKind::Kvaser, "0")];
 
-fn listen(kind: AdapterKind, channel: &str) -> Box<dyn Listener> {
+fn listen(kind: AdapterKind, channel: &str) -> Box<dyn ChannelListener> {
     match kind.listen(channel, 500_000) {
         Ok(listener) => listener,
         Err(error) => panic!("{error}"),
@@ -90,7 +90,7 @@ fn refusal(kind: AdapterKind, channel: &str, bit_rate: u32) -> OpenError {
 }
 
 /// Reads until there are `count` readings.
-fn read(listener: &mut dyn Listener, count: usize) -> Vec<Reading> {
+fn read(listener: &mut dyn ChannelListener, count: usize) -> Vec<ReceivedItem> {
     let (begin, mut readings) = (Instant::now(), Vec::new());
     while readings.len() < count {
         assert!(begin.elapsed() < LIMIT, "{} readings", readings.len());
@@ -100,9 +100,9 @@ fn read(listener: &mut dyn Listener, count: usize) -> Vec<Reading> {
 }
 
 /// Frame number `number` of the simulated driver, which starts at 5 s.
-fn frame(number: u64) -> Reading {
+fn frame(number: u64) -> ReceivedItem {
     let stamp = u32::try_from(5_000_000 + number * 100).unwrap();
-    Reading::Frame(ReceivedFrame {
+    ReceivedItem::Frame(ReceivedFrame {
         id: 0x181,
         is_extended: false,
         is_remote: false,
@@ -149,15 +149,15 @@ fn no_frame_of_100_000_is_lost_or_changed() {
         // 99 errors: before frames 1,000, 2,000, …, 99,000.
         let readings = read(&mut *listener, 100_099);
         let (frames, errors): (Vec<_>, Vec<_>) =
-            readings.into_iter().partition(|reading| matches!(reading, Reading::Frame(_)));
+            readings.into_iter().partition(|reading| matches!(reading, ReceivedItem::Frame(_)));
         assert!(frames.iter().zip(0..).all(|(found, number)| *found == frame(number)));
         assert_eq!((frames.len(), errors.len()), (100_000, 99));
-        let Reading::Error(error) = &errors[0] else { panic!("{:?}", errors[0]) };
-        assert_eq!((error.violation, error.is_transmitting), (Some(Violation::Stuff), false));
+        let ReceivedItem::Error(error) = &errors[0] else { panic!("{:?}", errors[0]) };
+        assert_eq!((error.violation, error.is_transmitting), (Some(ViolationKind::Stuff), false));
         assert_eq!(error.stamp, 5_100_000);
         // PCAN states position and counters, CANlib neither.
         let is_pcan = kind == AdapterKind::Pcan;
-        let counters = Some(Counters { receive: 96, transmit: 0 }).filter(|_| is_pcan);
+        let counters = Some(ErrorCounters { receive: 96, transmit: 0 }).filter(|_| is_pcan);
         assert_eq!((error.place, error.counters), (if is_pcan { 10 } else { 0 }, counters));
         drop(listener);
         driver.calls();
@@ -169,19 +169,19 @@ fn lost_frames_invalid_messages_and_bus_off_are_reported() {
     for (kind, channel) in CHANNELS {
         let _driver = Driver::start("frames=6,overrun_at=2,invalid_at=4,bus_off_at=6");
         let mut listener = listen(kind, channel);
-        assert_eq!(listener.status().unwrap().confinement, Confinement::Active);
+        assert_eq!(listener.status().unwrap().confinement, FaultConfinement::Active);
         let readings = read(&mut *listener, 8);
-        let Reading::Invalid(_) = &readings[5] else { panic!("{readings:?}") };
+        let ReceivedItem::Invalid(_) = &readings[5] else { panic!("{readings:?}") };
         let mut others = readings.clone();
         others.remove(5);
         assert_eq!(
             others,
-            [frame(0), frame(1), Reading::Lost, frame(2), frame(3), frame(4), frame(5)],
+            [frame(0), frame(1), ReceivedItem::Lost, frame(2), frame(3), frame(4), frame(5)],
             "{kind:?}"
         );
         let status = listener.status().unwrap();
-        assert_eq!(status.confinement, Confinement::BusOff);
-        let counters = (kind == AdapterKind::Kvaser).then_some(Counters { receive: 255, transmit: 0 });
+        assert_eq!(status.confinement, FaultConfinement::BusOff);
+        let counters = (kind == AdapterKind::Kvaser).then_some(ErrorCounters { receive: 255, transmit: 0 });
         assert_eq!(status.counters, counters);
     }
 }

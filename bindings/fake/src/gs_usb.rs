@@ -6,8 +6,8 @@
 use std::collections::VecDeque;
 use std::io::{self, Read, Write};
 
-use crate::Adapter;
-use crate::scenario::{Item, Scenario};
+use crate::SimulatedAdapter;
+use crate::scenario::{QueueItem, Scenario};
 
 /// Number of bus and device in USB/IP.
 pub const DEVICE: u32 = 0x0001_0002;
@@ -52,7 +52,7 @@ const OVERFLOW: u8 = 1;
 
 /// The simulated adapter; it keeps its state while it is unplugged.
 pub struct GsUsbDevice {
-    adapter: Adapter,
+    adapter: SimulatedAdapter,
     /// Sequence numbers of the reads that wait for frames.
     reads: VecDeque<u32>,
     is_overrun: bool,
@@ -60,7 +60,7 @@ pub struct GsUsbDevice {
 }
 
 /// A command of USB/IP.
-struct Submitted {
+struct SubmittedCommand {
     sequence: u32,
     is_in: bool,
     endpoint: u32,
@@ -68,7 +68,7 @@ struct Submitted {
     setup: [u8; 8],
 }
 
-fn word(bytes: &[u8], index: usize) -> u32 {
+fn read_word(bytes: &[u8], index: usize) -> u32 {
     let (words, _) = bytes.as_chunks::<4>();
     words.get(index).copied().map_or(0, u32::from_be_bytes)
 }
@@ -77,7 +77,7 @@ impl GsUsbDevice {
     /// An adapter with a scenario, as `frames=100,listen=refuse`.
     pub fn new(scenario: &str) -> Self {
         Self {
-            adapter: Adapter::new(Scenario::parse(scenario)),
+            adapter: SimulatedAdapter::new(Scenario::parse(scenario)),
             reads: VecDeque::new(),
             is_overrun: false,
             has_reported_bus_off: false,
@@ -93,7 +93,7 @@ impl GsUsbDevice {
     ///
     /// # Errors
     /// The connection fails.
-    pub fn serve(&mut self, mut stream: impl Read + Write) -> io::Result<()> {
+    pub fn serve_kernel(&mut self, mut stream: impl Read + Write) -> io::Result<()> {
         self.reads.clear();
         let mut header = [0; HEADER];
         loop {
@@ -101,63 +101,66 @@ impl GsUsbDevice {
                 Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => return Ok(()),
                 result => result?,
             }
-            let sequence = word(&header, 1);
-            match word(&header, 0) {
+            let sequence = read_word(&header, 1);
+            match read_word(&header, 0) {
                 SUBMIT => {
                     let mut setup = [0; 8];
                     setup.iter_mut().zip(header.iter().skip(40)).for_each(|(to, from)| *to = *from);
                     let (is_in, endpoint, length) =
-                        (word(&header, 3) == 1, word(&header, 4), word(&header, 6));
-                    self.submit(&mut stream, &Submitted { sequence, is_in, endpoint, length, setup })?;
+                        (read_word(&header, 3) == 1, read_word(&header, 4), read_word(&header, 6));
+                    self.on_submit(
+                        &mut stream,
+                        &SubmittedCommand { sequence, is_in, endpoint, length, setup },
+                    )?;
                 }
                 UNLINK => {
-                    let wanted = word(&header, 5);
+                    let wanted = read_word(&header, 5);
                     let before = self.reads.len();
                     self.reads.retain(|read| *read != wanted);
                     let status = if self.reads.len() < before { UNLINK_DONE } else { 0 };
-                    answer(&mut stream, UNLINKED, sequence, status, 0, &[])?;
+                    write_answer(&mut stream, UNLINKED, sequence, status, 0, &[])?;
                 }
                 _ => return Err(io::ErrorKind::InvalidData.into()),
             }
-            if !self.play(&mut stream)? {
+            if !self.play_items(&mut stream)? {
                 return Ok(());
             }
         }
     }
 
-    fn submit(&mut self, stream: &mut (impl Read + Write), command: &Submitted) -> io::Result<()> {
+    fn on_submit(&mut self, stream: &mut (impl Read + Write), command: &SubmittedCommand) -> io::Result<()> {
         let mut data = Vec::new();
         if !command.is_in {
             stream.take(command.length.into()).read_to_end(&mut data)?;
         }
         match (command.endpoint, command.is_in) {
-            (0, true) => match self.ask(command.setup) {
+            (0, true) => match self.answer_question(command.setup) {
                 Some(mut data) => {
                     data.truncate(usize::try_from(command.length).unwrap_or(usize::MAX));
-                    answer(stream, SUBMITTED, command.sequence, 0, data.len(), &data)
+                    write_answer(stream, SUBMITTED, command.sequence, 0, data.len(), &data)
                 }
-                None => answer(stream, SUBMITTED, command.sequence, STALL, 0, &[]),
+                None => write_answer(stream, SUBMITTED, command.sequence, STALL, 0, &[]),
             },
             (0, false) => {
-                let status = if self.order(command.setup, &data) { 0 } else { STALL };
-                answer(stream, SUBMITTED, command.sequence, status, data.len(), &[])
+                let status = if self.carry_out(command.setup, &data) { 0 } else { STALL };
+                write_answer(stream, SUBMITTED, command.sequence, status, data.len(), &[])
             }
             (1, true) => {
                 self.reads.push_back(command.sequence);
                 Ok(())
             }
             _ => {
-                self.adapter.record(&format!("transmitted {data:02X?}"));
-                answer(stream, SUBMITTED, command.sequence, 0, data.len(), &[])
+                self.adapter.record_call(&format!("transmitted {data:02X?}"));
+                write_answer(stream, SUBMITTED, command.sequence, 0, data.len(), &[])
             }
         }
     }
 
-    fn ask(&self, setup: [u8; 8]) -> Option<Vec<u8>> {
+    fn answer_question(&self, setup: [u8; 8]) -> Option<Vec<u8>> {
         let [kind, request, index, value, ..] = setup;
         let words = |words: &[u32]| Some(words.iter().flat_map(|word| word.to_le_bytes()).collect());
         match (kind, request) {
-            (0x80, 6) => descriptor(value, index),
+            (0x80, 6) => usb_descriptor(value, index),
             (0x80..=0x82, 0) => Some(vec![0, 0]),
             (0x80, 8) => Some(vec![1]),
             (0xC1, CONFIG) => words(&[0, 2, 1]),
@@ -171,7 +174,7 @@ impl GsUsbDevice {
         }
     }
 
-    fn order(&mut self, setup: [u8; 8], data: &[u8]) -> bool {
+    fn carry_out(&mut self, setup: [u8; 8], data: &[u8]) -> bool {
         let [kind, request, ..] = setup;
         let words: Vec<u32> = data.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word)).collect();
         match (kind, request, &words[..]) {
@@ -180,12 +183,12 @@ impl GsUsbDevice {
             (0x41, TIMING, [propagation, phase_1, phase_2, _, prescaler]) => {
                 let quanta = 1 + propagation + phase_1 + phase_2;
                 let bit_rate = 48_000_000 / (quanta * prescaler).max(1);
-                self.adapter.record(&format!("bit rate {bit_rate}"));
+                self.adapter.record_call(&format!("bit rate {bit_rate}"));
                 true
             }
             (0x41, MODE, [0, _]) => {
                 self.adapter.is_on_bus = false;
-                self.adapter.record("off the bus");
+                self.adapter.record_call("off the bus");
                 true
             }
             (0x41, MODE, [1, flags]) => {
@@ -198,36 +201,36 @@ impl GsUsbDevice {
     }
 
     /// Answers waiting reads with the items of the scenario; false once the adapter is unplugged.
-    fn play(&mut self, stream: &mut impl Write) -> io::Result<bool> {
+    fn play_items(&mut self, stream: &mut impl Write) -> io::Result<bool> {
         while self.adapter.is_on_bus && !self.reads.is_empty() {
             let number = self.adapter.next;
             if self.adapter.is_bus_off() && !self.has_reported_bus_off {
                 self.has_reported_bus_off = true;
-                let bytes = self.frame(0x2000_0040, 8, [0; 8], number);
-                self.transfer(stream, &bytes)?;
+                let bytes = self.host_frame(0x2000_0040, 8, [0; 8], number);
+                self.answer_transfer(stream, &bytes)?;
                 continue;
             }
             let bytes = match self.adapter.next_item() {
-                Item::Unplugged => return Ok(false),
-                Item::Empty if number >= self.adapter.scenario.frames => return Ok(true),
-                Item::Empty => continue,
-                Item::Overrun => {
+                QueueItem::Unplugged => return Ok(false),
+                QueueItem::Empty if number >= self.adapter.scenario.frames => return Ok(true),
+                QueueItem::Empty => continue,
+                QueueItem::Overrun => {
                     self.is_overrun = true;
                     continue;
                 }
-                Item::Invalid => self.frame(0x181, 200, [0; 8], number),
-                Item::Error(number) => self.frame(0x2000_0088, 8, [0, 0, 4, 0, 0, 0, 0, 0], number),
-                Item::Frame(number) => self.frame(0x181, 8, number.to_le_bytes(), number),
+                QueueItem::Invalid => self.host_frame(0x181, 200, [0; 8], number),
+                QueueItem::Error(number) => self.host_frame(0x2000_0088, 8, [0, 0, 4, 0, 0, 0, 0, 0], number),
+                QueueItem::Frame(number) => self.host_frame(0x181, 8, number.to_le_bytes(), number),
             };
-            self.transfer(stream, &bytes)?;
+            self.answer_transfer(stream, &bytes)?;
         }
         Ok(true)
     }
 
     /// `gs_host_frame` with its timestamp.
-    fn frame(&mut self, id: u32, length: u8, data: [u8; 8], number: u64) -> Vec<u8> {
+    fn host_frame(&mut self, id: u32, length: u8, data: [u8; 8], number: u64) -> Vec<u8> {
         let flags = if std::mem::take(&mut self.is_overrun) { OVERFLOW } else { 0 };
-        let stamp = self.adapter.time(number) & u64::from(u32::MAX);
+        let stamp = self.adapter.frame_time(number) & u64::from(u32::MAX);
         let mut bytes = u32::MAX.to_le_bytes().to_vec();
         bytes.extend(id.to_le_bytes());
         bytes.extend([length, 0, flags, 0]);
@@ -236,35 +239,35 @@ impl GsUsbDevice {
         bytes
     }
 
-    fn transfer(&mut self, stream: &mut impl Write, bytes: &[u8]) -> io::Result<()> {
+    fn answer_transfer(&mut self, stream: &mut impl Write, bytes: &[u8]) -> io::Result<()> {
         match self.reads.pop_front() {
-            Some(read) => answer(stream, SUBMITTED, read, 0, bytes.len(), bytes),
+            Some(read) => write_answer(stream, SUBMITTED, read, 0, bytes.len(), bytes),
             None => Ok(()),
         }
     }
 }
 
-fn descriptor(kind: u8, index: u8) -> Option<Vec<u8>> {
+fn usb_descriptor(kind: u8, index: u8) -> Option<Vec<u8>> {
     match (kind, index) {
         (1, 0) => Some(DEVICE_DESCRIPTOR.to_vec()),
         (2, 0) => Some(CONFIGURATION.to_vec()),
         // The languages of texts: English.
         (3, 0) => Some(vec![4, 3, 9, 4]),
-        (3, 1) => Some(text("bytewerk")),
-        (3, 2) => Some(text(PRODUCT)),
-        (3, 3) => Some(text(SERIAL)),
+        (3, 1) => Some(text_descriptor("bytewerk")),
+        (3, 2) => Some(text_descriptor(PRODUCT)),
+        (3, 3) => Some(text_descriptor(SERIAL)),
         _ => None,
     }
 }
 
-fn text(text: &str) -> Vec<u8> {
+fn text_descriptor(text: &str) -> Vec<u8> {
     let units: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
     let length = u8::try_from(units.len() + 2).unwrap_or(u8::MAX);
     [vec![length, 3], units].concat()
 }
 
 /// Writes an answer with its data; `length` is the number of bytes transferred in either direction.
-fn answer(
+fn write_answer(
     stream: &mut impl Write,
     command: u32,
     sequence: u32,

@@ -4,8 +4,8 @@
 
 use std::ffi::{c_char, c_int, c_long, c_uint, c_ulong, c_void};
 
-use crate::scenario::Item;
-use crate::{with, write_text};
+use crate::scenario::QueueItem;
+use crate::{with_adapter, write_text};
 
 const OK: c_int = 0;
 const PARAMETER: c_int = -1;
@@ -17,14 +17,14 @@ const SILENT: c_uint = 1;
 const SILENT_MODE: u32 = 0x0020_0000;
 const HANDLE: c_int = 3;
 
-fn record(call: &str) {
-    with(|adapter| adapter.record(call));
+fn record_call(call: &str) {
+    with_adapter(|adapter| adapter.record_call(call));
 }
 
 /// Initialises the library.
 #[unsafe(no_mangle)]
 pub extern "system" fn canInitializeLibrary() {
-    record("canInitializeLibrary");
+    record_call("canInitializeLibrary");
 }
 
 /// Looks for adapters.
@@ -35,7 +35,7 @@ pub extern "system" fn canInitializeLibrary() {
 pub unsafe extern "system" fn canEnumHardwareEx(count: *mut c_int) -> c_int {
     // SAFETY: the caller guarantees it.
     unsafe { count.write(1) };
-    record("canEnumHardwareEx");
+    record_call("canEnumHardwareEx");
     OK
 }
 
@@ -45,7 +45,7 @@ pub unsafe extern "system" fn canEnumHardwareEx(count: *mut c_int) -> c_int {
 /// The pointer must be valid for writes.
 #[unsafe(no_mangle)]
 pub unsafe extern "system" fn canGetNumberOfChannels(count: *mut c_int) -> c_int {
-    let found = with(|adapter| match (adapter.scenario.is_absent, adapter.scenario.is_hostile) {
+    let found = with_adapter(|adapter| match (adapter.scenario.is_absent, adapter.scenario.is_hostile) {
         (true, _) => 0,
         (_, true) => c_int::MIN,
         _ => 1,
@@ -66,7 +66,7 @@ pub unsafe extern "system" fn canGetChannelData(
     buffer: *mut c_void,
     length: usize,
 ) -> c_int {
-    let is_light = with(|adapter| adapter.scenario.is_light);
+    let is_light = with_adapter(|adapter| adapter.scenario.is_light);
     let word = match item {
         1 if is_light => Some(0x6),
         1 => Some(SILENT_MODE | 0x6),
@@ -85,8 +85,8 @@ pub unsafe extern "system" fn canGetChannelData(
 /// Opens a channel.
 #[unsafe(no_mangle)]
 pub extern "system" fn canOpenChannel(channel: c_int, flags: c_int) -> c_int {
-    with(|adapter| {
-        adapter.record(&format!("canOpenChannel {channel} {flags:X}"));
+    with_adapter(|adapter| {
+        adapter.record_call(&format!("canOpenChannel {channel} {flags:X}"));
         if adapter.scenario.is_in_use || adapter.scenario.is_absent { NOT_FOUND } else { HANDLE }
     })
 }
@@ -102,7 +102,7 @@ pub extern "system" fn canSetBusParams(
     samples: c_uint,
     _mode: c_uint,
 ) -> c_int {
-    record(&match rate {
+    record_call(&match rate {
         ..0 => format!("canSetBusParams {rate}"),
         _ => format!("canSetBusParams {rate} {segment_1} {segment_2} {jump_width} {samples}"),
     });
@@ -112,8 +112,8 @@ pub extern "system" fn canSetBusParams(
 /// Sets the output control.
 #[unsafe(no_mangle)]
 pub extern "system" fn canSetBusOutputControl(_handle: c_int, output: c_uint) -> c_int {
-    with(|adapter| {
-        adapter.record(&format!("canSetBusOutputControl {output}"));
+    with_adapter(|adapter| {
+        adapter.record_call(&format!("canSetBusOutputControl {output}"));
         if output == SILENT && adapter.set_listen_only() { OK } else { PARAMETER }
     })
 }
@@ -124,8 +124,8 @@ pub extern "system" fn canSetBusOutputControl(_handle: c_int, output: c_uint) ->
 /// The pointer must be valid for writes.
 #[unsafe(no_mangle)]
 pub unsafe extern "system" fn canGetBusOutputControl(_handle: c_int, output: *mut c_uint) -> c_int {
-    let found = with(|adapter| {
-        adapter.record("canGetBusOutputControl");
+    let found = with_adapter(|adapter| {
+        adapter.record_call("canGetBusOutputControl");
         if adapter.is_listen_only { SILENT } else { 4 }
     });
     // SAFETY: the caller guarantees it.
@@ -145,7 +145,7 @@ pub unsafe extern "system" fn canIoCtl(
     _length: c_uint,
 ) -> c_int {
     match function {
-        6 => record("canIoCtl timer scale"),
+        6 => record_call("canIoCtl timer scale"),
         // SAFETY: the caller guarantees four bytes.
         12 => unsafe { buffer.cast::<u32>().write_unaligned(1) },
         _ => return PARAMETER,
@@ -156,8 +156,8 @@ pub unsafe extern "system" fn canIoCtl(
 /// Joins the bus.
 #[unsafe(no_mangle)]
 pub extern "system" fn canBusOn(_handle: c_int) -> c_int {
-    with(|adapter| {
-        adapter.record("canBusOn");
+    with_adapter(|adapter| {
+        adapter.record_call("canBusOn");
         adapter.go_on_bus();
         OK
     })
@@ -166,8 +166,8 @@ pub extern "system" fn canBusOn(_handle: c_int) -> c_int {
 /// Leaves the bus.
 #[unsafe(no_mangle)]
 pub extern "system" fn canBusOff(_handle: c_int) -> c_int {
-    with(|adapter| {
-        adapter.record("canBusOff");
+    with_adapter(|adapter| {
+        adapter.record_call("canBusOff");
         adapter.is_on_bus = false;
         OK
     })
@@ -176,8 +176,8 @@ pub extern "system" fn canBusOff(_handle: c_int) -> c_int {
 /// Closes a channel.
 #[unsafe(no_mangle)]
 pub extern "system" fn canClose(_handle: c_int) -> c_int {
-    with(|adapter| {
-        adapter.record("canClose");
+    with_adapter(|adapter| {
+        adapter.record_call("canClose");
         adapter.is_listen_only = false;
         OK
     })
@@ -197,26 +197,26 @@ pub unsafe extern "system" fn canReadWait(
     time: *mut c_ulong,
     wait: c_ulong,
 ) -> c_int {
-    let (item, at, overrun) = with(|adapter| {
-        let mut item = if adapter.is_on_bus { adapter.next_item() } else { Item::Unplugged };
-        let is_overrun = item == Item::Overrun;
+    let (item, at, overrun) = with_adapter(|adapter| {
+        let mut item = if adapter.is_on_bus { adapter.next_item() } else { QueueItem::Unplugged };
+        let is_overrun = item == QueueItem::Overrun;
         // CANlib marks the next message.
         if is_overrun {
             item = adapter.next_item();
         }
-        let number = if let Item::Frame(number) | Item::Error(number) = item { number } else { 0 };
-        (item, adapter.time(number), if is_overrun { 0x0400 } else { 0 })
+        let number = if let QueueItem::Frame(number) | QueueItem::Error(number) = item { number } else { 0 };
+        (item, adapter.frame_time(number), if is_overrun { 0x0400 } else { 0 })
     });
     let (found_id, found_data, found_length, found_flags) = match item {
-        Item::Frame(number) => (0x181, number.to_le_bytes(), 8, 0x0002),
-        Item::Error(_) => (0, [0; 8], 0, 0x0020 | 0x0800),
-        Item::Invalid => (-1, [0xFF; 8], c_uint::MAX, 0x0004),
-        Item::Empty => {
+        QueueItem::Frame(number) => (0x181, number.to_le_bytes(), 8, 0x0002),
+        QueueItem::Error(_) => (0, [0; 8], 0, 0x0020 | 0x0800),
+        QueueItem::Invalid => (-1, [0xFF; 8], c_uint::MAX, 0x0004),
+        QueueItem::Empty => {
             #[allow(clippy::useless_conversion, reason = "it has 32 bits on Windows")]
             std::thread::sleep(std::time::Duration::from_millis(u64::from(wait).min(5)));
             return NO_MESSAGE;
         }
-        Item::Unplugged | Item::Overrun => return HARDWARE,
+        QueueItem::Unplugged | QueueItem::Overrun => return HARDWARE,
     };
     // SAFETY: the caller guarantees all pointers.
     unsafe {
@@ -239,7 +239,7 @@ pub extern "system" fn canWrite(
     _length: c_uint,
     _flags: c_uint,
 ) -> c_int {
-    record("canWrite");
+    record_call("canWrite");
     OK
 }
 
@@ -249,7 +249,8 @@ pub extern "system" fn canWrite(
 /// The pointer must be valid for writes.
 #[unsafe(no_mangle)]
 pub unsafe extern "system" fn canReadStatus(_handle: c_int, flags: *mut c_ulong) -> c_int {
-    let found = with(|adapter| adapter.is_plugged().then(|| if adapter.is_bus_off() { 0x2 } else { 0x8 }));
+    let found =
+        with_adapter(|adapter| adapter.is_plugged().then(|| if adapter.is_bus_off() { 0x2 } else { 0x8 }));
     let Some(found) = found else { return HARDWARE };
     // SAFETY: the caller guarantees it.
     unsafe { flags.write(found) };

@@ -18,10 +18,10 @@ use std::fs::OpenOptions;
 use std::io::Write as _;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use scenario::{Item, Scenario};
+use scenario::{QueueItem, Scenario};
 
 /// State of the simulated adapter. It has one channel.
-pub(crate) struct Adapter {
+pub(crate) struct SimulatedAdapter {
     pub(crate) scenario: Scenario,
     calls: Vec<String>,
     pub(crate) is_on_bus: bool,
@@ -35,7 +35,7 @@ pub(crate) struct Adapter {
     has_played_special: bool,
 }
 
-impl Adapter {
+impl SimulatedAdapter {
     fn new(scenario: Scenario) -> Self {
         Self {
             left_in_burst: scenario.burst,
@@ -50,7 +50,7 @@ impl Adapter {
     }
 
     /// Records a call.
-    pub(crate) fn record(&mut self, call: &str) {
+    pub(crate) fn record_call(&mut self, call: &str) {
         self.calls.push(call.to_owned());
         if let Some(path) = std::env::var_os("COBSCOPE_FAKE_CALLS") {
             let file = OpenOptions::new().create(true).append(true).open(path);
@@ -60,23 +60,23 @@ impl Adapter {
 
     /// Joins the bus. The scenario can cancel listen-only mode here, as a faulty driver would.
     pub(crate) fn go_on_bus(&mut self) {
-        if self.scenario.listen == scenario::Listen::Cancel {
+        if self.scenario.listen == scenario::ListenBehaviour::Cancel {
             self.is_listen_only = false;
         }
         self.is_on_bus = true;
         self.is_unplugged = false;
         let mode = if self.is_listen_only { "listen-only" } else { "normal" };
-        self.record(&format!("on the bus in {mode} mode"));
+        self.record_call(&format!("on the bus in {mode} mode"));
     }
 
     /// Sets listen-only mode; false if the scenario refuses it.
     pub(crate) fn set_listen_only(&mut self) -> bool {
-        self.is_listen_only = self.scenario.listen != scenario::Listen::Ignore;
-        self.scenario.listen != scenario::Listen::Refuse
+        self.is_listen_only = self.scenario.listen != scenario::ListenBehaviour::Ignore;
+        self.scenario.listen != scenario::ListenBehaviour::Refuse
     }
 
     /// The next item of the receive queue.
-    pub(crate) fn next_item(&mut self) -> Item {
+    pub(crate) fn next_item(&mut self) -> QueueItem {
         if self.scenario.unplug_at == Some(self.next) && !self.is_unplugged {
             self.is_unplugged = true;
             self.is_on_bus = false;
@@ -84,14 +84,14 @@ impl Adapter {
             self.scenario.unplug_at = None;
         }
         if self.is_unplugged {
-            return Item::Unplugged;
+            return QueueItem::Unplugged;
         }
         if self.next >= self.scenario.frames {
-            return Item::Empty;
+            return QueueItem::Empty;
         }
         if self.left_in_burst == 0 {
             self.left_in_burst = self.scenario.burst;
-            return Item::Empty;
+            return QueueItem::Empty;
         }
         let special = self.scenario.special_before(self.next).filter(|_| !self.has_played_special);
         if let Some(item) = special {
@@ -101,11 +101,11 @@ impl Adapter {
         self.has_played_special = false;
         self.left_in_burst -= 1;
         self.next += 1;
-        Item::Frame(self.next - 1)
+        QueueItem::Frame(self.next - 1)
     }
 
     /// Time of the next frame in µs.
-    pub(crate) fn time(&self, number: u64) -> u64 {
+    pub(crate) fn frame_time(&self, number: u64) -> u64 {
         self.scenario.start.wrapping_add(number.wrapping_mul(100))
     }
 
@@ -120,13 +120,14 @@ impl Adapter {
     }
 }
 
-static ADAPTER: Mutex<Option<Adapter>> = Mutex::new(None);
+static ADAPTER: Mutex<Option<SimulatedAdapter>> = Mutex::new(None);
 
 /// Runs `work` with the adapter.
-pub(crate) fn with<T>(work: impl FnOnce(&mut Adapter) -> T) -> T {
-    let mut guard: MutexGuard<'_, Option<Adapter>> = ADAPTER.lock().unwrap_or_else(PoisonError::into_inner);
+pub(crate) fn with_adapter<T>(work: impl FnOnce(&mut SimulatedAdapter) -> T) -> T {
+    let mut guard: MutexGuard<'_, Option<SimulatedAdapter>> =
+        ADAPTER.lock().unwrap_or_else(PoisonError::into_inner);
     let from_environment = || Scenario::parse(&std::env::var("COBSCOPE_FAKE_SCENARIO").unwrap_or_default());
-    work(guard.get_or_insert_with(|| Adapter::new(from_environment())))
+    work(guard.get_or_insert_with(|| SimulatedAdapter::new(from_environment())))
 }
 
 /// Writes a text of at most `room` bytes with its NUL.
@@ -150,7 +151,8 @@ pub(crate) unsafe fn write_text(text: &str, buffer: *mut u8, room: usize) {
 pub unsafe extern "C" fn fake_reset(scenario: *const c_char) {
     // SAFETY: the caller guarantees it.
     let text = unsafe { CStr::from_ptr(scenario) }.to_string_lossy();
-    *ADAPTER.lock().unwrap_or_else(PoisonError::into_inner) = Some(Adapter::new(Scenario::parse(&text)));
+    *ADAPTER.lock().unwrap_or_else(PoisonError::into_inner) =
+        Some(SimulatedAdapter::new(Scenario::parse(&text)));
 }
 
 /// The recorded calls, one line each.
@@ -159,7 +161,7 @@ pub unsafe extern "C" fn fake_reset(scenario: *const c_char) {
 /// `buffer` must be valid for `room` bytes, and `room` above 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fake_calls(buffer: *mut u8, room: usize) {
-    let calls = with(|adapter| adapter.calls.join("\n"));
+    let calls = with_adapter(|adapter| adapter.calls.join("\n"));
     // SAFETY: the caller guarantees the room.
     unsafe { write_text(&calls, buffer, room) };
 }

@@ -4,8 +4,8 @@
 
 use std::ffi::{c_char, c_void};
 
-use crate::scenario::Item;
-use crate::{with, write_text};
+use crate::scenario::QueueItem;
+use crate::{with_adapter, write_text};
 
 const OK: u32 = 0;
 const OVERRUN: u32 = 0x40;
@@ -23,7 +23,7 @@ const ATTACHED: u8 = 0x2B;
 
 /// `TPCANMsg`.
 #[repr(C)]
-pub struct Message {
+pub struct FakeMessage {
     id: u32,
     kind: u8,
     length: u8,
@@ -32,7 +32,7 @@ pub struct Message {
 
 /// `TPCANTimestamp`.
 #[repr(C)]
-pub struct Stamp {
+pub struct FakeTimestamp {
     milliseconds: u32,
     overflows: u16,
     microseconds: u16,
@@ -47,8 +47,8 @@ pub extern "system" fn CAN_Initialize(
     _port: u32,
     _interrupt: u16,
 ) -> u32 {
-    with(|adapter| {
-        adapter.record(&format!("CAN_Initialize {registers:04X}"));
+    with_adapter(|adapter| {
+        adapter.record_call(&format!("CAN_Initialize {registers:04X}"));
         if channel != USB1 || adapter.scenario.is_absent {
             return NO_HARDWARE;
         }
@@ -60,8 +60,8 @@ pub extern "system" fn CAN_Initialize(
 /// Leaves the bus.
 #[unsafe(no_mangle)]
 pub extern "system" fn CAN_Uninitialize(_channel: u16) -> u32 {
-    with(|adapter| {
-        adapter.record("CAN_Uninitialize");
+    with_adapter(|adapter| {
+        adapter.record_call("CAN_Uninitialize");
         adapter.is_on_bus = false;
         adapter.is_listen_only = false;
         OK
@@ -71,7 +71,7 @@ pub extern "system" fn CAN_Uninitialize(_channel: u16) -> u32 {
 /// Status bits.
 #[unsafe(no_mangle)]
 pub extern "system" fn CAN_GetStatus(_channel: u16) -> u32 {
-    with(|adapter| match (adapter.is_plugged(), adapter.is_bus_off()) {
+    with_adapter(|adapter| match (adapter.is_plugged(), adapter.is_bus_off()) {
         (false, _) => NO_HARDWARE,
         (true, true) => BUS_OFF,
         (true, false) => OK,
@@ -83,30 +83,36 @@ pub extern "system" fn CAN_GetStatus(_channel: u16) -> u32 {
 /// # Safety
 /// Both pointers must be valid for writes.
 #[unsafe(no_mangle)]
-pub unsafe extern "system" fn CAN_Read(_channel: u16, message: *mut Message, stamp: *mut Stamp) -> u32 {
-    let (item, is_on_bus, time) = with(|adapter| {
-        let item = if adapter.is_on_bus { adapter.next_item() } else { Item::Unplugged };
-        let number = if let Item::Frame(number) | Item::Error(number) = item { number } else { 0 };
-        (item, adapter.is_on_bus || !adapter.is_plugged(), adapter.time(number))
+pub unsafe extern "system" fn CAN_Read(
+    _channel: u16,
+    message: *mut FakeMessage,
+    stamp: *mut FakeTimestamp,
+) -> u32 {
+    let (item, is_on_bus, time) = with_adapter(|adapter| {
+        let item = if adapter.is_on_bus { adapter.next_item() } else { QueueItem::Unplugged };
+        let number = if let QueueItem::Frame(number) | QueueItem::Error(number) = item { number } else { 0 };
+        (item, adapter.is_on_bus || !adapter.is_plugged(), adapter.frame_time(number))
     });
     if !is_on_bus {
         return NOT_INITIALISED;
     }
     let (status, found) = match item {
-        Item::Frame(number) => {
-            (OK, Some(Message { id: 0x181, kind: 0, length: 8, data: number.to_le_bytes() }))
+        QueueItem::Frame(number) => {
+            (OK, Some(FakeMessage { id: 0x181, kind: 0, length: 8, data: number.to_le_bytes() }))
         }
-        Item::Error(_) => {
-            (OK, Some(Message { id: 4, kind: 0x40, length: 4, data: [1, 10, 96, 0, 0, 0, 0, 0] }))
+        QueueItem::Error(_) => {
+            (OK, Some(FakeMessage { id: 4, kind: 0x40, length: 4, data: [1, 10, 96, 0, 0, 0, 0, 0] }))
         }
-        Item::Overrun => (OVERRUN, None),
-        Item::Invalid => (OK, Some(Message { id: u32::MAX, kind: 0, length: 0xFF, data: [0xFF; 8] })),
-        Item::Empty => (EMPTY, None),
-        Item::Unplugged => (NO_HARDWARE, None),
+        QueueItem::Overrun => (OVERRUN, None),
+        QueueItem::Invalid => {
+            (OK, Some(FakeMessage { id: u32::MAX, kind: 0, length: 0xFF, data: [0xFF; 8] }))
+        }
+        QueueItem::Empty => (EMPTY, None),
+        QueueItem::Unplugged => (NO_HARDWARE, None),
     };
     if let Some(found) = found {
         let milliseconds = time / 1_000;
-        let times = Stamp {
+        let times = FakeTimestamp {
             milliseconds: (milliseconds & 0xFFFF_FFFF) as u32,
             overflows: (milliseconds >> 32) as u16,
             microseconds: (time % 1_000) as u16,
@@ -123,7 +129,7 @@ pub unsafe extern "system" fn CAN_Read(_channel: u16, message: *mut Message, sta
 /// Must never be called.
 #[unsafe(no_mangle)]
 pub extern "system" fn CAN_Write(_channel: u16, _message: *const c_void) -> u32 {
-    with(|adapter| adapter.record("CAN_Write"));
+    with_adapter(|adapter| adapter.record_call("CAN_Write"));
     OK
 }
 
@@ -138,9 +144,9 @@ pub unsafe extern "system" fn CAN_GetValue(
     buffer: *mut c_void,
     length: u32,
 ) -> u32 {
-    let value = with(|adapter| {
+    let value = with_adapter(|adapter| {
         if parameter != ATTACHED {
-            adapter.record(&format!("CAN_GetValue {parameter:02X}"));
+            adapter.record_call(&format!("CAN_GetValue {parameter:02X}"));
         }
         let scenario = &adapter.scenario;
         match (parameter, channel) {
@@ -155,7 +161,7 @@ pub unsafe extern "system" fn CAN_GetValue(
     let Some(value) = value else { return NO_PARAMETER };
     if parameter == ATTACHED {
         return if length >= 52 {
-            let condition = with(|adapter| if adapter.scenario.is_in_use { 2_u32 } else { 1 });
+            let condition = with_adapter(|adapter| if adapter.scenario.is_in_use { 2_u32 } else { 1 });
             // SAFETY: the caller guarantees the length.
             unsafe { write_attached(buffer.cast(), condition) };
             OK
@@ -195,8 +201,8 @@ pub unsafe extern "system" fn CAN_SetValue(
 ) -> u32 {
     // SAFETY: the caller guarantees four bytes, as all parameters in use require.
     let value = unsafe { buffer.cast::<u32>().read_unaligned() };
-    with(|adapter| {
-        adapter.record(&format!("CAN_SetValue {parameter:02X} {value}"));
+    with_adapter(|adapter| {
+        adapter.record_call(&format!("CAN_SetValue {parameter:02X} {value}"));
         match (parameter, value) {
             (LISTEN_ONLY, 1) if adapter.set_listen_only() => OK,
             (LISTEN_ONLY, _) => NO_PARAMETER,

@@ -2,7 +2,7 @@
 
 /// Treatment of listen-only mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Listen {
+pub(crate) enum ListenBehaviour {
     /// It works.
     Obey,
     /// Setting it fails.
@@ -33,7 +33,7 @@ pub(crate) struct Scenario {
     /// A message with an impossible length and identifier before this frame.
     invalid_at: Option<u64>,
     /// Treatment of listen-only mode.
-    pub(crate) listen: Listen,
+    pub(crate) listen: ListenBehaviour,
     /// Another program uses the channel.
     pub(crate) is_in_use: bool,
     /// No adapter is plugged in.
@@ -46,7 +46,7 @@ pub(crate) struct Scenario {
 
 /// An item of the receive queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Item {
+pub(crate) enum QueueItem {
     /// A frame with its number.
     Frame(u64),
     /// A stuff error before the frame.
@@ -73,7 +73,7 @@ impl Scenario {
             bus_off_at: None,
             unplug_at: None,
             invalid_at: None,
-            listen: Listen::Obey,
+            listen: ListenBehaviour::Obey,
             is_in_use: false,
             is_absent: false,
             is_hostile: false,
@@ -97,10 +97,10 @@ impl Scenario {
                 "light" => scenario.is_light = true,
                 "listen" => {
                     scenario.listen = match value {
-                        "refuse" => Listen::Refuse,
-                        "ignore" => Listen::Ignore,
-                        "cancel" => Listen::Cancel,
-                        _ => Listen::Obey,
+                        "refuse" => ListenBehaviour::Refuse,
+                        "ignore" => ListenBehaviour::Ignore,
+                        "cancel" => ListenBehaviour::Cancel,
+                        _ => ListenBehaviour::Obey,
                     }
                 }
                 _ => {}
@@ -110,15 +110,15 @@ impl Scenario {
     }
 
     /// Item other than a frame that precedes the frame.
-    pub(crate) fn special_before(&self, number: u64) -> Option<Item> {
+    pub(crate) fn special_before(&self, number: u64) -> Option<QueueItem> {
         if self.overrun_at == Some(number) {
-            return Some(Item::Overrun);
+            return Some(QueueItem::Overrun);
         }
         if self.invalid_at == Some(number) {
-            return Some(Item::Invalid);
+            return Some(QueueItem::Invalid);
         }
         self.error_every
             .filter(|every| number > 0 && number.is_multiple_of(*every))
-            .map(|_| Item::Error(number))
+            .map(|_| QueueItem::Error(number))
     }
 }

@@ -9,25 +9,25 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use serde_json::Value;
 
-use crate::errors::{argument_error, capture_error, raised};
+use crate::errors::{argument_error, capture_error, to_exception};
 use crate::records::{FINDINGS, OBJECTS, RecordTable, STORIES};
-use crate::stream::{Messages, Pass};
+use crate::stream::{CapturePass, PassMessages};
 use crate::table::{Table, TableKind};
 
 /// A capture with the options to decode it. Nothing is decoded before a table is read.
 #[pyclass(module = "cobscope", frozen)]
 pub struct Capture {
     source: Arc<CaptureSource>,
-    messages: Arc<Messages>,
+    messages: Arc<PassMessages>,
     allows_incomplete: bool,
     whole: OnceLock<CaptureResults>,
 }
 
 impl Capture {
-    fn pass(&self, filter: Option<&str>, has_rules: bool) -> PyResult<Pass> {
+    fn pass(&self, filter: Option<&str>, has_rules: bool) -> PyResult<CapturePass> {
         let filter = filter.map(str::parse::<Filter>).transpose();
         let filter = filter.map_err(|error| argument_error(&format!("filter: {error}")))?;
-        Ok(Pass {
+        Ok(CapturePass {
             source: Arc::clone(&self.source),
             messages: Arc::clone(&self.messages),
             allows_incomplete: self.allows_incomplete,
@@ -41,14 +41,14 @@ impl Capture {
         let whole = if let Some(whole) = self.whole.get() {
             whole
         } else {
-            let read = py.detach(|| self.source.results()).map_err(|error| raised(py, &error))?;
-            self.messages.add(read.end.messages.clone());
+            let read = py.detach(|| self.source.results()).map_err(|error| to_exception(py, &error))?;
+            self.messages.add_messages(read.end.messages.clone());
             self.whole.get_or_init(|| read)
         };
         match &whole.end.failure {
             Some(failure) if !self.allows_incomplete => Err(capture_error(py, failure)),
             Some(failure) => {
-                self.messages.add(vec![failure.clone()]);
+                self.messages.add_messages(vec![failure.clone()]);
                 Ok(whole)
             }
             None => Ok(whole),
@@ -58,7 +58,7 @@ impl Capture {
 
 /// A table of records in memory.
 pub fn table_of(table: &RecordTable, records: &[Value]) -> PyResult<Table> {
-    let batch = table.batch(records).map_err(|error| PyValueError::new_err(error.to_string()))?;
+    let batch = table.build_batch(records).map_err(|error| PyValueError::new_err(error.to_string()))?;
     Ok(Table::of_batches(table.name, table.schema(), vec![batch]))
 }
 
@@ -74,9 +74,9 @@ impl Capture {
     #[staticmethod]
     #[pyo3(name = "_open")]
     fn open(py: Python<'_>, words: Vec<OsString>, allows_incomplete: bool) -> PyResult<Self> {
-        let opened = py.detach(|| CaptureSource::open(&words)).map_err(|error| raised(py, &error))?;
-        let messages = Messages::default();
-        messages.add(opened.messages);
+        let opened = py.detach(|| CaptureSource::open(&words)).map_err(|error| to_exception(py, &error))?;
+        let messages = PassMessages::default();
+        messages.add_messages(opened.messages);
         Ok(Self {
             source: Arc::new(opened.value),
             messages: Arc::new(messages),
@@ -100,7 +100,7 @@ impl Capture {
     /// Warnings so far, such as unreadable lines. They are complete after a table was read to its end.
     #[getter]
     fn warnings(&self) -> Vec<String> {
-        self.messages.all()
+        self.messages.all_messages()
     }
 
     /// All events in the order of time, also those that the text output omits.

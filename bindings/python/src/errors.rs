@@ -1,6 +1,6 @@
 //! Exceptions. Each has the attributes `place` and `reason`.
 
-use cobscope::Exit;
+use cobscope::ExitStatus;
 use cobscope::embedded::CommandError;
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;
@@ -17,10 +17,12 @@ create_exception!(
 create_exception!(cobscope, CaptureError, Error, "A capture cannot be read, or not to its end.");
 
 /// The exception for an error of a command.
-pub fn raised(py: Python<'_>, error: &CommandError) -> PyErr {
+pub fn to_exception(py: Python<'_>, error: &CommandError) -> PyErr {
     match error.exit {
-        Exit::Usage => with_place(py, ArgumentError::new_err(error.text.clone()), (None, &error.text)),
-        Exit::Profile => with_place(py, ProfileError::new_err(error.text.clone()), split(&error.text)),
+        ExitStatus::Usage => with_place(py, ArgumentError::new_err(error.text.clone()), (None, &error.text)),
+        ExitStatus::Profile => {
+            with_place(py, ProfileError::new_err(error.text.clone()), split_message(&error.text))
+        }
         _ => capture_error(py, &error.text),
     }
 }
@@ -32,11 +34,11 @@ pub fn argument_error(text: &str) -> PyErr {
 
 /// The exception for a capture.
 pub fn capture_error(py: Python<'_>, text: &str) -> PyErr {
-    with_place(py, CaptureError::new_err(text.to_owned()), split(text))
+    with_place(py, CaptureError::new_err(text.to_owned()), split_message(text))
 }
 
 /// Place and reason of a message, such as `run.log: contains no frames`.
-fn split(text: &str) -> (Option<&str>, &str) {
+fn split_message(text: &str) -> (Option<&str>, &str) {
     text.split_once(": ").map_or((None, text), |(place, reason)| (Some(place), reason))
 }
 

@@ -21,12 +21,12 @@ use std::ffi::OsString;
 use cobscope::embedded;
 use pyo3::prelude::*;
 
-use errors::raised;
+use errors::to_exception;
 
 /// Lines of `check -f jsonl`, their findings as a table, messages, and the exit status.
 #[pyfunction]
 fn check(py: Python<'_>, words: Vec<OsString>) -> PyResult<(String, table::Table, Vec<String>, u8)> {
-    let answer = py.detach(|| embedded::check(&words)).map_err(|error| raised(py, &error))?;
+    let answer = py.detach(|| embedded::check(&words)).map_err(|error| to_exception(py, &error))?;
     let (text, lines, exit) = answer.value;
     Ok((text, capture::findings_of(&lines)?, answer.messages, exit as u8))
 }
@@ -34,14 +34,14 @@ fn check(py: Python<'_>, words: Vec<OsString>) -> PyResult<(String, table::Table
 /// The object of `diff -f json`, and messages.
 #[pyfunction]
 fn diff(py: Python<'_>, words: Vec<OsString>) -> PyResult<(String, Vec<String>)> {
-    let answer = py.detach(|| embedded::diff(&words)).map_err(|error| raised(py, &error))?;
+    let answer = py.detach(|| embedded::diff(&words)).map_err(|error| to_exception(py, &error))?;
     Ok((answer.value, answer.messages))
 }
 
 /// The text of `explain`.
 #[pyfunction]
 fn explain(py: Python<'_>, words: Vec<OsString>) -> PyResult<String> {
-    let answer = py.detach(|| embedded::explain(&words)).map_err(|error| raised(py, &error))?;
+    let answer = py.detach(|| embedded::explain(&words)).map_err(|error| to_exception(py, &error))?;
     Ok(answer.value)
 }
 

@@ -16,9 +16,9 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::capture::findings_of;
-use crate::errors::{argument_error, raised};
+use crate::errors::{argument_error, to_exception};
 use crate::table::Table;
-use crate::tables::{Events, Signals, Table as GrowingTable};
+use crate::tables::{EventsTable, GrowingTable, SignalsTable};
 
 /// Name of the capture in its tables.
 const LIVE: &str = "live";
@@ -31,9 +31,9 @@ const FIRST_DATE: f64 = 1e8;
 
 /// Decodes frames of live buses, in the order of time.
 #[pyclass(module = "cobscope", subclass, frozen)]
-pub struct Decoder(Mutex<LiveState>);
+pub struct Decoder(Mutex<DecoderState>);
 
-struct LiveState {
+struct DecoderState {
     /// `None` after the end.
     reading: Option<Reading<LiveTables>>,
     /// Tables after the end.
@@ -63,10 +63,10 @@ impl WaitingTable {
     }
 
     fn end_batch(&mut self) {
-        if self.table.rows() == 0 {
+        if self.table.row_count() == 0 {
             return;
         }
-        match self.table.take().and_then(|batch| batch()) {
+        match self.table.take_batch().and_then(|batch| batch()) {
             Ok(batch) => {
                 self.rows += batch.num_rows();
                 self.batches.push_back(batch);
@@ -94,7 +94,7 @@ impl WaitingTable {
 impl ReadingPart for LiveTables {
     fn event(&mut self, event: &Event, bus: &Bus) {
         for table in [&mut self.events, &mut self.signals] {
-            table.table.event(event, bus);
+            table.table.add_event(event, bus);
             if table.table.is_full() {
                 table.end_batch();
             }
@@ -102,7 +102,7 @@ impl ReadingPart for LiveTables {
     }
 }
 
-impl LiveState {
+impl DecoderState {
     /// The tables, also after the end.
     fn tables(&mut self) -> PyResult<&mut LiveTables> {
         let Self { reading, ended, .. } = self;
@@ -113,7 +113,7 @@ impl LiveState {
 
 impl Decoder {
     /// A thread that holds the lock never waits for the interpreter.
-    fn state(&self) -> MutexGuard<'_, LiveState> {
+    fn state(&self) -> MutexGuard<'_, DecoderState> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -146,12 +146,13 @@ impl Decoder {
     #[new]
     fn new(py: Python<'_>, words: Vec<OsString>) -> PyResult<Self> {
         let tables = LiveTables {
-            events: WaitingTable::new("events", Box::new(Events::new(LIVE))),
-            signals: WaitingTable::new("signals", Box::new(Signals::new(LIVE))),
+            events: WaitingTable::new("events", Box::new(EventsTable::new(LIVE))),
+            signals: WaitingTable::new("signals", Box::new(SignalsTable::new(LIVE))),
         };
-        let built = py.detach(|| CaptureSource::live(&words, tables)).map_err(|error| raised(py, &error))?;
+        let built =
+            py.detach(|| CaptureSource::live(&words, tables)).map_err(|error| to_exception(py, &error))?;
         let state =
-            LiveState { reading: Some(built.value), ended: None, frames: 0, warnings: built.messages };
+            DecoderState { reading: Some(built.value), ended: None, frames: 0, warnings: built.messages };
         Ok(Self(Mutex::new(state)))
     }
 
@@ -194,7 +195,7 @@ impl Decoder {
             frame.length = length.unwrap_or(0).min(8);
         }
         let mut state = self.state();
-        let LiveState { reading, frames, .. } = &mut *state;
+        let DecoderState { reading, frames, .. } = &mut *state;
         let Some(reading) = reading else { return Err(argument_error("the decoder is finished")) };
         let Some(index) = reading.bus(bus) else {
             return Err(argument_error(&format!("bus: {bus}: too many buses")));
@@ -233,7 +234,8 @@ impl Decoder {
         let summary = reading.finish();
         let frames = summary.frames();
         state.ended = Some(summary.part);
-        let lines = finding_lines(LIVE, frames, summary.findings).map_err(|error| raised(py, &error))?;
+        let lines =
+            finding_lines(LIVE, frames, summary.findings).map_err(|error| to_exception(py, &error))?;
         findings_of(&lines)
     }
 

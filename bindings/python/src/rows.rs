@@ -44,7 +44,7 @@ impl Converters {
 }
 
 /// A column of a batch.
-enum Cells {
+enum BatchColumn {
     Times(TimestampMicrosecondArray),
     Numbers(Int64Array),
     Reals(Float64Array),
@@ -55,7 +55,7 @@ enum Cells {
     Bytes(BinaryArray),
 }
 
-impl Cells {
+impl BatchColumn {
     fn of(name: &str, array: &ArrayRef) -> Option<Self> {
         Some(match array.data_type() {
             DataType::Timestamp(..) => {
@@ -96,7 +96,7 @@ impl Cells {
 
 /// A batch that is read by rows.
 pub struct BatchRows {
-    columns: Vec<(String, Cells)>,
+    columns: Vec<(String, BatchColumn)>,
     count: usize,
     next: usize,
 }
@@ -106,7 +106,7 @@ impl BatchRows {
     pub fn new(batch: &RecordBatch, schema: &Schema) -> Self {
         let columns = schema.fields().iter().zip(batch.columns());
         let columns = columns
-            .filter_map(|(field, array)| Some((field.name().clone(), Cells::of(field.name(), array)?)));
+            .filter_map(|(field, array)| Some((field.name().clone(), BatchColumn::of(field.name(), array)?)));
         Self { columns: columns.collect(), count: batch.num_rows(), next: 0 }
     }
 

@@ -15,18 +15,18 @@ use cobscope_decoder::query::Filter;
 use cobscope_decoder::reading::{FrameDemand, ReadingPart};
 use cobscope_decoder::session::Bus;
 
-use crate::tables::{Table, Unfinished, whole};
+use crate::tables::{GrowingTable, Unfinished, complete_batch};
 
 /// Batches that may wait for their reader.
 const WAITING: usize = 2;
 
 /// Messages of all passes over a capture, each once.
 #[derive(Default)]
-pub struct Messages(Mutex<Vec<String>>);
+pub struct PassMessages(Mutex<Vec<String>>);
 
-impl Messages {
+impl PassMessages {
     /// Adds messages.
-    pub fn add(&self, messages: Vec<String>) {
+    pub fn add_messages(&self, messages: Vec<String>) {
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         for message in messages {
             if !all.contains(&message) {
@@ -36,18 +36,18 @@ impl Messages {
     }
 
     /// All messages so far.
-    pub fn all(&self) -> Vec<String> {
+    pub fn all_messages(&self) -> Vec<String> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
 /// One reading of a capture.
 #[derive(Clone)]
-pub struct Pass {
+pub struct CapturePass {
     /// The capture.
     pub source: Arc<CaptureSource>,
     /// Receives messages at the end.
-    pub messages: Arc<Messages>,
+    pub messages: Arc<PassMessages>,
     /// Whether a truncated capture is a message in place of an error.
     pub allows_incomplete: bool,
     /// Whether findings are among the events.
@@ -57,7 +57,7 @@ pub struct Pass {
 }
 
 /// Result of waiting for a batch.
-pub enum Next {
+pub enum NextBatch {
     /// A batch.
     Batch(RecordBatch),
     /// Error that ended the pass.
@@ -76,7 +76,7 @@ pub struct Batches {
 
 impl Batches {
     /// Starts a pass on a thread of its own; it ends when the batches are dropped.
-    pub fn start(pass: Pass, table: Box<dyn Table>) -> Self {
+    pub fn start(pass: CapturePass, table: Box<dyn GrowingTable>) -> Self {
         let (sender, receiver) = sync_channel(WAITING);
         let schema = table.schema();
         // A pass that cannot be started drops its sender: an empty table is prevented by the error.
@@ -93,22 +93,22 @@ impl Batches {
     pub fn of(schema: SchemaRef, batches: Vec<RecordBatch>) -> Self {
         let (sender, receiver) = sync_channel(batches.len().max(1));
         for batch in batches {
-            let _ = sender.try_send(Ok(whole(batch)));
+            let _ = sender.try_send(Ok(complete_batch(batch)));
         }
         Self { schema, receiver }
     }
 
     /// Waits for the next batch.
-    pub fn next_within(&self, time: Duration) -> Next {
+    pub fn next_within(&self, time: Duration) -> NextBatch {
         match self.receiver.recv_timeout(time) {
-            Ok(batch) => finished(batch).map_or_else(Next::Failure, Next::Batch),
-            Err(RecvTimeoutError::Disconnected) => Next::End,
-            Err(RecvTimeoutError::Timeout) => Next::Waiting,
+            Ok(batch) => finish_batch(batch).map_or_else(NextBatch::Failure, NextBatch::Batch),
+            Err(RecvTimeoutError::Disconnected) => NextBatch::End,
+            Err(RecvTimeoutError::Timeout) => NextBatch::Waiting,
         }
     }
 }
 
-fn finished(batch: Result<Unfinished, String>) -> Result<RecordBatch, String> {
+fn finish_batch(batch: Result<Unfinished, String>) -> Result<RecordBatch, String> {
     batch?().map_err(|error| error.to_string())
 }
 
@@ -117,7 +117,7 @@ impl Iterator for Batches {
 
     fn next(&mut self) -> Option<Self::Item> {
         let batch = self.receiver.recv().ok()?;
-        Some(finished(batch).map_err(|reason| ArrowError::ExternalError(reason.into())))
+        Some(finish_batch(batch).map_err(|reason| ArrowError::ExternalError(reason.into())))
     }
 }
 
@@ -127,20 +127,20 @@ impl RecordBatchReader for Batches {
     }
 }
 
-fn run(pass: &Pass, table: Box<dyn Table>, sender: SyncSender<Result<Unfinished, String>>) {
+fn run(pass: &CapturePass, table: Box<dyn GrowingTable>, sender: SyncSender<Result<Unfinished, String>>) {
     let filter = pass.filter.clone();
     let mut reader = TableReader { table, filter, sender, is_closed: false };
     let end = pass.source.read(pass.has_rules, &mut reader);
     reader.send();
     let failure = match end {
         Ok(end) => {
-            pass.messages.add(end.messages);
+            pass.messages.add_messages(end.messages);
             end.failure
         }
         Err(error) => Some(error.text),
     };
     match failure {
-        Some(failure) if pass.allows_incomplete => pass.messages.add(vec![failure]),
+        Some(failure) if pass.allows_incomplete => pass.messages.add_messages(vec![failure]),
         Some(failure) => reader.send_result(Err(failure)),
         None => {}
     }
@@ -148,7 +148,7 @@ fn run(pass: &Pass, table: Box<dyn Table>, sender: SyncSender<Result<Unfinished,
 
 /// Fills a table and sends its batches.
 struct TableReader {
-    table: Box<dyn Table>,
+    table: Box<dyn GrowingTable>,
     filter: Option<Arc<Filter>>,
     sender: SyncSender<Result<Unfinished, String>>,
     /// The reader of the batches is gone.
@@ -157,8 +157,8 @@ struct TableReader {
 
 impl TableReader {
     fn send(&mut self) {
-        if self.table.rows() > 0 {
-            let batch = self.table.take().map_err(|error| error.to_string());
+        if self.table.row_count() > 0 {
+            let batch = self.table.take_batch().map_err(|error| error.to_string());
             self.send_result(batch);
         }
     }
@@ -170,8 +170,8 @@ impl TableReader {
 
 impl ReadingPart for TableReader {
     fn event(&mut self, event: &Event, bus: &Bus) {
-        if self.filter.as_ref().is_none_or(|filter| filter.matches(event, bus, None)) {
-            self.table.event(event, bus);
+        if self.filter.as_ref().is_none_or(|filter| filter.matches_event(event, bus, None)) {
+            self.table.add_event(event, bus);
             if self.table.is_full() {
                 self.send();
             }
@@ -187,7 +187,7 @@ impl ReadingPart for TableReader {
     }
 
     fn frame(&mut self, frame: &Frame, names: &BusNames) {
-        self.table.frame(frame, names.name_of(frame.bus));
+        self.table.add_frame(frame, names.name_of(frame.bus));
         if self.table.is_full() {
             self.send();
         }

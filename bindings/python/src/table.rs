@@ -13,8 +13,8 @@ use pyo3::types::{PyCapsule, PyDict};
 
 use crate::errors::capture_error;
 use crate::rows::{BatchRows, Converters};
-use crate::stream::{Batches, Next, Pass};
-use crate::tables::{Events, Frames, Signals, Table as GrowingTable};
+use crate::stream::{Batches, CapturePass, NextBatch};
+use crate::tables::{EventsTable, FramesTable, GrowingTable, SignalsTable};
 
 /// Time between looks at the signals of Python, such as Ctrl-C.
 const SIGNAL_INTERVAL: Duration = Duration::from_millis(100);
@@ -33,9 +33,9 @@ pub enum TableKind {
 impl TableKind {
     fn grow(self, capture: &str) -> Box<dyn GrowingTable> {
         match self {
-            Self::Signals => Box::new(Signals::new(capture)),
-            Self::Events => Box::new(Events::new(capture)),
-            Self::Frames => Box::new(Frames::new(capture)),
+            Self::Signals => Box::new(SignalsTable::new(capture)),
+            Self::Events => Box::new(EventsTable::new(capture)),
+            Self::Frames => Box::new(FramesTable::new(capture)),
         }
     }
 
@@ -48,9 +48,9 @@ impl TableKind {
     }
 }
 
-enum Content {
+enum TableContent {
     /// Decoded again each time that the table is read.
-    Capture(Pass, TableKind),
+    Capture(CapturePass, TableKind),
     Memory(&'static str, Vec<RecordBatch>),
 }
 
@@ -60,24 +60,24 @@ enum Content {
 #[pyclass(module = "cobscope", frozen)]
 pub struct Table {
     schema: SchemaRef,
-    content: Content,
+    content: TableContent,
 }
 
 impl Table {
     /// A table that is decoded when it is read.
-    pub fn of_capture(pass: Pass, kind: TableKind) -> Self {
-        Self { schema: kind.grow("").schema(), content: Content::Capture(pass, kind) }
+    pub fn of_capture(pass: CapturePass, kind: TableKind) -> Self {
+        Self { schema: kind.grow("").schema(), content: TableContent::Capture(pass, kind) }
     }
 
     /// A table in memory.
     pub fn of_batches(name: &'static str, schema: SchemaRef, batches: Vec<RecordBatch>) -> Self {
-        Self { schema, content: Content::Memory(name, batches) }
+        Self { schema, content: TableContent::Memory(name, batches) }
     }
 
     fn batches(&self) -> Batches {
         match &self.content {
-            Content::Capture(pass, kind) => Batches::start(pass.clone(), kind.grow(&pass.source.name())),
-            Content::Memory(_, batches) => Batches::of(SchemaRef::clone(&self.schema), batches.clone()),
+            TableContent::Capture(pass, kind) => Batches::start(pass.clone(), kind.grow(&pass.source.name())),
+            TableContent::Memory(_, batches) => Batches::of(SchemaRef::clone(&self.schema), batches.clone()),
         }
     }
 }
@@ -117,8 +117,8 @@ impl Table {
 
     fn __repr__(&self) -> String {
         let name = match &self.content {
-            Content::Capture(_, kind) => kind.name(),
-            Content::Memory(name, _) => name,
+            TableContent::Capture(_, kind) => kind.name(),
+            TableContent::Memory(name, _) => name,
         };
         format!("<cobscope.Table {name}: {}>", self.columns().join(", "))
     }
@@ -156,10 +156,10 @@ impl Rows {
                 (batches, next)
             });
             match next {
-                Next::Batch(batch) => self.current = Some(BatchRows::new(&batch, &self.schema)),
-                Next::Failure(reason) => return Err(capture_error(py, &reason)),
-                Next::End => return Ok(None),
-                Next::Waiting => py.check_signals()?,
+                NextBatch::Batch(batch) => self.current = Some(BatchRows::new(&batch, &self.schema)),
+                NextBatch::Failure(reason) => return Err(capture_error(py, &reason)),
+                NextBatch::End => return Ok(None),
+                NextBatch::Waiting => py.check_signals()?,
             }
             self.batches = Mutex::new(Some(batches));
         }

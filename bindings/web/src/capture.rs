@@ -4,19 +4,19 @@ use std::io::Seek as _;
 use std::path::Path;
 
 use cobscope_decoder::capture::{
-    Batch, CaptureError, MergedCapture, MergedPosition, MergedReader, Notice, ReadOptions, Reader,
+    Batch, CaptureError, CaptureReader, MergedCapture, MergedPosition, MergedReader, Notice, ReadOptions,
 };
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::{Checkpoint, ReplayState, Walk};
+use cobscope_decoder::replay::{CaptureWalk, Checkpoint, ReplayState};
 use cobscope_decoder::series::{
-    CapturePlacement, JoinOptions, NotJoined, PossiblePart, arrange, is_blank, relate,
+    CapturePlacement, JoinOptions, NotJoined, PossiblePart, arrange_captures, is_blank, relate_files,
 };
 use cobscope_decoder::session::SessionOptions;
 
-use crate::files::{Content, Source};
+use crate::files::{ContentSource, StoredContent};
 
 /// One or several captures.
-pub struct Captures {
+pub struct CaptureSet {
     contents: Vec<PlacedContent>,
     options: SessionOptions,
     /// Title of the format of the first capture.
@@ -27,14 +27,14 @@ pub struct Captures {
 
 /// A capture among the others.
 struct PlacedContent {
-    content: Content,
+    content: StoredContent,
     place: CapturePlacement,
 }
 
 /// A capture that may be a part of a series.
 struct NamedContent {
     name: String,
-    content: Content,
+    content: StoredContent,
 }
 
 impl PossiblePart for NamedContent {
@@ -47,8 +47,13 @@ impl PossiblePart for NamedContent {
         false
     }
 
-    fn read(&self, _is_whole: bool, take: &mut dyn FnMut(&Batch, &[String]) -> bool) -> Option<&'static str> {
-        let mut reader = Reader::open(Source::new(self.content.clone(), 0), &READ_OPTIONS).ok()?;
+    fn read_batches(
+        &self,
+        _is_whole: bool,
+        take: &mut dyn FnMut(&Batch, &[String]) -> bool,
+    ) -> Option<&'static str> {
+        let mut reader =
+            CaptureReader::open(ContentSource::new(self.content.clone(), 0), &READ_OPTIONS).ok()?;
         let mut batch = Batch::new();
         // An unreadable end is reported when the capture is decoded.
         while reader.read(&mut batch).unwrap_or(false) {
@@ -60,22 +65,22 @@ impl PossiblePart for NamedContent {
     }
 
     fn is_blank(&self) -> bool {
-        is_blank(Source::new(self.content.clone(), 0))
+        is_blank(ContentSource::new(self.content.clone(), 0))
     }
 }
 
 /// Options of all readers.
 pub const READ_OPTIONS: ReadOptions = ReadOptions { time_style: None };
 
-impl Captures {
+impl CaptureSet {
     /// Opens captures: parts of a series follow each other, the others are merged by time.
     ///
     /// # Errors
     /// If a capture has no known format or no frame, or only some of them have dates.
-    pub fn open(captures: Vec<(String, Content)>, options: SessionOptions) -> Result<Self, String> {
+    pub fn open(captures: Vec<(String, StoredContent)>, options: SessionOptions) -> Result<Self, String> {
         let candidates: Vec<_> =
             captures.into_iter().map(|(name, content)| NamedContent { name, content }).collect();
-        let relations = relate(&candidates, JoinOptions::USUAL);
+        let relations = relate_files(&candidates, JoinOptions::USUAL);
         let files = || relations.files.iter().filter_map(|index| candidates.get(*index));
         let (mut names, mut firsts, mut formats) = (Vec::new(), Vec::new(), Vec::new());
         for file in files() {
@@ -85,7 +90,8 @@ impl Captures {
             firsts.push(first);
             formats.push(format);
         }
-        let placed = arrange(&names, &firsts, &relations.of, false).map_err(|mixed| mixed.to_string())?;
+        let placed =
+            arrange_captures(&names, &firsts, &relations.of, false).map_err(|mixed| mixed.to_string())?;
         let format = placed.first().and_then(|place| formats.get(place.index)).copied().unwrap_or("");
         let part = |place: CapturePlacement| {
             let content = files().nth(place.index)?.content.clone();
@@ -109,10 +115,10 @@ impl Captures {
     ///
     /// # Errors
     /// If a capture can no longer be read.
-    pub fn reader(&self) -> Result<MergedReader<Source>, CaptureError> {
+    pub fn open_reader(&self) -> Result<MergedReader<ContentSource>, CaptureError> {
         let mut all = Vec::new();
         for PlacedContent { content, place } in &self.contents {
-            let reader = Reader::open(Source::new(content.clone(), 0), &READ_OPTIONS)?;
+            let reader = CaptureReader::open(ContentSource::new(content.clone(), 0), &READ_OPTIONS)?;
             let CapturePlacement { group, shift, continues, .. } = *place;
             all.push(MergedCapture { reader, group, shift, continues });
         }
@@ -123,22 +129,22 @@ impl Captures {
     ///
     /// # Errors
     /// If a capture can no longer be read.
-    pub fn start(&self) -> Result<Walk<Source>, CaptureError> {
-        Ok(Walk::new(self.reader()?, ReplayState::new(self.options.clone())))
+    pub fn start_walk(&self) -> Result<CaptureWalk<ContentSource>, CaptureError> {
+        Ok(CaptureWalk::new(self.open_reader()?, ReplayState::new(self.options.clone())))
     }
 
     /// A walk from a checkpoint.
     ///
     /// # Errors
     /// If a capture can no longer be read.
-    pub fn resume(&self, mark: &Checkpoint) -> Result<Walk<Source>, CaptureError> {
+    pub fn resume_walk(&self, mark: &Checkpoint) -> Result<CaptureWalk<ContentSource>, CaptureError> {
         let sources = self.sources_at(&mark.position)?;
-        Ok(Walk::new(MergedReader::resume(sources, &mark.position)?, mark.world.clone()))
+        Ok(CaptureWalk::new(MergedReader::resume(sources, &mark.position)?, mark.world.clone()))
     }
 
-    fn sources_at(&self, position: &MergedPosition) -> Result<Vec<Source>, CaptureError> {
+    fn sources_at(&self, position: &MergedPosition) -> Result<Vec<ContentSource>, CaptureError> {
         let place = |(placed, offset): (&PlacedContent, u64)| {
-            let mut source = Source::new(placed.content.clone(), 0);
+            let mut source = ContentSource::new(placed.content.clone(), 0);
             source.seek(std::io::SeekFrom::Start(offset))?;
             Ok(source)
         };
@@ -147,9 +153,10 @@ impl Captures {
 }
 
 /// Time of the first frame, and the title of the format.
-fn first_frame(content: &Content) -> Result<(Option<Timestamp>, &'static str), String> {
+fn first_frame(content: &StoredContent) -> Result<(Option<Timestamp>, &'static str), String> {
     let text = |error: CaptureError| error.to_string();
-    let mut reader = Reader::open(Source::new(content.clone(), 0), &READ_OPTIONS).map_err(text)?;
+    let mut reader =
+        CaptureReader::open(ContentSource::new(content.clone(), 0), &READ_OPTIONS).map_err(text)?;
     let mut batch = Batch::new();
     let mut reason = "contains no frames".to_owned();
     while batch.frames().is_empty() {

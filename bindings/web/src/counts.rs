@@ -10,14 +10,14 @@ pub const BLOCK_FRAMES: u64 = 1024;
 
 /// Number of rows per block of frames.
 #[derive(Debug, Clone, Default)]
-pub struct RowCounts {
+pub struct BlockRowCounts {
     blocks: Vec<u32>,
     total: u64,
 }
 
-impl RowCounts {
+impl BlockRowCounts {
     /// Counts a row at a frame; frames are in order.
-    pub fn add(&mut self, frame: u64) {
+    pub fn count_row(&mut self, frame: u64) {
         let Ok(block) = usize::try_from(frame / BLOCK_FRAMES) else { return };
         if self.blocks.len() <= block {
             self.blocks.resize(block.saturating_add(1), 0);
@@ -34,7 +34,7 @@ impl RowCounts {
     }
 
     /// First frame of the block that contains a row, and the number of rows before that block.
-    pub fn find(&self, row: u64) -> (u64, u64) {
+    pub fn block_of_row(&self, row: u64) -> (u64, u64) {
         let mut before = 0_u64;
         for (block, count) in (0_u64..).zip(&self.blocks) {
             let next = before.saturating_add(u64::from(*count));
@@ -47,7 +47,7 @@ impl RowCounts {
     }
 
     /// First frame of the block that contains a frame, and the number of rows before that block.
-    pub fn before(&self, frame: u64) -> (u64, u64) {
+    pub fn block_of_frame(&self, frame: u64) -> (u64, u64) {
         let block = frame / BLOCK_FRAMES;
         let count = usize::try_from(block).unwrap_or(usize::MAX);
         let rows = self.blocks.iter().take(count).map(|count| u64::from(*count)).sum();
@@ -61,16 +61,16 @@ mod tests {
 
     #[test]
     fn a_row_is_in_the_block_after_all_rows_before_it() {
-        let mut counts = RowCounts::default();
+        let mut counts = BlockRowCounts::default();
         for frame in [1, 1, 1023, 5000, 5001] {
-            counts.add(frame);
+            counts.count_row(frame);
         }
         assert_eq!(counts.total(), 5);
-        assert_eq!(counts.find(0), (0, 0));
-        assert_eq!(counts.find(2), (0, 0));
-        assert_eq!(counts.find(3), (4096, 3));
-        assert_eq!(counts.find(5), (5120, 5), "after the last row");
-        assert_eq!(counts.before(5001), (4096, 3));
-        assert_eq!(counts.before(3000), (2048, 3));
+        assert_eq!(counts.block_of_row(0), (0, 0));
+        assert_eq!(counts.block_of_row(2), (0, 0));
+        assert_eq!(counts.block_of_row(3), (4096, 3));
+        assert_eq!(counts.block_of_row(5), (5120, 5), "after the last row");
+        assert_eq!(counts.block_of_frame(5001), (4096, 3));
+        assert_eq!(counts.block_of_frame(3000), (2048, 3));
     }
 }

@@ -1,32 +1,34 @@
 //! A part of the captures as a pcapng file, written in steps.
 
-use cobscope_decoder::capture::{Batch, FrameWriter, Item, MergedReader, Notice, WRITABLE, WriteOptions};
+use cobscope_decoder::capture::{
+    Batch, BatchItem, FrameWriter, MergedReader, Notice, WRITABLE, WriteOptions,
+};
 
-use crate::export::Buffer;
-use crate::files::Source;
+use crate::export::OutputBuffer;
+use crate::files::ContentSource;
 
 /// Format of the file.
 const FORMAT: &str = "pcapng";
 
 /// Frames and notices of a part of the captures.
-pub struct Cutting {
-    reader: MergedReader<Source>,
+pub struct CutJob {
+    reader: MergedReader<ContentSource>,
     batch: Batch,
     writer: Box<dyn FrameWriter>,
-    buffer: Buffer,
+    buffer: OutputBuffer,
     frames: (u64, u64),
     read: u64,
 }
 
-impl Cutting {
+impl CutJob {
     /// Starts to write the frames from the first to the last one of `frames`.
     ///
     /// # Errors
     /// If the format cannot be written.
-    pub fn new(reader: MergedReader<Source>, frames: (u64, u64)) -> Result<Self, String> {
+    pub fn new(reader: MergedReader<ContentSource>, frames: (u64, u64)) -> Result<Self, String> {
         let format = WRITABLE.iter().find(|format| format.name == FORMAT);
         let format = format.ok_or_else(|| format!("{FORMAT}: cannot be written"))?;
-        let buffer = Buffer::default();
+        let buffer = OutputBuffer::default();
         let writer = (format.writer)(Box::new(buffer.clone()), &WriteOptions::default());
         Ok(Self { reader, batch: Batch::new(), writer, buffer, frames, read: 0 })
     }
@@ -60,13 +62,13 @@ impl Cutting {
         let name = |bus: u8| names.get(usize::from(bus)).map_or("", String::as_str);
         for item in self.batch.items() {
             match item {
-                Item::Frame(frame) => {
+                BatchItem::Frame(frame) => {
                     self.read = frame.number;
                     if (first..=last).contains(&frame.number) {
                         self.writer.write(frame, name(frame.bus.0))?;
                     }
                 }
-                Item::Notice(notice) => {
+                BatchItem::Notice(notice) => {
                     let (Notice::LostFrames { bus, .. } | Notice::Link { bus, .. }) = notice else {
                         continue;
                     };

@@ -9,21 +9,21 @@ use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::query::Filter;
 use cobscope_decoder::reading::{FrameDemand, ReadingPart};
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::{Bus, SessionOptions};
 use cobscope_decoder::sink::text::TextOptions;
 use cobscope_decoder::sink::{EVENT_FORMATS, EventSink, Output, OutputFiles, SinkOptions, SpoolFile};
 
-use crate::files::Source;
+use crate::files::ContentSource;
 
 /// Bytes after which a step ends, so that the page can fetch them.
 const MOST_WAITING: usize = 8 << 20;
 
 /// Output in memory, shared with a sink.
 #[derive(Clone, Default)]
-pub struct Buffer(Arc<Mutex<Vec<u8>>>);
+pub struct OutputBuffer(Arc<Mutex<Vec<u8>>>);
 
-impl Buffer {
+impl OutputBuffer {
     fn len(&self) -> usize {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).len()
     }
@@ -34,7 +34,7 @@ impl Buffer {
     }
 }
 
-impl Write for Buffer {
+impl Write for OutputBuffer {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).write(bytes)
     }
@@ -45,28 +45,28 @@ impl Write for Buffer {
 }
 
 /// Files of a sink: a single one, in memory.
-struct SingleFile(Buffer);
+struct SingleFile(OutputBuffer);
 
 impl OutputFiles for SingleFile {
-    fn whole(&mut self) -> io::Result<Output> {
+    fn whole_file(&mut self) -> io::Result<Output> {
         Ok(Box::new(self.0.clone()))
     }
 
-    fn part(&mut self, _content: &str) -> io::Result<Output> {
+    fn part_file(&mut self, _content: &str) -> io::Result<Output> {
         Err(io::ErrorKind::Unsupported.into())
     }
 
-    fn spool(&mut self) -> io::Result<Box<dyn SpoolFile>> {
+    fn spool_file(&mut self) -> io::Result<Box<dyn SpoolFile>> {
         Err(io::ErrorKind::Unsupported.into())
     }
 }
 
 /// Events that are written while the capture is read.
-pub struct Exporting {
-    reader: MergedReader<Source>,
+pub struct ExportJob {
+    reader: MergedReader<ContentSource>,
     batch: Batch,
     reading: Reading<FilteredSink>,
-    buffer: Buffer,
+    buffer: OutputBuffer,
     is_ended: bool,
 }
 
@@ -81,9 +81,9 @@ impl ReadingPart for FilteredSink {
     fn event(&mut self, event: &Event, bus: &Bus) {
         let is_inside = |(first, last)| (first..=last).contains(&event.frames.last);
         if self.frames.is_none_or(is_inside)
-            && self.filter.as_ref().is_none_or(|filter| filter.matches(event, bus, None))
+            && self.filter.as_ref().is_none_or(|filter| filter.matches_event(event, bus, None))
         {
-            self.sink.write(event, bus);
+            self.sink.write_event(event, bus);
         }
     }
 
@@ -96,21 +96,21 @@ impl ReadingPart for FilteredSink {
     }
 }
 
-impl Exporting {
+impl ExportJob {
     /// Starts to write in a format of `EVENT_FORMATS`, with the findings among the events; of some frames, if
     /// they are stated.
     ///
     /// # Errors
     /// If the format is unknown, or not a single file.
     pub fn new(
-        reader: MergedReader<Source>,
-        (session, setup): (SessionOptions, &Arc<Setup>),
+        reader: MergedReader<ContentSource>,
+        (session, setup): (SessionOptions, &Arc<RuleSetup>),
         format: &str,
         (filter, frames): (Option<Filter>, Option<(u64, u64)>),
     ) -> Result<Self, String> {
         let found = EVENT_FORMATS.iter().find(|known| known.name == format);
         let format = found.ok_or_else(|| format!("{format}: unknown format"))?;
-        let buffer = Buffer::default();
+        let buffer = OutputBuffer::default();
         let options = SinkOptions {
             text: TextOptions { all: filter.is_some() || frames.is_some(), ..TextOptions::default() },
             ..SinkOptions::default()
@@ -132,7 +132,7 @@ impl Exporting {
 
     /// Frames read so far.
     pub fn frames(&self) -> u64 {
-        self.reading.decoder().frames()
+        self.reading.decoder().frame_count()
     }
 
     /// Reads up to about `frames` more frames, until enough bytes wait; `false` at the end.
@@ -140,8 +140,8 @@ impl Exporting {
     /// # Errors
     /// If the output cannot be written.
     pub fn step(&mut self, frames: u64) -> Result<bool, String> {
-        let limit = self.reading.decoder().frames().saturating_add(frames);
-        while self.reading.decoder().frames() < limit && self.buffer.len() < MOST_WAITING {
+        let limit = self.reading.decoder().frame_count().saturating_add(frames);
+        while self.reading.decoder().frame_count() < limit && self.buffer.len() < MOST_WAITING {
             // An error that ends the capture is in the overview.
             if !matches!(self.batch(), Ok(true)) {
                 self.finish()?;
@@ -162,7 +162,7 @@ impl Exporting {
             return Ok(());
         }
         self.reading.close(self.reader.buses());
-        self.reading.part_mut().sink.finish().map_err(|error| error.to_string())
+        self.reading.part_mut().sink.finish_output().map_err(|error| error.to_string())
     }
 
     /// Bytes written since the last call.

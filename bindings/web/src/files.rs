@@ -4,7 +4,7 @@ use std::io::{self, Read, Seek, SeekFrom};
 use std::sync::Arc;
 
 /// Access to the content of files by number.
-pub trait Files: Send + Sync {
+pub trait ContentAccess: Send + Sync {
     /// Reads bytes from `offset` into `room`; returns their number, 0 at the end.
     ///
     /// # Errors
@@ -20,32 +20,32 @@ pub type Blocks = Vec<Box<[u8]>>;
 
 /// Content of a capture: a file, or its decompressed content in memory.
 #[derive(Clone)]
-pub enum Content {
+pub enum StoredContent {
     /// An uncompressed file.
-    File(Arc<dyn Files>, u32),
+    File(Arc<dyn ContentAccess>, u32),
     /// A decompressed file, and the error that ended decompression early.
     Memory(Arc<Blocks>, Option<Arc<str>>),
 }
 
 /// Reader of a capture.
 #[derive(Clone)]
-pub struct Source {
-    content: Content,
+pub struct ContentSource {
+    content: StoredContent,
     offset: u64,
 }
 
-impl Source {
+impl ContentSource {
     /// Reads from `offset`.
-    pub fn new(content: Content, offset: u64) -> Self {
+    pub fn new(content: StoredContent, offset: u64) -> Self {
         Self { content, offset }
     }
 }
 
-impl Read for Source {
+impl Read for ContentSource {
     fn read(&mut self, room: &mut [u8]) -> io::Result<usize> {
         let count = match &self.content {
-            Content::File(files, file) => files.read(*file, self.offset, room)?.min(room.len()),
-            Content::Memory(blocks, failure) => {
+            StoredContent::File(files, file) => files.read(*file, self.offset, room)?.min(room.len()),
+            StoredContent::Memory(blocks, failure) => {
                 let place = usize::try_from(self.offset).unwrap_or(usize::MAX);
                 let block = blocks.get(place / BLOCK).map(|block| &**block).unwrap_or_default();
                 let rest = block.get(place % BLOCK..).unwrap_or_default();
@@ -65,7 +65,7 @@ impl Read for Source {
     }
 }
 
-impl Seek for Source {
+impl Seek for ContentSource {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         let offset = match to {
             SeekFrom::Start(offset) => Some(offset),
@@ -80,7 +80,7 @@ impl Seek for Source {
 /// Files in memory, for tests.
 pub struct MemoryFiles(pub Vec<Vec<u8>>);
 
-impl Files for MemoryFiles {
+impl ContentAccess for MemoryFiles {
     fn read(&self, file: u32, offset: u64, room: &mut [u8]) -> io::Result<usize> {
         let bytes = usize::try_from(file).ok().and_then(|file| self.0.get(file));
         let bytes = bytes.ok_or(io::ErrorKind::NotFound)?;
@@ -98,14 +98,16 @@ mod tests {
         let blocks: Blocks = vec![vec![1; BLOCK].into(), vec![2; 3].into()];
         let mut bytes = Vec::new();
         let place = BLOCK as u64 - 2;
-        Source::new(Content::Memory(Arc::new(blocks), None), place).read_to_end(&mut bytes).unwrap();
+        ContentSource::new(StoredContent::Memory(Arc::new(blocks), None), place)
+            .read_to_end(&mut bytes)
+            .unwrap();
         assert_eq!(bytes, [1, 1, 2, 2, 2]);
     }
 
     #[test]
     fn a_position_after_the_end_is_the_end() {
         let files = Arc::new(MemoryFiles(vec![b"abc".to_vec()]));
-        let mut source = Source::new(Content::File(files, 0), 0);
+        let mut source = ContentSource::new(StoredContent::File(files, 0), 0);
         assert_eq!(source.seek(SeekFrom::Start(9)).unwrap(), 9);
         assert_eq!(source.read(&mut [0; 4]).unwrap(), 0);
     }

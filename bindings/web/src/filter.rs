@@ -3,24 +3,24 @@
 use cobscope_decoder::capture::CaptureError;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::query::{self, Filter};
-use cobscope_decoder::replay::{PlacedEvent, Row, Walk};
+use cobscope_decoder::replay::{CaptureWalk, PlacedEvent, ReplayRow};
 use serde_json::{Value, json};
 
-use crate::counts::RowCounts;
-use crate::files::Source;
-use crate::rows::{FindingMarks, value};
+use crate::counts::BlockRowCounts;
+use crate::files::ContentSource;
+use crate::rows::{FindingMarks, row_value};
 
 /// Maximum number of rows kept; with more matches they are decoded when they are shown.
 const MOST_KEPT: usize = 5_000;
 
 /// Conditions for a shown event.
 #[derive(Debug, Clone, Default)]
-pub struct Matcher {
+pub struct EventMatcher {
     filter: Option<Filter>,
     only_news: bool,
 }
 
-impl Matcher {
+impl EventMatcher {
     /// All events, or changes only.
     pub fn new(only_news: bool) -> Self {
         Self { filter: None, only_news }
@@ -46,30 +46,30 @@ impl Matcher {
     pub fn takes(&self, placed: &PlacedEvent<'_>) -> bool {
         let is_shown = placed.is_news || !self.only_news;
         let filter = self.filter.as_ref();
-        is_shown && filter.is_none_or(|filter| filter.matches(placed.event, placed.bus, None))
+        is_shown && filter.is_none_or(|filter| filter.matches_event(placed.event, placed.bus, None))
     }
 }
 
 /// Events of a filter.
-pub struct FilterResult {
+pub struct FilteredEvents {
     /// The filter.
-    pub matcher: Matcher,
+    pub matcher: EventMatcher,
     /// Rows per block of frames.
-    pub counts: RowCounts,
+    pub counts: BlockRowCounts,
     /// All rows; `None` if there are too many.
     pub kept: Option<Vec<Value>>,
 }
 
 /// A search for the events of a filter.
-pub struct Filtering {
-    walk: Walk<Source>,
-    result: FilterResult,
+pub struct FilterJob {
+    walk: CaptureWalk<ContentSource>,
+    result: FilteredEvents,
 }
 
-impl Filtering {
+impl FilterJob {
     /// Starts at the beginning.
-    pub fn new(walk: Walk<Source>, matcher: Matcher) -> Self {
-        let result = FilterResult { matcher, counts: RowCounts::default(), kept: Some(Vec::new()) };
+    pub fn new(walk: CaptureWalk<ContentSource>, matcher: EventMatcher) -> Self {
+        let result = FilteredEvents { matcher, counts: BlockRowCounts::default(), kept: Some(Vec::new()) };
         Self { walk, result }
     }
 
@@ -93,15 +93,20 @@ impl Filtering {
         let mut see = |placed: PlacedEvent<'_>| {
             if result.matcher.takes(&placed) {
                 let place = result.counts.total();
-                result.counts.add(placed.spot.frame);
+                result.counts.count_row(placed.spot.frame);
                 if let Some(kept) = &mut result.kept {
-                    kept.push(value(&Row::new(&placed, result.matcher.only_news), place, marks, zero));
+                    kept.push(row_value(
+                        &ReplayRow::new(&placed, result.matcher.only_news),
+                        place,
+                        marks,
+                        zero,
+                    ));
                 }
                 result.kept.take_if(|kept| kept.len() > MOST_KEPT);
             }
         };
         while walk.world.frames() < limit {
-            if !walk.leap(limit, &mut see)? {
+            if !walk.skip_batch(limit, &mut see)? {
                 return Ok(false);
             }
         }
@@ -109,15 +114,15 @@ impl Filtering {
     }
 
     /// The result.
-    pub fn finish(self) -> FilterResult {
+    pub fn finish(self) -> FilteredEvents {
         self.result
     }
 }
 
 /// Words that can follow at the end of an incomplete filter.
 pub fn complete(text: &str) -> Value {
-    match query::completion(text) {
-        Some(found) => json!({"start": found.start, "words": found.expected.words()}),
+    match query::complete_filter(text) {
+        Some(found) => json!({"start": found.start, "words": found.expected.possible_words()}),
         None => json!({"start": text.len(), "words": []}),
     }
 }

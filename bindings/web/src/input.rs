@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use cobscope_decoder::bus_file::BusFile;
 use cobscope_decoder::profile::dbc::{self, Database};
-use cobscope_decoder::profile::{Catalogue, Device, device_file, imported};
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::profile::{Catalogue, DeviceProfile, device_file, imported};
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::{AssignedBy, Assignment, SessionOptions};
 use cobscope_decoder::wire::NodeId;
 
-use crate::files::Files;
+use crate::files::ContentAccess;
 use crate::request::{NamedFile, OpenRequest};
 
 /// Maximum size of a file next to a capture.
@@ -19,11 +19,11 @@ const MOST_BYTES: u64 = 64 << 20;
 const MOST_PROBLEMS: usize = 5;
 
 /// Options of the decoder and the rules.
-pub struct Input {
+pub struct PageOptions {
     /// Options of the decoder.
     pub session: SessionOptions,
     /// Selection and tolerances of the rules.
-    pub setup: Arc<Setup>,
+    pub setup: Arc<RuleSetup>,
     /// Problems inside readable files.
     pub problems: Vec<String>,
 }
@@ -41,7 +41,7 @@ pub enum BesideKind {
 
 impl BesideKind {
     /// Kind by the suffix of the name; `None` for a capture.
-    pub fn of(name: &str) -> Option<Self> {
+    pub fn kind_of(name: &str) -> Option<Self> {
         let (_, suffix) = name.rsplit_once('.')?;
         match suffix.to_ascii_lowercase().as_str() {
             "toml" => Some(Self::BusFile),
@@ -52,18 +52,18 @@ impl BesideKind {
     }
 }
 
-struct Reader<'a> {
-    files: &'a dyn Files,
+struct OptionReader<'a> {
+    files: &'a dyn ContentAccess,
     beside: &'a [NamedFile],
     problems: Vec<String>,
 }
 
-impl Reader<'_> {
+impl OptionReader<'_> {
     fn of_kind(&self, kind: BesideKind) -> impl Iterator<Item = &NamedFile> {
-        self.beside.iter().filter(move |file| BesideKind::of(&file.name) == Some(kind))
+        self.beside.iter().filter(move |file| BesideKind::kind_of(&file.name) == Some(kind))
     }
 
-    fn bytes(&self, file: &NamedFile) -> Result<Vec<u8>, String> {
+    fn read_bytes(&self, file: &NamedFile) -> Result<Vec<u8>, String> {
         let name = &file.name;
         if file.size > MOST_BYTES {
             return Err(format!("{name}: {} MB; max {} MB", file.size >> 20, MOST_BYTES >> 20));
@@ -85,23 +85,24 @@ impl Reader<'_> {
     }
 
     /// A file by the name in a bus file, which may contain a folder.
-    fn named(&self, path: &str) -> Result<&NamedFile, String> {
+    fn find_named(&self, path: &str) -> Result<&NamedFile, String> {
         let name = path.rsplit(['/', '\\']).next().unwrap_or(path);
         let found = self.beside.iter().find(|file| file.name.eq_ignore_ascii_case(name));
         found.ok_or_else(|| format!("{name}: named in the bus file; drop it together with the capture"))
     }
 
-    fn device(&mut self, file: &NamedFile) -> Result<Device, String> {
-        let parsed = device_file::parse(&self.bytes(file)?);
+    fn read_device(&mut self, file: &NamedFile) -> Result<DeviceProfile, String> {
+        let parsed = device_file::parse_device_file(&self.read_bytes(file)?);
         let parsed = Arc::new(parsed.map_err(|error| format!("{}: {error}", file.name))?);
         let shown = parsed.problems.iter().take(MOST_PROBLEMS);
         let shown = shown.map(|problem| format!("{}:{}: {}", file.name, problem.line, problem.reason));
         self.problems.extend(shown);
-        Ok(imported::device(&parsed, &file.name))
+        Ok(imported::describe_device(&parsed, &file.name))
     }
 
-    fn database(&mut self, file: &NamedFile) -> Result<dbc::DatabaseFile, String> {
-        let parsed = dbc::parse(&self.bytes(file)?).map_err(|problem| format!("{}:{problem}", file.name))?;
+    fn read_database(&mut self, file: &NamedFile) -> Result<dbc::DatabaseFile, String> {
+        let parsed = dbc::parse_database(&self.read_bytes(file)?)
+            .map_err(|problem| format!("{}:{problem}", file.name))?;
         let shown = parsed.problems.iter().take(MOST_PROBLEMS);
         self.problems.extend(shown.map(|problem| format!("{}:{problem}", file.name)));
         Ok(parsed)
@@ -112,19 +113,19 @@ impl Reader<'_> {
 ///
 /// # Errors
 /// If a file is unreadable or invalid, or a profile is unknown.
-pub fn read(files: &dyn Files, request: &OpenRequest) -> Result<Input, String> {
-    let mut reader = Reader { files, beside: &request.beside, problems: Vec::new() };
+pub fn read_options(files: &dyn ContentAccess, request: &OpenRequest) -> Result<PageOptions, String> {
+    let mut reader = OptionReader { files, beside: &request.beside, problems: Vec::new() };
     let bus_files: Vec<NamedFile> = reader.of_kind(BesideKind::BusFile).cloned().collect();
     let (name, text) = match bus_files.as_slice() {
         [] => (String::new(), String::new()),
         [file] => {
-            let bytes = reader.bytes(file)?;
+            let bytes = reader.read_bytes(file)?;
             let text = String::from_utf8(bytes).map_err(|_| format!("{}: not UTF-8", file.name))?;
             (file.name.clone(), text)
         }
         [one, other, ..] => return Err(format!("{}, {}: two bus files; drop one", one.name, other.name)),
     };
-    let bus_file = BusFile::parse(&text).map_err(|error| error.show(&name))?;
+    let bus_file = BusFile::parse(&text).map_err(|error| error.show_in_file(&name))?;
     let mut catalogue = Catalogue::default();
     for (profile, rule, key, value) in bus_file.device_tolerances() {
         catalogue.set_tolerance(profile, rule, key, value);
@@ -140,9 +141,10 @@ pub fn read(files: &dyn Files, request: &OpenRequest) -> Result<Input, String> {
         let (bus, node) = (chosen.bus.clone(), chosen.node.into());
         assignments.push(Assignment { bus, node, device, by: AssignedBy::Option });
     }
-    let setup = Setup::new(&bus_file, &text, request.today.clone()).map_err(|error| error.show(&name))?;
-    setup.check_devices(&bus_file, &text, &catalogue).map_err(|error| error.show(&name))?;
-    let (database, bus_databases) = databases(&mut reader, &bus_file)?;
+    let setup =
+        RuleSetup::new(&bus_file, &text, request.today.clone()).map_err(|error| error.show_in_file(&name))?;
+    setup.check_devices(&bus_file, &text, &catalogue).map_err(|error| error.show_in_file(&name))?;
+    let (database, bus_databases) = read_databases(&mut reader, &bus_file)?;
     let session = SessionOptions {
         assignments,
         database,
@@ -151,24 +153,24 @@ pub fn read(files: &dyn Files, request: &OpenRequest) -> Result<Input, String> {
         bus_file,
         ..SessionOptions::default()
     };
-    Ok(Input { session, setup: Arc::new(setup), problems: reader.problems })
+    Ok(PageOptions { session, setup: Arc::new(setup), problems: reader.problems })
 }
 
 /// Adds the device files to the profiles, and assigns those whose node is known.
 fn add_device_files(
-    reader: &mut Reader<'_>,
+    reader: &mut OptionReader<'_>,
     bus_file: &BusFile,
     catalogue: &mut Catalogue,
     assignments: &mut Vec<Assignment>,
 ) -> Result<(), String> {
     for (bus, node, path) in bus_file.device_files() {
-        let file = reader.named(path)?.clone();
-        let device = Arc::new(reader.device(&file)?);
+        let file = reader.find_named(path)?.clone();
+        let device = Arc::new(reader.read_device(&file)?);
         assignments.push(Assignment { bus: bus.map(Into::into), node, device, by: AssignedBy::DeviceFile });
     }
     let all: Vec<NamedFile> = reader.of_kind(BesideKind::DeviceFile).cloned().collect();
     for file in all {
-        let device = reader.device(&file)?;
+        let device = reader.read_device(&file)?;
         let own = device.file.as_ref().and_then(|import| import.file.node_id);
         if let Some(id) = file.node.or(own) {
             let (node, device) = (NodeId::Canopen(id), Arc::new(device));
@@ -183,17 +185,20 @@ fn add_device_files(
 type BusDatabases = Vec<(String, Arc<Database>)>;
 
 /// Databases for all buses, and for buses with their own.
-fn databases(reader: &mut Reader<'_>, bus_file: &BusFile) -> Result<(Arc<Database>, BusDatabases), String> {
+fn read_databases(
+    reader: &mut OptionReader<'_>,
+    bus_file: &BusFile,
+) -> Result<(Arc<Database>, BusDatabases), String> {
     let of_buses = bus_file.buses.iter().flat_map(|(_, settings)| &settings.databases);
     let is_of_bus = |file: &NamedFile| of_buses.clone().any(|path| path.ends_with(&file.name));
     let all: Vec<NamedFile> =
         reader.of_kind(BesideKind::Database).filter(|file| !is_of_bus(file)).cloned().collect();
     let mut everywhere = Database::default();
     for file in &all {
-        everywhere.add(reader.database(file)?);
+        everywhere.add_file(reader.read_database(file)?);
     }
     for path in &bus_file.everywhere.databases {
-        reader.named(path)?;
+        reader.find_named(path)?;
     }
     let mut buses = Vec::new();
     for (bus, settings) in &bus_file.buses {
@@ -202,11 +207,11 @@ fn databases(reader: &mut Reader<'_>, bus_file: &BusFile) -> Result<(Arc<Databas
         }
         let mut own = Database::default();
         for path in &settings.databases {
-            let file = reader.named(path)?.clone();
-            own.add(reader.database(&file)?);
+            let file = reader.find_named(path)?.clone();
+            own.add_file(reader.read_database(&file)?);
         }
         for file in &all {
-            own.add(reader.database(file)?);
+            own.add_file(reader.read_database(file)?);
         }
         buses.push((bus.clone(), Arc::new(own)));
     }
@@ -218,7 +223,7 @@ mod tests {
     use super::*;
     use crate::files::MemoryFiles;
 
-    fn read_texts(texts: &[(&str, &str)]) -> Result<Input, String> {
+    fn read_texts(texts: &[(&str, &str)]) -> Result<PageOptions, String> {
         let files = MemoryFiles(texts.iter().map(|(_, text)| text.as_bytes().to_vec()).collect());
         let beside = (0..).zip(texts).map(|(file, (name, text))| NamedFile {
             file,
@@ -226,7 +231,7 @@ mod tests {
             size: text.len() as u64,
             node: None,
         });
-        read(&files, &OpenRequest { beside: beside.collect(), ..OpenRequest::default() })
+        read_options(&files, &OpenRequest { beside: beside.collect(), ..OpenRequest::default() })
     }
 
     #[test]

@@ -3,34 +3,34 @@
 use cobscope_decoder::frame::Timestamp;
 use serde_json::Value;
 
-use crate::cut::Cutting;
-use crate::export::Exporting;
-use crate::filter::{FilterResult, Filtering};
-use crate::plot::Plotting;
-use crate::report::{Reporting, WrittenReport};
+use crate::cut::CutJob;
+use crate::export::ExportJob;
+use crate::filter::{FilterJob, FilteredEvents};
+use crate::plot::PlotJob;
+use crate::report::{ReportJob, WrittenReport};
 use crate::rows::FindingMarks;
-use crate::search::{Found, Searching};
+use crate::search::{SearchJob, SearchResult};
 
 /// Work in steps.
 pub enum Job {
     /// Search for the events of a filter.
-    Filter(Box<Filtering>),
+    Filter(Box<FilterJob>),
     /// Sampling of signals.
-    Plot(Box<Plotting>),
+    Plot(Box<PlotJob>),
     /// Second reading for a report.
-    Report(Box<Reporting>),
+    Report(Box<ReportJob>),
     /// Writing of events.
-    Export(Box<Exporting>),
+    Export(Box<ExportJob>),
     /// Writing of frames.
-    Cut(Box<Cutting>),
+    Cut(Box<CutJob>),
     /// Search for a row.
-    Search(Box<Searching>),
+    Search(Box<SearchJob>),
 }
 
 /// Result of a job.
 pub enum JobResult {
     /// Events of the filter.
-    Filter(FilterResult),
+    Filter(FilteredEvents),
     /// Samples of the signals.
     Plot(Value),
     /// The report.
@@ -38,7 +38,7 @@ pub enum JobResult {
     /// All bytes are written.
     Export,
     /// The row, or what remains to be searched.
-    Search(Found),
+    Search(SearchResult),
 }
 
 impl Job {

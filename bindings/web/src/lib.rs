@@ -34,4 +34,4 @@ mod state;
 mod survey;
 mod unpack;
 
-pub use session::{Response, Session};
+pub use session::{Response, WorkerState};

@@ -2,28 +2,28 @@
 
 use std::sync::Arc;
 
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::SessionOptions;
 use serde_json::{Value, json};
 
-use crate::capture::{Captures, READ_OPTIONS};
-use crate::files::{Content, Files};
+use crate::capture::{CaptureSet, READ_OPTIONS};
+use crate::files::{ContentAccess, StoredContent};
 use crate::input;
 use crate::report::RoledFile;
 use crate::request::{NamedFile, OpenRequest};
-use crate::survey::{CaptureSurvey, Surveying};
-use crate::unpack::{Unpacking, is_packed};
+use crate::survey::{CaptureSurvey, SurveyJob};
+use crate::unpack::{UnpackJob, is_packed};
 
 /// Captures that are being opened and read for the first time.
-pub struct Opening {
+pub struct OpeningJob {
     name: String,
     files: Vec<RoledFile>,
     waiting: Vec<NamedFile>,
-    contents: Vec<(String, Content)>,
-    unpacking: Option<(NamedFile, Unpacking)>,
-    surveying: Option<(Captures, Surveying)>,
+    contents: Vec<(String, StoredContent)>,
+    unpacking: Option<(NamedFile, UnpackJob)>,
+    surveying: Option<(CaptureSet, SurveyJob)>,
     options: Option<SessionOptions>,
-    setup: Arc<Setup>,
+    setup: Arc<RuleSetup>,
     problems: Vec<String>,
     size: u64,
 }
@@ -35,26 +35,26 @@ pub struct ReadCaptures {
     /// All files with their roles.
     pub files: Vec<RoledFile>,
     /// The captures.
-    pub captures: Captures,
+    pub captures: CaptureSet,
     /// Selection and tolerances of the rules.
-    pub setup: Arc<Setup>,
+    pub setup: Arc<RuleSetup>,
     /// Problems in the files next to the captures.
     pub problems: Vec<String>,
     /// Results of the first reading.
     pub survey: CaptureSurvey,
 }
 
-impl Opening {
+impl OpeningJob {
     /// Reads the files next to the captures.
     ///
     /// # Errors
     /// If one of them is invalid.
-    pub fn new(files: &dyn Files, request: &OpenRequest) -> Result<Self, String> {
-        let input = input::read(files, request)?;
+    pub fn new(files: &dyn ContentAccess, request: &OpenRequest) -> Result<Self, String> {
+        let input = input::read_options(files, request)?;
         let names: Vec<_> = request.captures.iter().map(|file| file.name.as_str()).collect();
         let mut waiting = request.captures.clone();
         waiting.reverse();
-        let role = |file: &NamedFile| match input::BesideKind::of(&file.name) {
+        let role = |file: &NamedFile| match input::BesideKind::kind_of(&file.name) {
             Some(input::BesideKind::BusFile) => "bus file",
             Some(input::BesideKind::DeviceFile) => "device file",
             _ => "database",
@@ -79,7 +79,7 @@ impl Opening {
     ///
     /// # Errors
     /// If a capture cannot be opened.
-    pub fn step(&mut self, files: &Arc<dyn Files>, frames: u64) -> Result<Option<Value>, String> {
+    pub fn step(&mut self, files: &Arc<dyn ContentAccess>, frames: u64) -> Result<Option<Value>, String> {
         if let Some((file, mut unpacking)) = self.unpacking.take() {
             let mut failure = None;
             match unpacking.step() {
@@ -96,17 +96,17 @@ impl Opening {
         } else if let Some(file) = self.waiting.pop() {
             let named = |error: String| format!("{}: {error}", file.name);
             if is_packed(&**files, file.file).map_err(named)? {
-                let unpacking = Unpacking::new(files, file.file, &READ_OPTIONS).map_err(named)?;
+                let unpacking = UnpackJob::new(files, file.file, &READ_OPTIONS).map_err(named)?;
                 self.unpacking = Some((file, unpacking));
             } else {
-                let content = Content::File(Arc::clone(files), file.file);
+                let content = StoredContent::File(Arc::clone(files), file.file);
                 self.contents.push((file.name, content));
             }
         } else if let Some(options) = self.options.take() {
-            let captures = Captures::open(std::mem::take(&mut self.contents), options)?;
+            let captures = CaptureSet::open(std::mem::take(&mut self.contents), options)?;
             self.problems.extend(captures.notes.iter().cloned());
-            let walk = captures.start().map_err(|error| error.to_string())?;
-            self.surveying = Some((captures, Surveying::new(walk, &self.setup)));
+            let walk = captures.start_walk().map_err(|error| error.to_string())?;
+            self.surveying = Some((captures, SurveyJob::new(walk, &self.setup)));
         } else if let Some((_, surveying)) = &mut self.surveying {
             let more = surveying.step(frames);
             let (frames, bytes, findings) = surveying.progress();

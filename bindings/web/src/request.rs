@@ -7,7 +7,7 @@ use serde::Deserialize;
 /// A request of the page.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "do", rename_all = "kebab-case")]
-pub enum Request {
+pub enum PageRequest {
     /// Opens captures; everything opened before is dropped.
     Open(OpenRequest),
     /// Works for at most `frames` frames on whatever is pending.
@@ -17,7 +17,7 @@ pub enum Request {
     /// Rows of the event list.
     Rows { list: ListName, from: u64, count: u64 },
     /// Row of the event list at a position.
-    Locate { list: ListName, at: Place },
+    Locate { list: ListName, at: RequestPosition },
     /// Starts to search for the events of a filter.
     Filter { text: String, only_news: bool },
     /// Possible next words of a filter.
@@ -31,7 +31,7 @@ pub enum Request {
     /// Transfers in order of their end.
     Transfers { from: usize, count: usize },
     /// Starts to sample signals over the capture.
-    Plot { signals: Vec<SignalName>, from: Option<f64>, to: Option<f64> },
+    Plot { signals: Vec<FieldOfIdentifier>, from: Option<f64>, to: Option<f64> },
     /// Samples of the plotted signals.
     Curves,
     /// Starts to write a report.
@@ -39,9 +39,9 @@ pub enum Request {
     /// Starts to write events, or frames as `pcapng`; of the frames `frames` only, if they are stated.
     Export { format: String, list: ListName, frames: Option<(u64, u64)> },
     /// Position of the next error event after a position, or of the previous one.
-    Error { from: Spot, backward: bool },
+    Error { from: RowPosition, backward: bool },
     /// Starts to search for the next row with a text, or for the previous one.
-    Search { text: String, list: ListName, from: Spot, backward: bool },
+    Search { text: String, list: ListName, from: RowPosition, backward: bool },
     /// Next bytes of a finished report or of an export in progress.
     Bytes { what: Product },
 }
@@ -118,15 +118,15 @@ pub enum ListName {
 
 /// Position of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-pub struct Spot {
+pub struct RowPosition {
     /// Number of the frame.
     pub frame: u64,
     /// Number of the event among those of the frame.
     pub ordinal: u32,
 }
 
-impl From<Spot> for EventPosition {
-    fn from(spot: Spot) -> Self {
+impl From<RowPosition> for EventPosition {
+    fn from(spot: RowPosition) -> Self {
         Self { frame: spot.frame, ordinal: spot.ordinal }
     }
 }
@@ -134,16 +134,16 @@ impl From<Spot> for EventPosition {
 /// Position in a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Place {
+pub enum RequestPosition {
     /// An event, or the first one after it.
-    Spot(Spot),
+    Spot(RowPosition),
     /// Seconds since the first frame.
     Time(f64),
 }
 
 /// Field of an identifier.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-pub struct SignalName {
+pub struct FieldOfIdentifier {
     /// Index of the bus.
     pub bus: u8,
     /// Identifier as text, as in the list of signals.

@@ -3,16 +3,16 @@
 use std::collections::BTreeMap;
 
 use cobscope_decoder::capture::CaptureError;
-use cobscope_decoder::finding::{Findings, Severity};
+use cobscope_decoder::finding::{CaptureFindings, Severity};
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::{EventPosition, PlacedEvent, Row};
-use cobscope_decoder::sink::text::Tone;
+use cobscope_decoder::replay::{EventPosition, PlacedEvent, ReplayRow};
+use cobscope_decoder::sink::text::LineTone;
 use serde_json::{Value, json};
 
-use crate::capture::Captures;
-use crate::counts::RowCounts;
-use crate::filter::Matcher;
-use crate::seek::Seek;
+use crate::capture::CaptureSet;
+use crate::counts::BlockRowCounts;
+use crate::filter::EventMatcher;
+use crate::seek::RecentCheckpoints;
 use crate::survey::CaptureSurvey;
 
 /// Maximum number of rows per request.
@@ -24,9 +24,9 @@ pub struct FindingMarks(BTreeMap<u64, Severity>);
 
 impl FindingMarks {
     /// Marks of all findings.
-    pub fn of(findings: &Findings) -> Self {
+    pub fn marks_of(findings: &CaptureFindings) -> Self {
         let mut marks = BTreeMap::new();
-        for group in findings.counting() {
+        for group in findings.reported_groups() {
             for occurrence in group.first.iter().chain(&group.last) {
                 let mark = marks.entry(occurrence.frames.last).or_insert(group.severity);
                 *mark = group.severity.max(*mark);
@@ -35,7 +35,7 @@ impl FindingMarks {
         Self(marks)
     }
 
-    fn at(&self, frame: u64) -> Option<&'static str> {
+    fn mark_at(&self, frame: u64) -> Option<&'static str> {
         self.0.get(&frame).map(|severity| severity.name())
     }
 }
@@ -43,15 +43,15 @@ impl FindingMarks {
 /// A list of rows with the means to decode them.
 pub struct RowList<'a> {
     /// The captures.
-    pub captures: &'a Captures,
+    pub captures: &'a CaptureSet,
     /// Results of the first reading.
     pub survey: &'a CaptureSurvey,
     /// Frames with findings.
     pub marks: &'a FindingMarks,
     /// Rows per block of frames.
-    pub counts: &'a RowCounts,
+    pub counts: &'a BlockRowCounts,
     /// Selection of the events.
-    pub matcher: &'a Matcher,
+    pub matcher: &'a EventMatcher,
     /// All rows, if they are kept.
     pub kept: Option<&'a [Value]>,
 }
@@ -61,30 +61,35 @@ impl RowList<'_> {
     ///
     /// # Errors
     /// If the capture can no longer be read.
-    pub fn rows(&self, seek: &mut Seek, from: u64, count: u64) -> Result<Vec<Value>, CaptureError> {
+    pub fn rows(
+        &self,
+        seek: &mut RecentCheckpoints,
+        from: u64,
+        count: u64,
+    ) -> Result<Vec<Value>, CaptureError> {
         let end = from.saturating_add(count.min(MOST_ROWS)).min(self.counts.total());
         if let Some(kept) = self.kept {
             let place = |row: u64| usize::try_from(row).unwrap_or(usize::MAX);
             return Ok(kept.get(place(from)..place(end)).unwrap_or_default().to_vec());
         }
-        let (start, mut place) = self.counts.find(from);
+        let (start, mut place) = self.counts.block_of_row(from);
         let mut rows = Vec::new();
         if from >= end {
             return Ok(rows);
         }
-        let mut walk = seek.before(self.captures, self.survey, start)?;
+        let mut walk = seek.walk_before(self.captures, self.survey, start)?;
         let zero = self.survey.zero();
         while place < end {
             let mut see = |placed: PlacedEvent<'_>| {
                 if placed.spot.frame >= start && self.matcher.takes(&placed) {
                     if (from..end).contains(&place) {
-                        let row = Row::new(&placed, self.matcher.only_news());
-                        rows.push(value(&row, place, self.marks, zero));
+                        let row = ReplayRow::new(&placed, self.matcher.only_news());
+                        rows.push(row_value(&row, place, self.marks, zero));
                     }
                     place = place.saturating_add(1);
                 }
             };
-            if !seek.step(&mut walk, &mut see)? {
+            if !seek.step_frame(&mut walk, &mut see)? {
                 break;
             }
         }
@@ -95,9 +100,9 @@ impl RowList<'_> {
     ///
     /// # Errors
     /// If the capture can no longer be read.
-    pub fn locate(&self, seek: &mut Seek, at: EventPosition) -> Result<u64, CaptureError> {
-        let (start, mut place) = self.counts.before(at.frame);
-        let mut walk = seek.before(self.captures, self.survey, start)?;
+    pub fn locate_row(&self, seek: &mut RecentCheckpoints, at: EventPosition) -> Result<u64, CaptureError> {
+        let (start, mut place) = self.counts.block_of_frame(at.frame);
+        let mut walk = seek.walk_before(self.captures, self.survey, start)?;
         let mut is_met = false;
         while !is_met && place < self.counts.total() {
             let mut see = |placed: PlacedEvent<'_>| {
@@ -107,7 +112,7 @@ impl RowList<'_> {
                 is_met = placed.spot >= at;
                 place = place.saturating_add(u64::from(!is_met));
             };
-            if !seek.step(&mut walk, &mut see)? {
+            if !seek.step_frame(&mut walk, &mut see)? {
                 break;
             }
         }
@@ -116,40 +121,40 @@ impl RowList<'_> {
 }
 
 /// A row as JSON.
-pub fn value(row: &Row, place: u64, marks: &FindingMarks, zero: Option<Timestamp>) -> Value {
+pub fn row_value(row: &ReplayRow, place: u64, marks: &FindingMarks, zero: Option<Timestamp>) -> Value {
     json!({
         "row": place,
         "frame": row.spot.frame,
         "ordinal": row.spot.ordinal,
-        "time": seconds(row.event.time, zero),
+        "time": seconds_since(row.event.time, zero),
         "bus": row.bus,
         "id": row.id().map(|id| id.to_string()),
         "who": row.who,
         "kind": row.kind,
         "what": row.what,
         "unchanged": row.unchanged,
-        "data": row.data(),
-        "tone": tone(row.tone),
-        "mark": marks.at(row.event.frames.last),
-        "filter": row.filter(),
-        "line": row.text(),
+        "data": row.data_text(),
+        "tone": tone_name(row.tone),
+        "mark": marks.mark_at(row.event.frames.last),
+        "filter": row.filter_expression(),
+        "line": row.row_text(),
     })
 }
 
 /// Seconds since the first frame.
-pub fn seconds(time: Option<Timestamp>, zero: Option<Timestamp>) -> Option<f64> {
+pub fn seconds_since(time: Option<Timestamp>, zero: Option<Timestamp>) -> Option<f64> {
     #[expect(clippy::cast_precision_loss, reason = "for display, ns within a capture of a hundred days")]
     let seconds = |nanoseconds: i64| nanoseconds as f64 / 1e9;
     Some(seconds(time?.since(zero?)))
 }
 
 /// Name of a tone, the class of its colour.
-pub fn tone(tone: Tone) -> &'static str {
+pub fn tone_name(tone: LineTone) -> &'static str {
     match tone {
-        Tone::Plain => "plain",
-        Tone::Quiet => "quiet",
-        Tone::Good => "good",
-        Tone::Caution => "caution",
-        Tone::Bad => "bad",
+        LineTone::Plain => "plain",
+        LineTone::Quiet => "quiet",
+        LineTone::Good => "good",
+        LineTone::Caution => "caution",
+        LineTone::Bad => "bad",
     }
 }

@@ -1,19 +1,19 @@
 //! Search for the next or previous row with a text.
 
 use cobscope_decoder::capture::CaptureError;
-use cobscope_decoder::replay::{EventPosition, PlacedEvent, Row, RowPattern, Walk};
+use cobscope_decoder::replay::{CaptureWalk, EventPosition, PlacedEvent, ReplayRow, RowPattern};
 use serde_json::{Value, json};
 
-use crate::files::Source;
-use crate::filter::Matcher;
+use crate::files::ContentSource;
+use crate::filter::EventMatcher;
 
 /// Condition that the event must fulfil.
 #[derive(Clone)]
-pub struct Question {
+pub struct SearchQuestion {
     /// Pattern for the text of the row.
     pub pattern: RowPattern,
     /// Rows of the list.
-    pub matcher: Matcher,
+    pub matcher: EventMatcher,
     /// Position at which the search starts.
     pub from: EventPosition,
     /// Towards the start of the capture.
@@ -21,9 +21,9 @@ pub struct Question {
 }
 
 /// A search in progress: forward to the end, or backward through the frames between two checkpoints.
-pub struct Searching {
-    walk: Walk<Source>,
-    question: Question,
+pub struct SearchJob {
+    walk: CaptureWalk<ContentSource>,
+    question: SearchQuestion,
     /// Frames before this part.
     start: u64,
     /// Last frame of this part.
@@ -32,16 +32,16 @@ pub struct Searching {
 }
 
 /// Result of a search.
-pub enum Found {
+pub enum SearchResult {
     /// The row, or none in this direction.
     Row(Option<EventPosition>),
     /// None in this part; the frames up to `.1` remain.
-    Further(Question, u64),
+    Further(SearchQuestion, u64),
 }
 
-impl Searching {
+impl SearchJob {
     /// Starts where `walk` is; reads up to frame `last`.
-    pub fn new(walk: Walk<Source>, question: Question, last: u64) -> Self {
+    pub fn new(walk: CaptureWalk<ContentSource>, question: SearchQuestion, last: u64) -> Self {
         let start = walk.world.frames();
         Self { walk, question, start, last, met: None }
     }
@@ -57,20 +57,20 @@ impl Searching {
     /// If the capture can no longer be read.
     pub fn step(&mut self, frames: u64) -> Result<bool, CaptureError> {
         let Self { walk, question, last, met, .. } = self;
-        let Question { pattern, matcher, from, is_backward } = question;
+        let SearchQuestion { pattern, matcher, from, is_backward } = question;
         let limit = walk.world.frames().saturating_add(frames);
         let mut see = |placed: PlacedEvent<'_>| {
             let is_beyond =
                 if *is_backward { placed.spot < *from } else { placed.spot > *from && met.is_none() };
             if is_beyond
                 && matcher.takes(&placed)
-                && pattern.is_match(&Row::new(&placed, matcher.only_news()).text())
+                && pattern.is_match(&ReplayRow::new(&placed, matcher.only_news()).row_text())
             {
                 *met = Some(placed.spot);
             }
         };
         while walk.world.frames() < limit {
-            if walk.world.frames() > *last || !walk.leap(last.saturating_add(1), &mut see)? {
+            if walk.world.frames() > *last || !walk.skip_batch(last.saturating_add(1), &mut see)? {
                 return Ok(false);
             }
         }
@@ -78,16 +78,16 @@ impl Searching {
     }
 
     /// The result.
-    pub fn finish(self) -> Found {
+    pub fn finish(self) -> SearchResult {
         let Self { question, start, met, .. } = self;
         if met.is_none() && question.is_backward && start > 0 {
-            return Found::Further(question, start);
+            return SearchResult::Further(question, start);
         }
-        Found::Row(met)
+        SearchResult::Row(met)
     }
 }
 
 /// A position as JSON; null for none.
-pub fn place(spot: Option<EventPosition>) -> Value {
+pub fn position_value(spot: Option<EventPosition>) -> Value {
     spot.map_or(Value::Null, |spot| json!({"frame": spot.frame, "ordinal": spot.ordinal}))
 }

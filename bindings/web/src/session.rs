@@ -9,26 +9,26 @@ use std::sync::Arc;
 
 use cobscope_decoder::frame::{BusIndex, Timestamp};
 use cobscope_decoder::replay::{EventPosition, RowPattern};
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::sink::escape;
 use serde_json::{Value, json};
 
-use crate::capture::Captures;
-use crate::counts::RowCounts;
-use crate::cut::Cutting;
-use crate::detail::detail;
-use crate::export::Exporting;
-use crate::files::Files;
-use crate::filter::{self, FilterResult, Filtering, Matcher};
+use crate::capture::CaptureSet;
+use crate::counts::BlockRowCounts;
+use crate::cut::CutJob;
+use crate::detail::event_detail;
+use crate::export::ExportJob;
+use crate::files::ContentAccess;
+use crate::filter::{self, EventMatcher, FilterJob, FilteredEvents};
 use crate::jobs::{Job, JobResult};
-use crate::opening::{Opening, ReadCaptures};
-use crate::overview::{Opened, overview};
-use crate::plot::{self, Plotting};
-use crate::report::{Reporting, RoledFile, WrittenReport};
-use crate::request::{ListName, OpenRequest, Place, Product, Request, SignalName};
-use crate::rows::{FindingMarks, RowList, seconds, tone};
-use crate::search::{self, Found, Question, Searching};
-use crate::seek::Seek;
+use crate::opening::{OpeningJob, ReadCaptures};
+use crate::overview::{CaptureOverview, build_overview};
+use crate::plot::{self, PlotJob};
+use crate::report::{ReportJob, RoledFile, WrittenReport};
+use crate::request::{FieldOfIdentifier, ListName, OpenRequest, PageRequest, Product, RequestPosition};
+use crate::rows::{FindingMarks, RowList, seconds_since, tone_name};
+use crate::search::{self, SearchJob, SearchQuestion, SearchResult};
+use crate::seek::RecentCheckpoints;
 use crate::state;
 use crate::survey::CaptureSurvey;
 
@@ -36,25 +36,25 @@ use crate::survey::CaptureSurvey;
 const MOST_TRANSFERS: usize = 500;
 
 /// State of the worker.
-pub struct Session {
-    files: Arc<dyn Files>,
-    opening: Option<Opening>,
-    ready: Option<Ready>,
+pub struct WorkerState {
+    files: Arc<dyn ContentAccess>,
+    opening: Option<OpeningJob>,
+    ready: Option<ReadySession>,
 }
 
 /// Captures that were read once.
-struct Ready {
+struct ReadySession {
     name: String,
     files: Vec<RoledFile>,
-    captures: Captures,
-    setup: Arc<Setup>,
+    captures: CaptureSet,
+    setup: Arc<RuleSetup>,
     problems: Vec<String>,
     survey: CaptureSurvey,
     marks: FindingMarks,
-    seek: Seek,
-    all: Matcher,
-    news: Matcher,
-    filtered: Option<FilterResult>,
+    seek: RecentCheckpoints,
+    all: EventMatcher,
+    news: EventMatcher,
+    filtered: Option<FilteredEvents>,
     filter: Option<String>,
     job: Option<Job>,
     curves: Value,
@@ -72,17 +72,17 @@ pub struct Response {
 
 type Answer = Result<Value, String>;
 
-impl Session {
+impl WorkerState {
     /// Nothing is opened yet.
-    pub fn new(files: Arc<dyn Files>) -> Self {
+    pub fn new(files: Arc<dyn ContentAccess>) -> Self {
         Self { files, opening: None, ready: None }
     }
 
     /// Response to a request as JSON; an error has the key `error`.
-    pub fn call(&mut self, request: &[u8]) -> Response {
+    pub fn call_json(&mut self, request: &[u8]) -> Response {
         let request = serde_json::from_slice(request).map_err(|error| format!("request: {error}"));
         let answer = match request {
-            Ok(Request::Bytes { what }) => match self.bytes(what) {
+            Ok(PageRequest::Bytes { what }) => match self.product_bytes(what) {
                 Ok(bytes) => return Response { value: json!({"length": bytes.len()}), bytes },
                 Err(error) => Err(error),
             },
@@ -93,24 +93,24 @@ impl Session {
         Response { value, bytes: Vec::new() }
     }
 
-    fn answer(&mut self, request: Request) -> Answer {
+    fn answer(&mut self, request: PageRequest) -> Answer {
         match request {
-            Request::Open(request) => self.open(&request),
-            Request::Step { frames } => self.step(frames),
-            Request::Complete { text } => Ok(filter::complete(&text)),
+            PageRequest::Open(request) => self.open(&request),
+            PageRequest::Step { frames } => self.step(frames),
+            PageRequest::Complete { text } => Ok(filter::complete(&text)),
             request => {
                 let files = Arc::clone(&self.files);
-                self.ready()?.answer(request, &files)
+                self.ready_captures()?.answer(request, &files)
             }
         }
     }
 
-    fn ready(&mut self) -> Result<&mut Ready, String> {
+    fn ready_captures(&mut self) -> Result<&mut ReadySession, String> {
         self.ready.as_mut().ok_or_else(|| "no capture is open".to_owned())
     }
 
-    fn bytes(&mut self, what: Product) -> Result<Vec<u8>, String> {
-        let ready = self.ready()?;
+    fn product_bytes(&mut self, what: Product) -> Result<Vec<u8>, String> {
+        let ready = self.ready_captures()?;
         let report = || ready.report.as_ref().ok_or_else(|| "no report was written".to_owned());
         match what {
             Product::Report => Ok(report()?.page.clone().into_bytes()),
@@ -121,7 +121,7 @@ impl Session {
 
     fn open(&mut self, request: &OpenRequest) -> Answer {
         (self.opening, self.ready) = (None, None);
-        self.opening = Some(Opening::new(&*self.files, request)?);
+        self.opening = Some(OpeningJob::new(&*self.files, request)?);
         Ok(json!({}))
     }
 
@@ -130,16 +130,16 @@ impl Session {
             if let Some(progress) = opening.step(&self.files, frames)? {
                 return Ok(progress);
             }
-            self.ready = self.opening.take().and_then(Opening::finish).map(Ready::new);
+            self.ready = self.opening.take().and_then(OpeningJob::finish).map(ReadySession::new);
             return Ok(json!({"phase": "ready"}));
         }
-        self.ready()?.step(frames)
+        self.ready_captures()?.step(frames)
     }
 }
 
-impl Ready {
+impl ReadySession {
     fn new(read: ReadCaptures) -> Self {
-        let marks = FindingMarks::of(&read.survey.findings);
+        let marks = FindingMarks::marks_of(&read.survey.findings);
         Self {
             name: read.name,
             files: read.files,
@@ -148,9 +148,9 @@ impl Ready {
             problems: read.problems,
             survey: read.survey,
             marks,
-            seek: Seek::default(),
-            all: Matcher::new(false),
-            news: Matcher::new(true),
+            seek: RecentCheckpoints::default(),
+            all: EventMatcher::new(false),
+            news: EventMatcher::new(true),
             filtered: None,
             filter: None,
             job: None,
@@ -160,62 +160,65 @@ impl Ready {
         }
     }
 
-    fn answer(&mut self, request: Request, files: &Arc<dyn Files>) -> Answer {
+    fn answer(&mut self, request: PageRequest, files: &Arc<dyn ContentAccess>) -> Answer {
         let text = |error: cobscope_decoder::capture::CaptureError| error.to_string();
         match request {
-            Request::Overview => {
+            PageRequest::Overview => {
                 let Self { name, captures, problems, .. } = self;
-                Ok(overview(&self.survey, &Opened { name, captures, problems }))
+                Ok(build_overview(&self.survey, &CaptureOverview { name, captures, problems }))
             }
-            Request::Rows { list, from, count } => {
-                let (seek, rows) = self.list(list)?;
+            PageRequest::Rows { list, from, count } => {
+                let (seek, rows) = self.row_list(list)?;
                 let total = rows.counts.total();
                 rows.rows(seek, from, count).map(|rows| json!({"rows": rows, "total": total})).map_err(text)
             }
-            Request::Locate { list, at } => self.locate(list, at),
-            Request::Filter { text, only_news } => self.start_filter(text, only_news),
-            Request::State { frame } => {
+            PageRequest::Locate { list, at } => self.locate(list, at),
+            PageRequest::Filter { text, only_news } => self.start_filter(text, only_news),
+            PageRequest::State { frame } => {
                 let next = frame.saturating_add(1);
-                let walk = self.seek.before(&self.captures, &self.survey, next).map_err(text)?;
-                Ok(state::state(&walk.world))
+                let walk = self.seek.walk_before(&self.captures, &self.survey, next).map_err(text)?;
+                Ok(state::state_value(&walk.world))
             }
-            Request::Objects { frame, bus, node } => {
+            PageRequest::Objects { frame, bus, node } => {
                 let next = frame.saturating_add(1);
-                let walk = self.seek.before(&self.captures, &self.survey, next).map_err(text)?;
-                Ok(state::objects(&walk.world, bus, node.into()))
+                let walk = self.seek.walk_before(&self.captures, &self.survey, next).map_err(text)?;
+                Ok(state::object_values(&walk.world, bus, node.into()))
             }
-            Request::Event { frame, ordinal } => {
-                let walk = self.seek.before(&self.captures, &self.survey, frame).map_err(text)?;
-                detail(walk, EventPosition { frame, ordinal }, self.survey.zero()).map_err(text)
+            PageRequest::Event { frame, ordinal } => {
+                let walk = self.seek.walk_before(&self.captures, &self.survey, frame).map_err(text)?;
+                event_detail(walk, EventPosition { frame, ordinal }, self.survey.zero()).map_err(text)
             }
-            Request::Transfers { from, count } => Ok(self.transfers(from, count)),
-            Request::Plot { signals, from, to } => self.start_plot(&signals, from, to),
-            Request::Curves => {
+            PageRequest::Transfers { from, count } => Ok(self.transfer_values(from, count)),
+            PageRequest::Plot { signals, from, to } => self.start_plot(&signals, from, to),
+            PageRequest::Curves => {
                 Ok(self.job.as_ref().and_then(Job::curves).unwrap_or_else(|| self.curves.clone()))
             }
-            Request::Report { finding, page } => self.start_report(finding, page, files),
-            Request::Export { format, list, frames } => self.start_export(&format, list, frames),
-            Request::Error { from, backward } => Ok(search::place(self.survey.error(from.into(), backward))),
-            Request::Search { text, list, from, backward } => {
+            PageRequest::Report { finding, page } => self.start_report(finding, page, files),
+            PageRequest::Export { format, list, frames } => self.start_export(&format, list, frames),
+            PageRequest::Error { from, backward } => {
+                Ok(search::position_value(self.survey.find_error(from.into(), backward)))
+            }
+            PageRequest::Search { text, list, from, backward } => {
                 let pattern = match RowPattern::new(&text) {
                     Ok(pattern) => pattern,
                     Err(reason) => return Ok(json!({"invalid": {"reason": reason, "start": 0}})),
                 };
-                let matcher = self.list(list)?.1.matcher.clone();
+                let matcher = self.row_list(list)?.1.matcher.clone();
                 let from: EventPosition = from.into();
-                let question = Question { pattern, matcher, from, is_backward: backward };
+                let question = SearchQuestion { pattern, matcher, from, is_backward: backward };
                 let (start, last) = if backward { (from.frame, from.frame) } else { (from.frame, u64::MAX) };
                 self.start_search(question, start, last)
             }
-            Request::Open(_) | Request::Step { .. } | Request::Complete { .. } | Request::Bytes { .. } => {
-                Err("request of another state".to_owned())
-            }
+            PageRequest::Open(_)
+            | PageRequest::Step { .. }
+            | PageRequest::Complete { .. }
+            | PageRequest::Bytes { .. } => Err("request of another state".to_owned()),
         }
     }
 
-    fn list(&mut self, list: ListName) -> Result<(&mut Seek, RowList<'_>), String> {
+    fn row_list(&mut self, list: ListName) -> Result<(&mut RecentCheckpoints, RowList<'_>), String> {
         let Self { captures, survey, marks, seek, all, news, filtered, .. } = self;
-        let (counts, matcher, kept): (&RowCounts, &Matcher, _) = match list {
+        let (counts, matcher, kept): (&BlockRowCounts, &EventMatcher, _) = match list {
             ListName::All => (&survey.all, &*all, None),
             ListName::News => (&survey.news, &*news, None),
             ListName::Filter => {
@@ -226,55 +229,57 @@ impl Ready {
         Ok((seek, RowList { captures, survey, marks, counts, matcher, kept }))
     }
 
-    fn locate(&mut self, list: ListName, at: Place) -> Answer {
+    fn locate(&mut self, list: ListName, at: RequestPosition) -> Answer {
         let text = |error: cobscope_decoder::capture::CaptureError| error.to_string();
         let spot = match at {
-            Place::Spot(spot) => spot.into(),
-            Place::Time(time) => {
+            RequestPosition::Spot(spot) => spot.into(),
+            RequestPosition::Time(time) => {
                 let Self { captures, survey, seek, .. } = self;
-                let time = stamp(survey.zero(), time);
-                EventPosition::before(seek.frame_at(captures, survey, time).map_err(text)?)
+                let time = to_timestamp(survey.zero(), time);
+                EventPosition::before_frame(seek.frame_at(captures, survey, time).map_err(text)?)
             }
         };
-        let (seek, rows) = self.list(list)?;
-        rows.locate(seek, spot).map(|row| json!({"row": row, "frame": spot.frame})).map_err(text)
+        let (seek, rows) = self.row_list(list)?;
+        rows.locate_row(seek, spot).map(|row| json!({"row": row, "frame": spot.frame})).map_err(text)
     }
 
     fn start_filter(&mut self, text: String, only_news: bool) -> Answer {
-        match Matcher::parse(&text, only_news) {
+        match EventMatcher::parse(&text, only_news) {
             Ok(matcher) => {
-                let walk = self.captures.start().map_err(|error| error.to_string())?;
+                let walk = self.captures.start_walk().map_err(|error| error.to_string())?;
                 (self.filtered, self.filter) = (None, Some(text));
-                self.job = Some(Job::Filter(Box::new(Filtering::new(walk, matcher))));
+                self.job = Some(Job::Filter(Box::new(FilterJob::new(walk, matcher))));
                 Ok(json!({}))
             }
             Err(problem) => Ok(json!({"invalid": problem})),
         }
     }
 
-    fn start_plot(&mut self, signals: &[SignalName], from: Option<f64>, to: Option<f64>) -> Answer {
+    fn start_plot(&mut self, signals: &[FieldOfIdentifier], from: Option<f64>, to: Option<f64>) -> Answer {
         let text = |error: cobscope_decoder::capture::CaptureError| error.to_string();
         let Self { captures, survey, seek, .. } = self;
         let Some(zero) = survey.zero() else { return Err("a capture without timestamps".to_owned()) };
         let mut keys = Vec::new();
         for signal in signals.iter().take(plot::MOST_SIGNALS) {
-            let walk = seek.before(captures, survey, signal.frame.saturating_add(1)).map_err(text)?;
-            keys.extend(plot::signal(&walk.world, signal));
+            let walk = seek.walk_before(captures, survey, signal.frame.saturating_add(1)).map_err(text)?;
+            keys.extend(plot::find_signal(&walk.world, signal));
         }
-        let end = survey.end.time().unwrap_or(zero).0;
-        let range =
-            (from.map_or(zero.0, |it| stamp(Some(zero), it).0), to.map_or(end, |it| stamp(Some(zero), it).0));
+        let end = survey.end.last_time().unwrap_or(zero).0;
+        let range = (
+            from.map_or(zero.0, |it| to_timestamp(Some(zero), it).0),
+            to.map_or(end, |it| to_timestamp(Some(zero), it).0),
+        );
         let mark = survey.index.before_time(Timestamp(range.0));
         let walk = match mark {
-            Some(mark) => captures.resume(mark),
-            None => captures.start(),
+            Some(mark) => captures.resume_walk(mark),
+            None => captures.start_walk(),
         };
-        self.job = Some(Job::Plot(Box::new(Plotting::new(walk.map_err(text)?, keys, zero, range))));
+        self.job = Some(Job::Plot(Box::new(PlotJob::new(walk.map_err(text)?, keys, zero, range))));
         Ok(json!({}))
     }
 
-    fn start_report(&mut self, finding: Option<u64>, page: String, files: &Arc<dyn Files>) -> Answer {
-        let started = Reporting::new(
+    fn start_report(&mut self, finding: Option<u64>, page: String, files: &Arc<dyn ContentAccess>) -> Answer {
+        let started = ReportJob::new(
             &self.captures,
             &self.survey,
             (finding, &self.name, page),
@@ -285,30 +290,30 @@ impl Ready {
     }
 
     /// Searches from the last checkpoint before frame `start` to frame `last`.
-    fn start_search(&mut self, question: Question, start: u64, last: u64) -> Answer {
-        let walk = match self.survey.mark(start.saturating_sub(1)) {
-            Some(mark) => self.captures.resume(mark),
-            None => self.captures.start(),
+    fn start_search(&mut self, question: SearchQuestion, start: u64, last: u64) -> Answer {
+        let walk = match self.survey.checkpoint_at(start.saturating_sub(1)) {
+            Some(mark) => self.captures.resume_walk(mark),
+            None => self.captures.start_walk(),
         };
         let walk = walk.map_err(|error| error.to_string())?;
-        self.job = Some(Job::Search(Box::new(Searching::new(walk, question, last))));
+        self.job = Some(Job::Search(Box::new(SearchJob::new(walk, question, last))));
         Ok(json!({}))
     }
 
     fn start_export(&mut self, format: &str, list: ListName, frames: Option<(u64, u64)>) -> Answer {
         self.bytes = Vec::new();
         if format == "pcapng" {
-            let reader = self.captures.reader().map_err(|error| error.to_string())?;
-            let cutting = Cutting::new(reader, frames.unwrap_or((0, u64::MAX)))?;
+            let reader = self.captures.open_reader().map_err(|error| error.to_string())?;
+            let cutting = CutJob::new(reader, frames.unwrap_or((0, u64::MAX)))?;
             self.job = Some(Job::Cut(Box::new(cutting)));
             return Ok(json!({}));
         }
         let filter = self.filter.as_deref().filter(|_| list == ListName::Filter);
         let filter = filter.map(str::parse).transpose();
         let filter = filter.map_err(|error: cobscope_decoder::query::FilterError| error.to_string())?;
-        let reader = self.captures.reader().map_err(|error| error.to_string())?;
+        let reader = self.captures.open_reader().map_err(|error| error.to_string())?;
         let options = (self.captures.options().clone(), &self.setup);
-        let exporting = Exporting::new(reader, options, format, (filter, frames))?;
+        let exporting = ExportJob::new(reader, options, format, (filter, frames))?;
         self.job = Some(Job::Export(Box::new(exporting)));
         Ok(json!({}))
     }
@@ -337,8 +342,8 @@ impl Ready {
                 self.report = Some(written);
             }
             JobResult::Export => {}
-            JobResult::Search(Found::Row(found)) => place = Some(search::place(found)),
-            JobResult::Search(Found::Further(question, last)) => {
+            JobResult::Search(SearchResult::Row(found)) => place = Some(search::position_value(found)),
+            JobResult::Search(SearchResult::Further(question, last)) => {
                 self.start_search(question, last, last)?;
                 return Ok(json!({"phase": what, "frames": size.saturating_sub(last), "size": size}));
             }
@@ -346,7 +351,7 @@ impl Ready {
         Ok(json!({"phase": "done", "what": what, "total": total, "cut": cut, "place": place}))
     }
 
-    fn transfers(&self, from: usize, count: usize) -> Value {
+    fn transfer_values(&self, from: usize, count: usize) -> Value {
         let transfers = &self.survey.overview.transfers;
         let shown = transfers.iter().skip(from).take(count.min(MOST_TRANSFERS));
         let zero = self.survey.zero();
@@ -360,7 +365,7 @@ impl Ready {
             json!({
                 "frame": it.spot.frame,
                 "ordinal": it.spot.ordinal,
-                "time": seconds(it.time, zero),
+                "time": seconds_since(it.time, zero),
                 "bus": bus_name(it.bus),
                 "who": it.who,
                 "kind": it.kind,
@@ -368,7 +373,7 @@ impl Ready {
                 "duration": it.duration.map(millis),
                 "size": it.size,
                 "outcome": it.outcome.name(),
-                "tone": tone(it.tone),
+                "tone": tone_name(it.tone),
             })
         });
         json!({"rows": rows.collect::<Vec<_>>(), "total": transfers.len(), "more": transfers.more})
@@ -376,7 +381,7 @@ impl Ready {
 }
 
 /// Time of a number of seconds after the first frame.
-fn stamp(zero: Option<Timestamp>, seconds: f64) -> Timestamp {
+fn to_timestamp(zero: Option<Timestamp>, seconds: f64) -> Timestamp {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let nanoseconds = (seconds * 1e9).round() as i64;
     zero.unwrap_or_default().plus(nanoseconds)

@@ -9,19 +9,21 @@
 
 use std::sync::Arc;
 
-use cobscope_decoder::diagnosis::Setting;
+use cobscope_decoder::diagnosis::DiagnosisContext;
 use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::finding::Findings;
+use cobscope_decoder::finding::CaptureFindings;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::profile::Catalogue;
 use cobscope_decoder::reading::{self, PlacedReading, PlacedSummary, ReadingPart, Survey};
-use cobscope_decoder::replay::{Checkpoint, EventPosition, Index, PlacedEvent, ReplayState, Walk};
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::replay::{
+    CaptureWalk, Checkpoint, CheckpointIndex, EventPosition, PlacedEvent, ReplayState,
+};
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::Bus;
-use cobscope_decoder::why::{self, Question, Why};
+use cobscope_decoder::why::{self, WhyObserver, WhyScope};
 
-use crate::counts::RowCounts;
-use crate::files::Source;
+use crate::counts::BlockRowCounts;
+use crate::files::ContentSource;
 
 /// Frames between the first checkpoints; doubled whenever there are too many.
 const FIRST_INTERVAL: u64 = 65_536;
@@ -29,19 +31,19 @@ const FIRST_INTERVAL: u64 = 65_536;
 /// Results of the first reading.
 pub struct CaptureSurvey {
     /// Findings in groups.
-    pub findings: Findings,
+    pub findings: CaptureFindings,
     /// Changes before the stories.
-    pub why: Why,
+    pub why: WhyObserver,
     /// Stories with the changes before them.
-    pub answer: why::Report,
+    pub answer: why::WhyReport,
     /// Transfers, errors, load, kinds of events, statistics.
     pub overview: Survey,
     /// Rows of all events.
-    pub all: RowCounts,
+    pub all: BlockRowCounts,
     /// Rows of events that are changes.
-    pub news: RowCounts,
+    pub news: BlockRowCounts,
     /// Checkpoints.
-    pub index: Index,
+    pub index: CheckpointIndex,
     /// State after the last frame.
     pub end: ReplayState,
     /// Reason why the capture was not read to its end.
@@ -49,17 +51,17 @@ pub struct CaptureSurvey {
 }
 
 /// A first reading in progress.
-pub struct Surveying {
-    reading: PlacedReading<Source, (Survey, Why, RowTally)>,
-    index: Index,
+pub struct SurveyJob {
+    reading: PlacedReading<ContentSource, (Survey, WhyObserver, RowTally)>,
+    index: CheckpointIndex,
     failure: Option<String>,
 }
 
 /// Counts rows, and findings as they open.
 #[derive(Default)]
 struct RowTally {
-    all: RowCounts,
-    news: RowCounts,
+    all: BlockRowCounts,
+    news: BlockRowCounts,
     opened: u64,
 }
 
@@ -67,9 +69,9 @@ impl ReadingPart for RowTally {
     fn event(&mut self, _event: &Event, _bus: &Bus) {}
 
     fn placed(&mut self, placed: &PlacedEvent<'_>) {
-        self.all.add(placed.spot.frame);
+        self.all.count_row(placed.spot.frame);
         if placed.is_news {
-            self.news.add(placed.spot.frame);
+            self.news.count_row(placed.spot.frame);
         }
     }
 
@@ -78,12 +80,12 @@ impl ReadingPart for RowTally {
     }
 }
 
-impl Surveying {
+impl SurveyJob {
     /// Starts at the beginning of the captures.
-    pub fn new(walk: Walk<Source>, setup: &Arc<Setup>) -> Self {
-        let parts = (Survey::default(), Why::new(Question::default()), RowTally::default());
+    pub fn new(walk: CaptureWalk<ContentSource>, setup: &Arc<RuleSetup>) -> Self {
+        let parts = (Survey::default(), WhyObserver::new(WhyScope::default()), RowTally::default());
         let reading = PlacedReading::new(walk, setup, parts);
-        Self { reading, index: Index::every(FIRST_INTERVAL), failure: None }
+        Self { reading, index: CheckpointIndex::with_interval(FIRST_INTERVAL), failure: None }
     }
 
     /// Frames read so far, decompressed bytes, and findings opened.
@@ -98,9 +100,9 @@ impl Surveying {
         let limit = reading.walk.world.frames().saturating_add(frames);
         while reading.walk.world.frames() < limit {
             if index.is_due(reading.walk.world.frames())
-                && let Some(mark) = reading.walk.mark()
+                && let Some(mark) = reading.walk.mark_position()
             {
-                index.add(mark);
+                index.add_checkpoint(mark);
             }
             let has_more = reading.step();
             if let Some(error) = reading.take_failure() {
@@ -117,9 +119,9 @@ impl Surveying {
     pub fn finish(self, catalogue: &Catalogue) -> CaptureSurvey {
         let Self { reading, index, failure } = self;
         let PlacedSummary { findings, part: (overview, why, rows), end } = reading.finish();
-        let setting = Setting { zero: end.zero(), ..Setting::default() };
+        let setting = DiagnosisContext { zero: end.first_time(), ..DiagnosisContext::default() };
         let diagnosis = reading::diagnosis(&findings, setting);
-        let answer = why.clone().report(diagnosis, end.buses(), catalogue);
+        let answer = why.clone().build_report(diagnosis, end.buses(), catalogue);
         let RowTally { all, news, .. } = rows;
         CaptureSurvey { findings, why, answer, overview, all, news, index, end, failure }
     }
@@ -128,11 +130,11 @@ impl Surveying {
 impl CaptureSurvey {
     /// Time of the first frame.
     pub fn zero(&self) -> Option<Timestamp> {
-        self.end.zero()
+        self.end.first_time()
     }
 
     /// The next error event after a position, or the previous one before it.
-    pub fn error(&self, from: EventPosition, is_backward: bool) -> Option<EventPosition> {
+    pub fn find_error(&self, from: EventPosition, is_backward: bool) -> Option<EventPosition> {
         let errors = &self.overview.errors;
         let at = errors.partition_point(|spot| if is_backward { *spot < from } else { *spot <= from });
         let at = if is_backward { at.checked_sub(1)? } else { at };
@@ -140,7 +142,7 @@ impl CaptureSurvey {
     }
 
     /// The last checkpoint at or before a frame.
-    pub fn mark(&self, frame: u64) -> Option<&Checkpoint> {
+    pub fn checkpoint_at(&self, frame: u64) -> Option<&Checkpoint> {
         self.index.before_frame(frame)
     }
 }

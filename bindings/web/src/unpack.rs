@@ -3,15 +3,15 @@
 use std::io::{BufReader, Read};
 use std::sync::Arc;
 
-use cobscope_decoder::capture::{ReadOptions, Reader, decompress, is_compressed};
+use cobscope_decoder::capture::{CaptureReader, ReadOptions, decompress, is_compressed};
 
-use crate::files::{BLOCK, Blocks, Content, Files, Source};
+use crate::files::{BLOCK, Blocks, ContentAccess, ContentSource, StoredContent};
 
 /// Maximum size of a decompressed capture: WebAssembly has 4 GiB for everything.
 pub const MOST_UNPACKED: u64 = 2 << 30;
 
 /// A compressed capture while it is read.
-pub struct Unpacking {
+pub struct UnpackJob {
     reader: Box<dyn Read + Send>,
     blocks: Blocks,
     /// Bytes of an incomplete block.
@@ -22,24 +22,24 @@ pub struct Unpacking {
 ///
 /// # Errors
 /// If it cannot be read.
-pub fn is_packed(files: &dyn Files, file: u32) -> Result<bool, String> {
+pub fn is_packed(files: &dyn ContentAccess, file: u32) -> Result<bool, String> {
     let mut head = [0; 4];
     let count = files.read(file, 0, &mut head).map_err(|error| error.to_string())?;
     Ok(is_compressed(head.get(..count).unwrap_or_default()))
 }
 
-impl Unpacking {
+impl UnpackJob {
     /// Opens a compressed capture. Its start must have a known format, so that other content is refused
     /// before it fills the memory.
     ///
     /// # Errors
     /// If the compression or the content is not supported.
-    pub fn new(files: &Arc<dyn Files>, file: u32, options: &ReadOptions) -> Result<Self, String> {
+    pub fn new(files: &Arc<dyn ContentAccess>, file: u32, options: &ReadOptions) -> Result<Self, String> {
         let open = || {
-            let source = Source::new(Content::File(Arc::clone(files), file), 0);
+            let source = ContentSource::new(StoredContent::File(Arc::clone(files), file), 0);
             decompress(BufReader::with_capacity(BLOCK, source)).map_err(|error| error.to_string())
         };
-        Reader::open(open()?, options).map_err(|error| error.to_string())?;
+        CaptureReader::open(open()?, options).map_err(|error| error.to_string())?;
         Ok(Self { reader: open()?, blocks: Vec::new(), partial: Vec::new() })
     }
 
@@ -81,10 +81,10 @@ impl Unpacking {
     }
 
     /// The decompressed content; `failure` ended it early.
-    pub fn finish(mut self, failure: Option<&str>) -> Content {
+    pub fn finish(mut self, failure: Option<&str>) -> StoredContent {
         if !self.partial.is_empty() {
             self.blocks.push(self.partial.into_boxed_slice());
         }
-        Content::Memory(Arc::new(self.blocks), failure.map(Into::into))
+        StoredContent::Memory(Arc::new(self.blocks), failure.map(Into::into))
     }
 }

@@ -4,9 +4,9 @@ use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use cobscope_decoder::capture::{Batch, FORMATS, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, CaptureReader, FORMATS, ReadOptions};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
-use cobscope_decoder::wire::isotp::{Addresses, IsoTp, parse};
+use cobscope_decoder::wire::isotp::{IsoTpAddresses, IsoTpFrame, parse};
 use cobscope_fuzz::harness::session::encode;
 
 /// Number of frames used of a capture, and number of frames per seed of the session: long seeds slow the
@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             put(&corpus, "expectations", &name, bus_file.join("\n").as_bytes())?;
         }
         put(&corpus, "any", &name, &bytes)?;
-        let Ok(mut reader) = Reader::open(&bytes[..], &ReadOptions::default()) else { continue };
+        let Ok(mut reader) = CaptureReader::open(&bytes[..], &ReadOptions::default()) else { continue };
         put(&corpus, reader.format().name, &name, &bytes)?;
         let mut batch = Batch::new();
         let mut frames = Vec::new();
@@ -83,8 +83,9 @@ fn payload(corpus: &Path, frame: &Frame) -> std::io::Result<()> {
             let bytes = [&id.to_le_bytes()[..], data].concat();
             return put(corpus, "error_frame", &format!("{id:x}_{name}"), &bytes);
         }
-        CanId::Extended(id) if Addresses::of(id).is_some() => {
-            if let Ok(IsoTp::Single { data } | IsoTp::First { data, .. }) = parse(data, data.len()) {
+        CanId::Extended(id) if IsoTpAddresses::from_identifier(id).is_some() => {
+            if let Ok(IsoTpFrame::Single { data } | IsoTpFrame::First { data, .. }) = parse(data, data.len())
+            {
                 let name = data.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
                 put(corpus, "uds", &format!("p{name}"), data)?;
             }

@@ -6,7 +6,7 @@ use serde_json::value::RawValue;
 use crate::event::Event;
 use crate::session::Bus;
 use crate::sink::EventSink as _;
-use crate::sink::jsonl::Jsonl;
+use crate::sink::jsonl::JsonlSink;
 
 /// Event as printed by decode -f jsonl (docs/events.schema.json).
 #[derive(Debug, Clone, Serialize)]
@@ -17,7 +17,7 @@ impl EventObject {
     /// The event on its bus, in the state after it.
     pub fn new(event: &Event, bus: &Bus) -> Option<Self> {
         let mut line = Vec::new();
-        Jsonl::new(&mut line).write(event, bus);
+        JsonlSink::new(&mut line).write_event(event, bus);
         let line = String::from_utf8(line).ok()?;
         RawValue::from_string(line.trim_end().to_owned()).ok().map(Self)
     }

@@ -51,7 +51,7 @@ const KEYS: &str = "period-percent, gap-percent, longest-gap-percent, latency-pe
 pub(super) type Table = BTreeMap<Spanned<String>, Spanned<f64>>;
 
 /// Checks the table; returns the first problem.
-pub(super) fn check(table: Table) -> Result<DiffTolerances, TextProblem> {
+pub(super) fn check_tolerances(table: Table) -> Result<DiffTolerances, TextProblem> {
     let mut tolerances = DiffTolerances::default();
     for (key, value) in table {
         let place = match key.get_ref().as_str() {

@@ -24,11 +24,11 @@ const USUAL_TOLERANCE: f64 = 10.0;
 
 /// A checked `[[expect]]` entry.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Expectation {
+pub struct ExpectEntry {
     /// Unique identifier within the file; also the name of the finding.
     pub id: SpannedText,
     /// Condition that the capture must fulfil.
-    pub demand: Demand,
+    pub demand: ExpectCondition,
     /// Bus it applies to; `None` for every bus.
     pub bus: Option<String>,
     /// Node it applies to; `None` for every node.
@@ -44,7 +44,7 @@ pub struct Expectation {
 /// Condition of an expectation; times in nanoseconds.
 #[derive(Debug, Clone, PartialEq)]
 #[expect(missing_docs, reason = "the line of each variant explains its fields")]
-pub enum Demand {
+pub enum ExpectCondition {
     /// Each event that matches `when` also matches `expect`.
     Always { when: SpannedText, expect: SpannedText },
     /// No event matches `when`.
@@ -63,7 +63,7 @@ pub enum Demand {
     Rate { signal: SpannedText, when: Option<SpannedText>, max_per_second: f64 },
 }
 
-impl Demand {
+impl ExpectCondition {
     /// Value of the `kind` key in the file.
     pub const fn name(&self) -> &'static str {
         match self {
@@ -94,7 +94,7 @@ const KINDS: &[(&str, &[&str], &[&str])] = &[
 /// One `[[expect]]` table as parsed.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Entry {
+pub(super) struct ExpectTable {
     id: Spanned<String>,
     kind: Spanned<String>,
     reason: Spanned<String>,
@@ -119,7 +119,7 @@ pub(super) struct Entry {
     #[serde(default)]
     per_seconds: Option<Spanned<f64>>,
     #[serde(default)]
-    tolerance: Option<Spanned<Amount>>,
+    tolerance: Option<Spanned<TextAmount>>,
     #[serde(default)]
     min: Option<Spanned<f64>>,
     #[serde(default)]
@@ -130,19 +130,19 @@ pub(super) struct Entry {
 
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "expected a number of seconds, or a percentage such as \"10 %\"")]
-enum Amount {
+enum TextAmount {
     Seconds(f64),
     Text(String),
 }
 
 /// Checks all entries; returns the first problem.
-pub(super) fn check(all: Vec<Entry>) -> Result<Vec<Expectation>, TextProblem> {
-    let mut known: Vec<Expectation> = Vec::new();
+pub(super) fn check_entries(all: Vec<ExpectTable>) -> Result<Vec<ExpectEntry>, TextProblem> {
+    let mut known: Vec<ExpectEntry> = Vec::new();
     for one in all {
         if known.len() == EXPECTATION_LIMIT {
             return Err((one.id.span(), format!("more than {EXPECTATION_LIMIT} expectations in one file")));
         }
-        let one = one.check()?;
+        let one = one.check_entry()?;
         if known.iter().any(|other| other.id.text == one.id.text) {
             return Err((one.id.span, format!("duplicate id '{}'", one.id.text)));
         }
@@ -151,8 +151,8 @@ pub(super) fn check(all: Vec<Entry>) -> Result<Vec<Expectation>, TextProblem> {
     Ok(known)
 }
 
-impl Entry {
-    fn check(mut self) -> Result<Expectation, TextProblem> {
+impl ExpectTable {
+    fn check_entry(mut self) -> Result<ExpectEntry, TextProblem> {
         check_id(&self.id)?;
         if self.reason.get_ref().trim().is_empty() {
             return Err((self.reason.span(), "empty reason; expected a text".into()));
@@ -182,7 +182,7 @@ impl Entry {
         };
         let (id, bus, reason) =
             (self.id.clone().into(), self.bus.take(), self.reason.get_ref().trim().into());
-        Ok(Expectation { id, demand: self.demand()?, bus, node, is_per_node, severity, reason })
+        Ok(ExpectEntry { id, demand: self.parse_demand()?, bus, node, is_per_node, severity, reason })
     }
 
     /// Checks that all keys required by the kind are present and all others belong to it.
@@ -192,7 +192,7 @@ impl Entry {
             let names: Vec<_> = KINDS.iter().map(|(name, ..)| *name).collect();
             return Err((self.kind.span(), format!("unknown kind '{kind}'; expected {}", names.join(", "))));
         };
-        let given = self.given();
+        let given = self.given_keys();
         for (name, span) in &given {
             if let Some(span) = span
                 && !needs.contains(name)
@@ -213,7 +213,7 @@ impl Entry {
     }
 
     /// Keys specific to some kinds, with the place of each one present.
-    fn given(&self) -> [(&'static str, Option<Range<usize>>); 11] {
+    fn given_keys(&self) -> [(&'static str, Option<Range<usize>>); 11] {
         fn at<T>(value: Option<&Spanned<T>>) -> Option<Range<usize>> {
             value.map(Spanned::span)
         }
@@ -232,7 +232,7 @@ impl Entry {
         ]
     }
 
-    fn demand(self) -> Result<Demand, TextProblem> {
+    fn parse_demand(self) -> Result<ExpectCondition, TextProblem> {
         let kind = self.kind.span();
         // `check_keys` has verified that required keys are present.
         let needed = |text: Option<Spanned<String>>| {
@@ -240,42 +240,42 @@ impl Entry {
         };
         let needed_time = |seconds: Option<&Spanned<f64>>| {
             let given = seconds.ok_or_else(|| (kind.clone(), "seconds are missing".to_owned()));
-            given.and_then(nanoseconds)
+            given.and_then(parse_nanoseconds)
         };
         Ok(match self.kind.get_ref().as_str() {
-            "always" => Demand::Always { when: needed(self.when)?, expect: needed(self.expect)? },
-            "never" => Demand::Never { when: needed(self.when)? },
+            "always" => ExpectCondition::Always { when: needed(self.when)?, expect: needed(self.expect)? },
+            "never" => ExpectCondition::Never { when: needed(self.when)? },
             "within" => {
                 let time = needed_time(self.seconds.as_ref())?;
-                Demand::Within { when: needed(self.when)?, expect: needed(self.expect)?, time }
+                ExpectCondition::Within { when: needed(self.when)?, expect: needed(self.expect)?, time }
             }
             "every" => {
                 let period = needed_time(self.seconds.as_ref())?;
-                let tolerance = tolerance(self.tolerance.as_ref(), period)?;
-                Demand::Every { when: needed(self.when)?, period, tolerance }
+                let tolerance = parse_tolerance(self.tolerance.as_ref(), period)?;
+                ExpectCondition::Every { when: needed(self.when)?, period, tolerance }
             }
             "count" => {
-                let window = self.per_seconds.as_ref().map(nanoseconds).transpose()?;
-                let (min, max) = (whole(self.min.as_ref())?, whole(self.max.as_ref())?);
-                limits(&kind, min, max)?;
-                Demand::Count { when: needed(self.when)?, min, max, window }
+                let window = self.per_seconds.as_ref().map(parse_nanoseconds).transpose()?;
+                let (min, max) = (parse_whole(self.min.as_ref())?, parse_whole(self.max.as_ref())?);
+                check_limits(&kind, min, max)?;
+                ExpectCondition::Count { when: needed(self.when)?, min, max, window }
             }
             "order" => {
-                let time = self.seconds.as_ref().map(nanoseconds).transpose()?;
-                Demand::Order { steps: steps(&kind, self.steps)?, time }
+                let time = self.seconds.as_ref().map(parse_nanoseconds).transpose()?;
+                ExpectCondition::Order { steps: check_steps(&kind, self.steps)?, time }
             }
             "bounds" => {
-                let (min, max) = (finite(self.min.as_ref())?, finite(self.max.as_ref())?);
-                limits(&kind, min, max)?;
+                let (min, max) = (parse_finite(self.min.as_ref())?, parse_finite(self.max.as_ref())?);
+                check_limits(&kind, min, max)?;
                 let when = self.when.map(SpannedText::from);
-                Demand::Bounds { signal: signal(needed(self.signal)?)?, when, min, max }
+                ExpectCondition::Bounds { signal: check_signal(needed(self.signal)?)?, when, min, max }
             }
             _ => {
-                let most = finite(self.max_per_second.as_ref())?.filter(|most| *most > 0.0);
+                let most = parse_finite(self.max_per_second.as_ref())?.filter(|most| *most > 0.0);
                 let span = self.max_per_second.as_ref().map_or(kind.clone(), Spanned::span);
                 let wrong = || (span, "max_per_second is invalid; expected a number > 0".to_owned());
-                let (signal, when) = (signal(needed(self.signal)?)?, self.when.map(SpannedText::from));
-                Demand::Rate { signal, when, max_per_second: most.ok_or_else(wrong)? }
+                let (signal, when) = (check_signal(needed(self.signal)?)?, self.when.map(SpannedText::from));
+                ExpectCondition::Rate { signal, when, max_per_second: most.ok_or_else(wrong)? }
             }
         })
     }
@@ -292,25 +292,25 @@ fn check_id(id: &Spanned<String>) -> Result<(), TextProblem> {
     Err((id.span(), "invalid id; expected a-z, 0-9 and single hyphens, such as \"pump-responds\"".into()))
 }
 
-fn nanoseconds(seconds: &Spanned<f64>) -> Result<i64, TextProblem> {
-    time(*seconds.get_ref())
+fn parse_nanoseconds(seconds: &Spanned<f64>) -> Result<i64, TextProblem> {
+    to_nanoseconds(*seconds.get_ref())
         .ok_or_else(|| (seconds.span(), "time out of range; expected seconds > 0, max one year".into()))
 }
 
 /// Time in nanoseconds: at least 1 ns, at most [`LONGEST`].
-fn time(seconds: f64) -> Option<i64> {
+fn to_nanoseconds(seconds: f64) -> Option<i64> {
     let fits = (1e-9..=LONGEST).contains(&seconds);
     #[expect(clippy::cast_possible_truncation, reason = "limited to one year")]
     fits.then_some((seconds * 1e9).round() as i64)
 }
 
-fn tolerance(amount: Option<&Spanned<Amount>>, period: i64) -> Result<i64, TextProblem> {
+fn parse_tolerance(amount: Option<&Spanned<TextAmount>>, period: i64) -> Result<i64, TextProblem> {
     let (given, span) = match amount {
         None => (Some((USUAL_TOLERANCE, true)), 0..0),
         Some(amount) => {
             let given = match amount.get_ref() {
-                Amount::Seconds(seconds) => Some((*seconds, false)),
-                Amount::Text(text) => text
+                TextAmount::Seconds(seconds) => Some((*seconds, false)),
+                TextAmount::Text(text) => text
                     .strip_suffix('%')
                     .and_then(|number| number.trim().parse().ok())
                     .map(|number: f64| (number, true)),
@@ -329,7 +329,7 @@ fn tolerance(amount: Option<&Spanned<Amount>>, period: i64) -> Result<i64, TextP
     }
     let time = match seconds {
         Some(0.0) => Some(0),
-        Some(seconds) => time(seconds),
+        Some(seconds) => to_nanoseconds(seconds),
         None => None,
     };
     time.ok_or_else(|| {
@@ -337,7 +337,7 @@ fn tolerance(amount: Option<&Spanned<Amount>>, period: i64) -> Result<i64, TextP
     })
 }
 
-fn finite(number: Option<&Spanned<f64>>) -> Result<Option<f64>, TextProblem> {
+fn parse_finite(number: Option<&Spanned<f64>>) -> Result<Option<f64>, TextProblem> {
     match number {
         Some(number) if !number.get_ref().is_finite() => {
             Err((number.span(), "the limit is not finite; expected a number".into()))
@@ -346,7 +346,7 @@ fn finite(number: Option<&Spanned<f64>>) -> Result<Option<f64>, TextProblem> {
     }
 }
 
-fn whole(number: Option<&Spanned<f64>>) -> Result<Option<u64>, TextProblem> {
+fn parse_whole(number: Option<&Spanned<f64>>) -> Result<Option<u64>, TextProblem> {
     let Some(number) = number else { return Ok(None) };
     let value = *number.get_ref();
     let fits = value >= 0.0 && value <= f64::from(u32::MAX) && value.fract() == 0.0;
@@ -360,7 +360,11 @@ fn whole(number: Option<&Spanned<f64>>) -> Result<Option<u64>, TextProblem> {
 }
 
 /// Checks that at least one limit is present and `min` ≤ `max`.
-fn limits<T: PartialOrd>(kind: &Range<usize>, min: Option<T>, max: Option<T>) -> Result<(), TextProblem> {
+fn check_limits<T: PartialOrd>(
+    kind: &Range<usize>,
+    min: Option<T>,
+    max: Option<T>,
+) -> Result<(), TextProblem> {
     match (min, max) {
         (None, None) => Err((kind.clone(), "min and max are missing; expected at least one".into())),
         (Some(min), Some(max)) if min > max => Err((kind.clone(), "min > max; expected min ≤ max".into())),
@@ -368,7 +372,7 @@ fn limits<T: PartialOrd>(kind: &Range<usize>, min: Option<T>, max: Option<T>) ->
     }
 }
 
-fn steps(
+fn check_steps(
     kind: &Range<usize>,
     steps: Option<Spanned<Vec<Spanned<String>>>>,
 ) -> Result<Vec<SpannedText>, TextProblem> {
@@ -381,7 +385,7 @@ fn steps(
     Ok(steps)
 }
 
-fn signal(name: SpannedText) -> Result<SpannedText, TextProblem> {
+fn check_signal(name: SpannedText) -> Result<SpannedText, TextProblem> {
     if name.text.trim().is_empty() {
         return Err((
             name.span,

@@ -3,11 +3,11 @@
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::value::{ObjectValue, Value, bytes};
-use super::written::{TextProblem, address};
+use super::value::{ObjectValue, TypedEntryValue, encode_value};
+use super::written::{TextProblem, parse_address};
 use crate::wire::NodeId;
 use crate::wire::canopen::{NmtState, ObjectAddress};
-use crate::wire::j1939::Name;
+use crate::wire::j1939::J1939Name;
 
 /// NMT states that a bus file can name.
 const STATES: [NmtState; 4] =
@@ -82,7 +82,7 @@ pub struct InitialState {
     /// NMT reset to which the node did not respond with a boot-up yet.
     pub reset: Option<PendingReset>,
     /// NAME of a J1939 device.
-    pub name: Option<Name>,
+    pub name: Option<J1939Name>,
     /// Reported states of the state machines of the device, in the order of its profile; empty for an unknown one.
     pub device: Vec<String>,
 }
@@ -138,7 +138,7 @@ pub(super) struct AuthoredObject {
     #[serde(rename = "object")]
     address: Spanned<String>,
     #[serde(default)]
-    value: Option<Spanned<Value>>,
+    value: Option<Spanned<TypedEntryValue>>,
     #[serde(default)]
     data: Option<Spanned<String>>,
     #[serde(default)]
@@ -156,15 +156,15 @@ pub(super) struct AuthoredObject {
 }
 
 impl AuthoredObject {
-    pub(super) fn check(self, node: NodeId) -> Result<InitialValue, TextProblem> {
+    pub(super) fn check_object(self, node: NodeId) -> Result<InitialValue, TextProblem> {
         let span = self.address.span();
-        let address = address(&self.address)?;
+        let address = parse_address(&self.address)?;
         let value = match (self.value, self.data) {
             (Some(value), None) => {
                 let span = value.span();
-                bytes(address, value.into_inner()).map_err(|message| (span, message))?
+                encode_value(address, value.into_inner()).map_err(|message| (span, message))?
             }
-            (None, Some(data)) => hex(data.get_ref()).map(ObjectValue::Bytes).ok_or_else(|| {
+            (None, Some(data)) => parse_hex(data.get_ref()).map(ObjectValue::Bytes).ok_or_else(|| {
                 (
                     data.span(),
                     "invalid data; expected pairs of hex digits, such as \"10 00 41 60\"".to_owned(),
@@ -190,7 +190,7 @@ impl AuthoredObject {
     }
 }
 
-fn hex(text: &str) -> Option<Vec<u8>> {
+fn parse_hex(text: &str) -> Option<Vec<u8>> {
     let digits: Vec<u8> = text.bytes().filter(|byte| *byte != b' ').collect();
     let pair = |pair: &[u8]| match pair {
         [high, low] if high.is_ascii_hexdigit() && low.is_ascii_hexdigit() => {
@@ -225,7 +225,7 @@ pub(super) struct AuthoredState {
 }
 
 impl AuthoredState {
-    pub(super) fn check(state: Spanned<Self>, node: NodeId) -> Result<InitialState, TextProblem> {
+    pub(super) fn check_state(state: Spanned<Self>, node: NodeId) -> Result<InitialState, TextProblem> {
         let span = state.span();
         let Self { nmt, assumed, reported, lost, saved, errors, reset, name, device } = state.into_inner();
         let is_of_canopen =
@@ -241,7 +241,7 @@ impl AuthoredState {
             let is_hex = |digits: &&str| digits.bytes().all(|byte| byte.is_ascii_hexdigit());
             let number = digits.filter(is_hex).and_then(|digits| u64::from_str_radix(digits, 16).ok());
             let wrong = || (text.span(), "invalid NAME; expected 0x and 16 hex digits".to_owned());
-            number.map(Name).ok_or_else(wrong)
+            number.map(J1939Name).ok_or_else(wrong)
         });
         let nmt = nmt.map(|name| {
             let known = STATES.into_iter().find(|state| state.name() == name.get_ref());
@@ -316,7 +316,7 @@ mod tests {
             device: vec![String::new(), "ACTIVE".to_owned()],
             ..InitialState::default()
         };
-        let named = InitialState { name: Some(Name(0xA000_8200_0020_0001)), ..InitialState::default() };
+        let named = InitialState { name: Some(J1939Name(0xA000_8200_0020_0001)), ..InitialState::default() };
         assert_eq!(file.everywhere.states, [(NODE, state), (NodeId::J1939(0x85), named)]);
         let reset = Some(PendingReset::Node);
         let lost = InitialState { is_lost: true, reset, ..InitialState::default() };

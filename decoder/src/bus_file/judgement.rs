@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::expectation::{self, Expectation};
+use super::expectation::{self, ExpectEntry};
 use super::written::{NodeNumber, TextProblem, node_id};
 use crate::profile::device::Severity;
 use crate::wire::NodeId;
@@ -20,7 +20,7 @@ pub struct Judgement {
     /// Entries `[[suppress]]`.
     pub suppressions: Vec<Suppression>,
     /// Entries `[[expect]]`.
-    pub expectations: Vec<Expectation>,
+    pub expectations: Vec<ExpectEntry>,
 }
 
 /// Settings of one rule.
@@ -58,11 +58,11 @@ pub struct Suppression {
 const SEVERITIES: &str = "unknown severity; expected \"error\", \"warning\", \"note\" or \"off\"";
 
 /// Table `[rules]`: settings by rule name.
-pub(super) type Rules = BTreeMap<Spanned<String>, BTreeMap<Spanned<String>, Spanned<Setting>>>;
+pub(super) type Rules = BTreeMap<Spanned<String>, BTreeMap<Spanned<String>, Spanned<RuleSetting>>>;
 
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "expected a number or a severity")]
-pub(super) enum Setting {
+pub(super) enum RuleSetting {
     Number(f64),
     Word(String),
 }
@@ -70,7 +70,7 @@ pub(super) enum Setting {
 /// One `[[suppress]]` table as parsed.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Suppress {
+pub(super) struct SuppressTable {
     rule: Spanned<String>,
     #[serde(default)]
     bus: Option<String>,
@@ -80,30 +80,32 @@ pub(super) struct Suppress {
     about: Option<String>,
     reason: Spanned<String>,
     #[serde(default)]
-    until: Option<Spanned<Day>>,
+    until: Option<Spanned<DayEntry>>,
 }
 
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "expected a date such as 2026-01-31")]
-enum Day {
+enum DayEntry {
     Date(toml::value::Datetime),
     Text(String),
 }
 
 /// Checks all tables on rules; returns the first problem.
-pub(super) fn check(
+pub(super) fn check_judgement(
     rules: Rules,
-    suppress: Vec<Suppress>,
-    expect: Vec<expectation::Entry>,
+    suppress: Vec<SuppressTable>,
+    expect: Vec<expectation::ExpectTable>,
 ) -> Result<Judgement, TextProblem> {
-    let rules = rules.into_iter().map(|(name, keys)| settings(&name, keys)).collect::<Result<_, _>>()?;
-    let suppressions = suppress.into_iter().map(Suppress::check).collect::<Result<_, _>>()?;
-    Ok(Judgement { rules, suppressions, expectations: expectation::check(expect)? })
+    let rules =
+        rules.into_iter().map(|(name, keys)| check_settings(&name, keys)).collect::<Result<_, _>>()?;
+    let suppressions =
+        suppress.into_iter().map(SuppressTable::check_suppression).collect::<Result<_, _>>()?;
+    Ok(Judgement { rules, suppressions, expectations: expectation::check_entries(expect)? })
 }
 
-fn settings(
+fn check_settings(
     name: &Spanned<String>,
-    keys: BTreeMap<Spanned<String>, Spanned<Setting>>,
+    keys: BTreeMap<Spanned<String>, Spanned<RuleSetting>>,
 ) -> Result<RuleSettings, TextProblem> {
     let mut settings = RuleSettings {
         rule: name.get_ref().clone(),
@@ -114,7 +116,7 @@ fn settings(
     for (key, value) in keys {
         let span = value.span();
         match (key.get_ref().as_str(), value.into_inner()) {
-            ("severity", Setting::Word(word)) => {
+            ("severity", RuleSetting::Word(word)) => {
                 settings.severity = Some(match word.as_str() {
                     "off" => None,
                     "note" => Some(Severity::Note),
@@ -123,10 +125,10 @@ fn settings(
                     _ => return Err((span, SEVERITIES.into())),
                 });
             }
-            ("severity", Setting::Number(_)) => {
+            ("severity", RuleSetting::Number(_)) => {
                 return Err((span, SEVERITIES.into()));
             }
-            (other, Setting::Number(number)) if number.is_finite() && number >= 0.0 => {
+            (other, RuleSetting::Number(number)) if number.is_finite() && number >= 0.0 => {
                 settings.tolerances.push((other.to_owned(), key.span(), number));
             }
             _ => return Err((span, "invalid tolerance; expected a number ≥ 0".into())),
@@ -135,8 +137,8 @@ fn settings(
     Ok(settings)
 }
 
-impl Suppress {
-    fn check(self) -> Result<Suppression, TextProblem> {
+impl SuppressTable {
+    fn check_suppression(self) -> Result<Suppression, TextProblem> {
         if self.reason.get_ref().trim().is_empty() {
             return Err((self.reason.span(), "empty reason; expected a text".into()));
         }
@@ -145,7 +147,7 @@ impl Suppress {
             None => None,
         };
         let until = match &self.until {
-            Some(day) => Some(date(day)?),
+            Some(day) => Some(parse_date(day)?),
             None => None,
         };
         Ok(Suppression {
@@ -160,10 +162,10 @@ impl Suppress {
     }
 }
 
-fn date(day: &Spanned<Day>) -> Result<String, TextProblem> {
+fn parse_date(day: &Spanned<DayEntry>) -> Result<String, TextProblem> {
     let text = match day.get_ref() {
-        Day::Date(date) => date.to_string(),
-        Day::Text(text) => text.clone(),
+        DayEntry::Date(date) => date.to_string(),
+        DayEntry::Text(text) => text.clone(),
     };
     match text.parse::<jiff::civil::Date>() {
         Ok(date) if date.to_string() == text => Ok(text),

@@ -24,18 +24,18 @@ mod write;
 mod written;
 
 pub use diff::DiffTolerances;
-pub use expectation::{Demand, Expectation};
+pub use expectation::{ExpectCondition, ExpectEntry};
 
 pub use initial::{InitialNmtState, InitialState, InitialValue, PendingReset, ValueOrigin, ValueRole};
 pub use judgement::{Judgement, RuleSettings, Suppression};
-pub use settings::{AreaEntry, ProtocolChoice, Settings};
+pub use settings::{AreaEntry, BusSettings, ProtocolChoice};
 pub use uds::UdsPair;
-pub use value::{ObjectValue, encode};
-pub use write::{BaseFile, write};
+pub use value::{ObjectValue, encode_number};
+pub use write::{BaseFile, write_bus_file};
 pub use written::SpannedText;
 
 use crate::frame::CanId;
-use crate::profile::{Owner, TextError};
+use crate::profile::{IdentifierOwner, TextError};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::j1939::SpnConversion;
@@ -46,9 +46,9 @@ pub struct BusFile {
     /// Name of the machine, for the tables of many captures.
     pub machine: Option<String>,
     /// Settings for every bus.
-    pub everywhere: Settings,
+    pub everywhere: BusSettings,
     /// Settings by bus name; they override `everywhere`.
-    pub buses: Vec<(String, Settings)>,
+    pub buses: Vec<(String, BusSettings)>,
     /// Rule settings, suppressions and expectations.
     pub judgement: Judgement,
     /// Tolerances of `cobscope diff`.
@@ -65,24 +65,24 @@ impl BusFile {
             toml::from_str(text).map_err(|error| TextError::of_toml(text, &error))?;
         let machine = file.machine.take();
         let (everywhere, buses, judgement, diff) =
-            file.check().map_err(|(span, message)| TextError::at(text, span, message))?;
+            file.check_file().map_err(|(span, message)| TextError::at_place(text, span, message))?;
         Ok(Self { machine, everywhere, buses, judgement, diff })
     }
 
     /// Settings of this bus, then those of every bus.
-    fn of<'a>(&'a self, bus: &'a str) -> impl DoubleEndedIterator<Item = &'a Settings> {
+    fn settings_of<'a>(&'a self, bus: &'a str) -> impl DoubleEndedIterator<Item = &'a BusSettings> {
         let own = self.buses.iter().filter(move |(name, _)| name == bus).map(|(_, settings)| settings);
         own.chain(std::iter::once(&self.everywhere))
     }
 
     /// Configured bit rate of a bus, in bit/s.
     pub fn bit_rate(&self, bus: &str) -> Option<u32> {
-        self.of(bus).find_map(|settings| settings.bit_rate)
+        self.settings_of(bus).find_map(|settings| settings.bit_rate)
     }
 
     /// Protocol that the user stated for a bus.
     pub fn protocol(&self, bus: &str) -> Option<ProtocolChoice> {
-        self.of(bus).find_map(|settings| settings.protocol)
+        self.settings_of(bus).find_map(|settings| settings.protocol)
     }
 
     /// Nodes of a bus that the file names, also as owner of an identifier, and whether the entry names the bus.
@@ -97,33 +97,33 @@ impl BusFile {
 
     /// Configured name of the NMT master of a bus.
     pub fn master<'a>(&'a self, bus: &'a str) -> Option<&'a str> {
-        self.of(bus).find_map(|settings| settings.master.as_deref())
+        self.settings_of(bus).find_map(|settings| settings.master.as_deref())
     }
 
     /// Configured name of a node.
     pub fn name<'a>(&'a self, bus: &'a str, node: NodeId) -> Option<&'a str> {
-        let mut names = self.of(bus).flat_map(|settings| &settings.names);
+        let mut names = self.settings_of(bus).flat_map(|settings| &settings.names);
         names.find(|(id, _)| *id == node).map(|(_, name)| name.as_str())
     }
 
     /// Services of CAN identifiers; if an identifier is listed twice, the last entry wins.
-    pub(crate) fn owners<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = (CanId, Owner)> + 'a {
-        self.of(bus).rev().flat_map(|settings| settings.owners.iter().copied())
+    pub(crate) fn owners<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = (CanId, IdentifierOwner)> + 'a {
+        self.settings_of(bus).rev().flat_map(|settings| settings.owners.iter().copied())
     }
 
     /// Values of objects; if an object is listed twice, the last entry wins.
     pub fn objects<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = &'a InitialValue> {
-        self.of(bus).rev().flat_map(|settings| &settings.objects)
+        self.settings_of(bus).rev().flat_map(|settings| &settings.objects)
     }
 
     /// States of nodes before the first frame; if a node is listed twice, the last entry wins.
     pub fn states<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = &'a (NodeId, InitialState)> {
-        self.of(bus).rev().flat_map(|settings| &settings.states)
+        self.settings_of(bus).rev().flat_map(|settings| &settings.states)
     }
 
     /// Units of objects, as selected in the manufacturer's tool.
     pub fn units<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = &'a (NodeId, ObjectAddress, String)> {
-        self.of(bus).rev().flat_map(|settings| &settings.units)
+        self.settings_of(bus).rev().flat_map(|settings| &settings.units)
     }
 
     /// SPN conversion versions of J1939 devices that set the conversion method bit; the last entry wins.
@@ -131,23 +131,23 @@ impl BusFile {
         &'a self,
         bus: &'a str,
     ) -> impl Iterator<Item = (NodeId, SpnConversion)> + 'a {
-        self.of(bus).rev().flat_map(|settings| settings.conversions.iter().copied())
+        self.settings_of(bus).rev().flat_map(|settings| settings.conversions.iter().copied())
     }
 
     /// Identifiers of UDS servers; those of this bus first.
     pub fn uds<'a>(&'a self, bus: &'a str) -> impl Iterator<Item = &'a UdsPair> {
-        self.of(bus).flat_map(|settings| &settings.uds)
+        self.settings_of(bus).flat_map(|settings| &settings.uds)
     }
 
     /// Entries of an area (`tx_area`, `rx_area`) of a node.
-    pub fn area<'a>(&'a self, bus: &'a str, node: NodeId, area: &'a str) -> Option<&'a [AreaEntry]> {
-        let mut areas = self.of(bus).flat_map(|settings| &settings.areas);
+    pub fn area_entries<'a>(&'a self, bus: &'a str, node: NodeId, area: &'a str) -> Option<&'a [AreaEntry]> {
+        let mut areas = self.settings_of(bus).flat_map(|settings| &settings.areas);
         areas.find(|(id, name, _)| *id == node && name == area).map(|(_, _, list)| list.as_slice())
     }
 
     /// Profiles of nodes: bus (`None` for every bus), node, profile; those for every bus first.
     pub fn devices(&self) -> impl Iterator<Item = (Option<&str>, NodeId, &SpannedText)> {
-        self.placed(|settings| &settings.devices)
+        self.settings_per_node(|settings| &settings.devices)
     }
 
     /// Tolerances of device rules: profile, rule, key, value.
@@ -161,13 +161,13 @@ impl BusFile {
 
     /// EDS, DCF and XDD files of nodes: bus (`None` for every bus), node, file name.
     pub fn device_files(&self) -> impl Iterator<Item = (Option<&str>, NodeId, &str)> {
-        let all = self.placed(|settings| &settings.device_files);
+        let all = self.settings_per_node(|settings| &settings.device_files);
         all.map(|(bus, node, file)| (bus, node, file.as_str()))
     }
 
-    fn placed<'a, T: 'a>(
+    fn settings_per_node<'a, T: 'a>(
         &'a self,
-        list: impl Fn(&'a Settings) -> &'a Vec<(NodeId, T)>,
+        list: impl Fn(&'a BusSettings) -> &'a Vec<(NodeId, T)>,
     ) -> impl Iterator<Item = (Option<&'a str>, NodeId, &'a T)> {
         let buses = self.buses.iter().map(|(name, settings)| (Some(name.as_str()), settings));
         std::iter::once((None, &self.everywhere)).chain(buses).flat_map(move |(bus, settings)| {
@@ -180,7 +180,7 @@ impl BusFile {
 mod tests {
     use super::*;
     use crate::profile::{PdoDirection, PdoName};
-    use crate::wire::canopen::sdo::Side;
+    use crate::wire::canopen::sdo::SdoSide;
 
     const NODE: NodeId = NodeId::Canopen(5);
     const PUMP: NodeId = NodeId::Canopen(63);
@@ -263,10 +263,10 @@ mod tests {
         assert_eq!((file.name("can0", NODE), file.name("can1", NODE)), (Some("pump"), Some("any")));
         assert_eq!((file.master("can0"), file.master("can1")), (Some("PLC"), Some("PC")));
         let owners: Vec<_> = file.owners("can1").collect();
-        assert_eq!(owners[0], (CanId::standard(0x1A0), Owner::Pdo(TPDO1, 5)));
-        assert_eq!(owners[1], (CanId::extended(0x1A1), Owner::Sdo(Side::Client, 5)));
-        assert_eq!(owners[2], (CanId::extended(0x80), Owner::Sync));
-        assert_eq!(owners[3], (CanId::standard(0x7E5), Owner::Unclassified));
+        assert_eq!(owners[0], (CanId::from_standard(0x1A0), IdentifierOwner::Pdo(TPDO1, 5)));
+        assert_eq!(owners[1], (CanId::from_extended(0x1A1), IdentifierOwner::Sdo(SdoSide::Client, 5)));
+        assert_eq!(owners[2], (CanId::from_extended(0x80), IdentifierOwner::Sync));
+        assert_eq!(owners[3], (CanId::from_standard(0x7E5), IdentifierOwner::Unclassified));
         let objects: Vec<_> = file.objects("can0").collect();
         let given = |index, bytes: &[u8]| {
             InitialValue::new(NODE, ObjectAddress::new(index, 1), ObjectValue::Bytes(bytes.to_vec()))
@@ -291,7 +291,7 @@ mod tests {
         let devices = file.devices().map(|(bus, node, device)| (bus, node, device.text.as_str()));
         assert_eq!(devices.collect::<Vec<_>>(), [(None, PUMP, "rexroth-vpcd")]);
         assert_eq!(file.device_files().collect::<Vec<_>>(), [(Some("can1"), PUMP, "pump.eds")]);
-        let area = file.area("can0", PUMP, "tx_area").unwrap();
+        let area = file.area_entries("can0", PUMP, "tx_area").unwrap();
         assert_eq!(area[1], AreaEntry { object: ObjectAddress::new(0x2C74, 0), bytes: 2 });
         assert_eq!(file.units("can0").next().unwrap().2, "mm");
         fails(
@@ -328,9 +328,9 @@ mod tests {
     fn errors_have_a_place_and_a_caret() {
         let error = BusFile::parse("[node.5]\nnmae = \"pump\"\n").unwrap_err();
         let expected = "b.toml:2:1: unknown field `nmae`, expected one of `name`, `object`, `device`, `dcf`, `eds`, `unit`, `tx_area`, `rx_area`, `spn_conversion`, `state`\n  2 | nmae = \"pump\"\n    | ^^^^";
-        assert_eq!(error.show("b.toml"), expected);
+        assert_eq!(error.show_in_file("b.toml"), expected);
         let error = BusFile::parse("[[id]]\nid = 0x1A0\nservice = \"tpd1\"\n").unwrap_err();
-        let shown = error.show("b.toml");
+        let shown = error.show_in_file("b.toml");
         assert!(shown.starts_with("b.toml:3:11: unknown service 'tpd1'"), "{shown}");
         assert!(shown.ends_with("\n  3 | service = \"tpd1\"\n    |           ^^^^^^"), "{shown}");
     }

@@ -9,13 +9,13 @@ use toml::Spanned;
 use super::diff::DiffTolerances;
 use super::initial::{AuthoredObject, AuthoredState};
 use super::judgement::Judgement;
-use super::settings::{AreaEntry, BIT_RATES, ProtocolChoice, Settings};
-use super::written::{NO_IDENTIFIER, Number, TextProblem, address};
+use super::settings::{AreaEntry, BIT_RATES, BusSettings, ProtocolChoice};
+use super::written::{NO_IDENTIFIER, TextProblem, WrittenNumber, parse_address};
 use super::{diff, expectation, judgement, uds};
 use crate::frame::CanId;
-use crate::profile::{Owner, PdoName};
+use crate::profile::{IdentifierOwner, PdoName};
 use crate::wire::NodeId;
-use crate::wire::canopen::sdo::Side;
+use crate::wire::canopen::sdo::SdoSide;
 use crate::wire::j1939::SpnConversion;
 
 const NODE_ID: &str = "node-ID out of range; expected 1 to 127";
@@ -23,7 +23,7 @@ const NODE_ID: &str = "node-ID out of range; expected 1 to 127";
 const SERVICES: &str = "nmt, sync, time, emcy, tpdo1 to tpdo512, rpdo1 to rpdo512, sdo-request, sdo-response, \
                         heartbeat, lss-master, lss-slave or none";
 
-type Nodes = BTreeMap<Spanned<String>, Node>;
+type Nodes = BTreeMap<Spanned<String>, NodeEntry>;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -31,30 +31,30 @@ pub(super) struct AuthoredBusFile {
     #[serde(default)]
     pub(super) machine: Option<String>,
     #[serde(default)]
-    dbc: Files,
+    dbc: NameEntries,
     #[serde(default)]
     master: Option<String>,
     #[serde(default)]
-    bus: BTreeMap<String, Bus>,
+    bus: BTreeMap<String, BusTable>,
     #[serde(default)]
     node: Nodes,
     #[serde(default)]
-    id: Vec<Id>,
+    id: Vec<IdText>,
     #[serde(default)]
-    uds: Vec<uds::Pair>,
+    uds: Vec<uds::UdsPairEntry>,
     #[serde(default)]
     rules: judgement::Rules,
     #[serde(default)]
-    suppress: Vec<judgement::Suppress>,
+    suppress: Vec<judgement::SuppressTable>,
     #[serde(default)]
-    expect: Vec<expectation::Entry>,
+    expect: Vec<expectation::ExpectTable>,
     #[serde(default)]
     diff: diff::Table,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Bus {
+struct BusTable {
     #[serde(default)]
     bitrate: Option<Spanned<i64>>,
     #[serde(default)]
@@ -62,41 +62,41 @@ struct Bus {
     #[serde(default)]
     master: Option<String>,
     #[serde(default)]
-    dbc: Files,
+    dbc: NameEntries,
     #[serde(default)]
     node: Nodes,
     #[serde(default)]
-    id: Vec<Id>,
+    id: Vec<IdText>,
     #[serde(default)]
-    uds: Vec<uds::Pair>,
+    uds: Vec<uds::UdsPairEntry>,
 }
 
 /// One file name or a list: `"a.dbc"`, or `["a.dbc", "b.dbc"]`.
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "expected a file name, or a list of file names")]
-enum Files {
+enum NameEntries {
     One(String),
     Many(Vec<String>),
 }
 
-impl Default for Files {
+impl Default for NameEntries {
     fn default() -> Self {
         Self::Many(Vec::new())
     }
 }
 
-impl From<Files> for Vec<String> {
-    fn from(files: Files) -> Self {
+impl From<NameEntries> for Vec<String> {
+    fn from(files: NameEntries) -> Self {
         match files {
-            Files::One(file) => vec![file],
-            Files::Many(files) => files,
+            NameEntries::One(file) => vec![file],
+            NameEntries::Many(files) => files,
         }
     }
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Node {
+struct NodeEntry {
     #[serde(default)]
     name: Option<String>,
     #[serde(default)]
@@ -122,9 +122,9 @@ struct Node {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Id {
+struct IdText {
     #[serde(rename = "id")]
-    number: Spanned<Number>,
+    number: Spanned<WrittenNumber>,
     #[serde(default)]
     extended: bool,
     service: Spanned<String>,
@@ -133,18 +133,18 @@ struct Id {
 }
 
 /// Settings of every bus, settings by bus name, rule settings, tolerances of comparisons.
-pub(super) type Parts = (Settings, Vec<(String, Settings)>, Judgement, DiffTolerances);
+pub(super) type Parts = (BusSettings, Vec<(String, BusSettings)>, Judgement, DiffTolerances);
 
 impl AuthoredBusFile {
     /// Checks the file; returns the first problem.
-    pub(super) fn check(self) -> Result<Parts, TextProblem> {
-        let everywhere = settings(None, self.node, self.id, self.uds)?;
-        let everywhere = Settings { databases: self.dbc.into(), master: self.master, ..everywhere };
+    pub(super) fn check_file(self) -> Result<Parts, TextProblem> {
+        let everywhere = build_settings(None, self.node, self.id, self.uds)?;
+        let everywhere = BusSettings { databases: self.dbc.into(), master: self.master, ..everywhere };
         let buses = self.bus.into_iter().map(|(name, bus)| {
-            let settings = settings(bus.bitrate, bus.node, bus.id, bus.uds)?;
+            let settings = build_settings(bus.bitrate, bus.node, bus.id, bus.uds)?;
             Ok((
                 name,
-                Settings {
+                BusSettings {
                     databases: bus.dbc.into(),
                     master: bus.master,
                     protocol: bus.protocol,
@@ -152,19 +152,19 @@ impl AuthoredBusFile {
                 },
             ))
         });
-        let judgement = judgement::check(self.rules, self.suppress, self.expect)?;
+        let judgement = judgement::check_judgement(self.rules, self.suppress, self.expect)?;
         let buses = buses.collect::<Result<_, TextProblem>>()?;
-        Ok((everywhere, buses, judgement, diff::check(self.diff)?))
+        Ok((everywhere, buses, judgement, diff::check_tolerances(self.diff)?))
     }
 }
 
-fn settings(
+fn build_settings(
     bit_rate: Option<Spanned<i64>>,
     nodes: Nodes,
-    ids: Vec<Id>,
-    pairs: Vec<uds::Pair>,
-) -> Result<Settings, TextProblem> {
-    let mut settings = Settings { uds: uds::check(pairs)?, ..Settings::default() };
+    ids: Vec<IdText>,
+    pairs: Vec<uds::UdsPairEntry>,
+) -> Result<BusSettings, TextProblem> {
+    let mut settings = BusSettings { uds: uds::check_pairs(pairs)?, ..BusSettings::default() };
     if let Some(rate) = bit_rate {
         let known = u32::try_from(*rate.get_ref()).ok().filter(|rate| BIT_RATES.contains(rate));
         let wrong = || {
@@ -178,7 +178,7 @@ fn settings(
         if let Some((_, other)) = known.iter().find(|(other, _)| *other == id) {
             // Keys are sorted by name; the error is reported at the later one in the file.
             let later = if other.start > key.span().start { other.clone() } else { key.span() };
-            return Err((later, format!("duplicate entry for {}", id.words())));
+            return Err((later, format!("duplicate entry for {}", id.sentence_label())));
         }
         known.push((id, key.span()));
         settings.nodes.push(id);
@@ -187,7 +187,7 @@ fn settings(
         let file = device_file(node.eds, node.dcf)?;
         settings.device_files.extend(file.map(|file| (id, file)));
         for (object, unit) in node.unit {
-            settings.units.push((id, address(&object)?, unit));
+            settings.units.push((id, parse_address(&object)?, unit));
         }
         for (name, list) in [("tx_area", node.tx_area), ("rx_area", node.rx_area)] {
             if !list.is_empty() {
@@ -196,18 +196,18 @@ fn settings(
             }
         }
         if let Some(version) = node.spn_conversion {
-            settings.conversions.push((id, conversion(id, &version)?));
+            settings.conversions.push((id, parse_conversion(id, &version)?));
         }
         for object in node.object {
-            settings.objects.push(object.check(id)?);
+            settings.objects.push(object.check_object(id)?);
         }
         if let Some(state) = node.state {
-            settings.states.push((id, AuthoredState::check(state, id)?));
+            settings.states.push((id, AuthoredState::check_state(state, id)?));
         }
     }
     for id in ids {
         let span = id.number.span();
-        let (can_id, owner) = id.check()?;
+        let (can_id, owner) = id.check_id()?;
         if settings.owners.iter().any(|(known, _)| *known == can_id) {
             return Err((span, format!("duplicate entry for {can_id}")));
         }
@@ -226,7 +226,7 @@ fn device_file(eds: Option<String>, dcf: Option<Spanned<String>>) -> Result<Opti
     }
 }
 
-fn conversion(id: NodeId, version: &Spanned<u8>) -> Result<SpnConversion, TextProblem> {
+fn parse_conversion(id: NodeId, version: &Spanned<u8>) -> Result<SpnConversion, TextProblem> {
     let wrong = |message: &str| (version.span(), message.to_owned());
     if id.j1939().is_none() {
         return Err(wrong(
@@ -240,8 +240,8 @@ fn area_entry(text: &Spanned<String>) -> Result<AreaEntry, TextProblem> {
     text.get_ref().parse().map_err(|message: &str| (text.span(), message.to_owned()))
 }
 
-impl Id {
-    fn check(&self) -> Result<(CanId, Owner), TextProblem> {
+impl IdText {
+    fn check_id(&self) -> Result<(CanId, IdentifierOwner), TextProblem> {
         let id = self.number.get_ref().can_id(self.extended);
         let id = id.ok_or_else(|| (self.number.span(), NO_IDENTIFIER.to_owned()))?;
         let node = match &self.node {
@@ -251,29 +251,29 @@ impl Id {
             }
             None => None,
         };
-        Ok((id, self.owner(node)?))
+        Ok((id, self.parse_owner(node)?))
     }
 
-    fn owner(&self, node: Option<u8>) -> Result<Owner, TextProblem> {
+    fn parse_owner(&self, node: Option<u8>) -> Result<IdentifierOwner, TextProblem> {
         let service = self.service.get_ref().as_str();
         let needed = node
             .ok_or_else(|| (self.service.span(), format!("node is missing; service {service} requires it")));
         let owner = match service {
-            "emcy" => return needed.map(Owner::Emcy),
-            "heartbeat" => return needed.map(Owner::ErrorControl),
-            "sdo-request" => return needed.map(|node| Owner::Sdo(Side::Client, node)),
-            "sdo-response" => return needed.map(|node| Owner::Sdo(Side::Server, node)),
-            "nmt" => Owner::Nmt,
-            "sync" => Owner::Sync,
-            "time" => Owner::Time,
-            "lss-master" => Owner::Lss(true),
-            "lss-slave" => Owner::Lss(false),
-            "none" => Owner::Unclassified,
+            "emcy" => return needed.map(IdentifierOwner::Emcy),
+            "heartbeat" => return needed.map(IdentifierOwner::ErrorControl),
+            "sdo-request" => return needed.map(|node| IdentifierOwner::Sdo(SdoSide::Client, node)),
+            "sdo-response" => return needed.map(|node| IdentifierOwner::Sdo(SdoSide::Server, node)),
+            "nmt" => IdentifierOwner::Nmt,
+            "sync" => IdentifierOwner::Sync,
+            "time" => IdentifierOwner::Time,
+            "lss-master" => IdentifierOwner::Lss(true),
+            "lss-slave" => IdentifierOwner::Lss(false),
+            "none" => IdentifierOwner::Unclassified,
             other => {
                 let unknown =
                     || (self.service.span(), format!("unknown service '{other}'; expected {SERVICES}"));
                 let name: PdoName = other.parse().map_err(|_| unknown())?;
-                return needed.map(|node| Owner::Pdo(name, node));
+                return needed.map(|node| IdentifierOwner::Pdo(name, node));
             }
         };
         match &self.node {

@@ -6,7 +6,7 @@ use super::initial::{InitialState, InitialValue};
 use super::uds::UdsPair;
 use super::written::SpannedText;
 use crate::frame::CanId;
-use crate::profile::Owner;
+use crate::profile::IdentifierOwner;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::j1939::SpnConversion;
@@ -31,7 +31,7 @@ pub enum ProtocolChoice {
 
 /// Settings of one bus, or of every bus.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Settings {
+pub struct BusSettings {
     /// Protocol of the bus; `None` if not stated.
     pub protocol: Option<ProtocolChoice>,
     /// Nodes listed, with or without a name or profile.
@@ -43,7 +43,7 @@ pub struct Settings {
     /// User-defined node names.
     pub names: Vec<(NodeId, String)>,
     /// Services of CAN identifiers.
-    pub owners: Vec<(CanId, Owner)>,
+    pub owners: Vec<(CanId, IdentifierOwner)>,
     /// Values of objects.
     pub objects: Vec<InitialValue>,
     /// States of nodes before the first frame.

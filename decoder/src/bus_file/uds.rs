@@ -3,7 +3,7 @@
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::written::{NO_IDENTIFIER, Number, TextProblem};
+use super::written::{NO_IDENTIFIER, TextProblem, WrittenNumber};
 use crate::frame::CanId;
 
 /// Identifiers and addressing of a UDS server.
@@ -24,11 +24,11 @@ pub struct UdsPair {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Pair {
-    request: Spanned<Number>,
-    response: Spanned<Number>,
+pub(super) struct UdsPairEntry {
+    request: Spanned<WrittenNumber>,
+    response: Spanned<WrittenNumber>,
     #[serde(default)]
-    functional: Option<Spanned<Number>>,
+    functional: Option<Spanned<WrittenNumber>>,
     #[serde(default)]
     extended: bool,
     #[serde(default)]
@@ -38,10 +38,10 @@ pub(super) struct Pair {
 }
 
 /// Checks the pairs of one table; returns the first problem.
-pub(super) fn check(pairs: Vec<Pair>) -> Result<Vec<UdsPair>, TextProblem> {
+pub(super) fn check_pairs(pairs: Vec<UdsPairEntry>) -> Result<Vec<UdsPair>, TextProblem> {
     let mut checked: Vec<UdsPair> = Vec::with_capacity(pairs.len());
     for pair in pairs {
-        let id = |number: &Spanned<Number>| {
+        let id = |number: &Spanned<WrittenNumber>| {
             let id = number.get_ref().can_id(pair.extended);
             id.ok_or_else(|| (number.span(), NO_IDENTIFIER.to_owned()))
         };
@@ -49,7 +49,7 @@ pub(super) fn check(pairs: Vec<Pair>) -> Result<Vec<UdsPair>, TextProblem> {
         let functional = pair.functional.as_ref().map(id).transpose()?;
         let own = [(request, &pair.request), (response, &pair.response)];
         let twice =
-            |number: &Spanned<Number>, id: CanId| (number.span(), format!("duplicate entry for {id}"));
+            |number: &Spanned<WrittenNumber>, id: CanId| (number.span(), format!("duplicate entry for {id}"));
         if request == response {
             return Err(twice(&pair.response, response));
         }
@@ -106,9 +106,9 @@ mod tests {
         )
         .unwrap();
         let pairs: Vec<_> = file.uds("can1").collect();
-        assert_eq!((pairs[0].request, pairs[0].extended_addressing), (CanId::extended(0x6F1), true));
-        assert_eq!((pairs[1].response, pairs[1].name.as_deref()), (CanId::standard(0x7E8), Some("ECU")));
-        assert_eq!(pairs[2].functional, Some(CanId::standard(0x7DF)));
+        assert_eq!((pairs[0].request, pairs[0].extended_addressing), (CanId::from_extended(0x6F1), true));
+        assert_eq!((pairs[1].response, pairs[1].name.as_deref()), (CanId::from_standard(0x7E8), Some("ECU")));
+        assert_eq!(pairs[2].functional, Some(CanId::from_standard(0x7DF)));
         assert_eq!(file.uds("can0").count(), 2);
     }
 

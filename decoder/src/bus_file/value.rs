@@ -22,20 +22,20 @@ pub enum ObjectValue {
     untagged,
     expecting = "expected a whole number or a text; give other values as data, bytes in hexadecimal"
 )]
-pub(super) enum Value {
+pub(super) enum TypedEntryValue {
     Integer(i64),
     Text(String),
 }
 
 /// Bytes of the value if CiA 301 defines the type of the object; otherwise the number, which is encoded with
 /// the node's profile.
-pub(super) fn bytes(address: ObjectAddress, value: Value) -> Result<ObjectValue, String> {
+pub(super) fn encode_value(address: ObjectAddress, value: TypedEntryValue) -> Result<ObjectValue, String> {
     let number = match value {
-        Value::Text(text) => return Ok(ObjectValue::Bytes(text.into_bytes())),
-        Value::Integer(number) => number,
+        TypedEntryValue::Text(text) => return Ok(ObjectValue::Bytes(text.into_bytes())),
+        TypedEntryValue::Integer(number) => number,
     };
     match plain_device().dictionary.data_type(address) {
-        Some(data_type) => encode(number, Some(data_type)).map(ObjectValue::Bytes),
+        Some(data_type) => encode_number(number, Some(data_type)).map(ObjectValue::Bytes),
         None => Ok(ObjectValue::Number(number)),
     }
 }
@@ -45,10 +45,10 @@ pub(super) fn bytes(address: ObjectAddress, value: Value) -> Result<ObjectValue,
 ///
 /// # Errors
 /// The number does not fit the type.
-pub fn encode(number: i64, data_type: Option<DataType>) -> Result<Vec<u8>, String> {
-    let bits = data_type.and_then(DataType::bits).unwrap_or_else(|| width(number));
+pub fn encode_number(number: i64, data_type: Option<DataType>) -> Result<Vec<u8>, String> {
+    let bits = data_type.and_then(DataType::bits).unwrap_or_else(|| needed_bits(number));
     let signed = data_type.map_or(number < 0, DataType::is_signed);
-    let range = range(bits, signed);
+    let range = number_range(bits, signed);
     if !range.contains(&i128::from(number)) {
         let name = data_type.map_or_else(|| "the object".into(), DataType::name);
         return Err(format!("{number} does not fit {name}; expected {} to {}", range.start(), range.end()));
@@ -57,7 +57,7 @@ pub fn encode(number: i64, data_type: Option<DataType>) -> Result<Vec<u8>, Strin
     Ok(number.to_le_bytes().into_iter().take(length).collect())
 }
 
-fn width(number: i64) -> u16 {
+fn needed_bits(number: i64) -> u16 {
     let needed = if number < 0 { 65 - (!number).leading_zeros() } else { 64 - number.leading_zeros() };
     match needed {
         0..=8 => 8,
@@ -67,7 +67,7 @@ fn width(number: i64) -> u16 {
     }
 }
 
-fn range(bits: u16, signed: bool) -> RangeInclusive<i128> {
+fn number_range(bits: u16, signed: bool) -> RangeInclusive<i128> {
     let bits = u32::from(bits.clamp(1, 64));
     if signed {
         let limit = 1_i128 << (bits - 1);
@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn numbers_of_unknown_objects_take_the_next_width() {
-        let of = |number| encode(number, None);
+        let of = |number| encode_number(number, None);
         assert_eq!(of(255), Ok(vec![255]));
         assert_eq!(of(256), Ok(vec![0, 1]));
         assert_eq!(of(0x6041_0010), Ok(vec![0x10, 0, 0x41, 0x60]));

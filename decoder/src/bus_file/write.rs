@@ -3,13 +3,13 @@
 use toml::{Table, Value};
 
 use super::initial::{InitialNmtState, InitialState, InitialValue, ValueRole};
-use super::settings::{ProtocolChoice, Settings};
+use super::settings::{BusSettings, ProtocolChoice};
 use super::uds::UdsPair;
 use super::value::ObjectValue;
 use crate::frame::CanId;
-use crate::profile::{Owner, TextError};
+use crate::profile::{IdentifierOwner, TextError};
 use crate::wire::NodeId;
-use crate::wire::canopen::sdo::Side;
+use crate::wire::canopen::sdo::SdoSide;
 
 /// Max length of a comment line, in characters.
 const LONGEST_COMMENT: usize = 200;
@@ -28,10 +28,10 @@ pub struct BaseFile<'a> {
 ///
 /// # Errors
 /// The base is not a TOML file.
-pub fn write(
+pub fn write_bus_file(
     base: &BaseFile<'_>,
-    everywhere: &Settings,
-    buses: &[(String, Settings)],
+    everywhere: &BusSettings,
+    buses: &[(String, BusSettings)],
     comments: &[String],
 ) -> Result<String, TextError> {
     let mut root: Table = toml::from_str(base.text).map_err(|error| TextError::of_toml(base.text, &error))?;
@@ -42,9 +42,9 @@ pub fn write(
             .filter_map(|(_, bus)| bus.as_table_mut())
             .for_each(|bus| rename_files(bus, base.rename));
     }
-    add(&mut root, everywhere);
+    add_settings(&mut root, everywhere);
     for (name, settings) in buses {
-        if let Some(bus) = table(&mut root, "bus").and_then(|buses| table(buses, name)) {
+        if let Some(bus) = get_table(&mut root, "bus").and_then(|buses| get_table(buses, name)) {
             add_bus(bus, settings);
         }
     }
@@ -64,12 +64,12 @@ pub fn write(
 }
 
 /// Table under a key, created if needed; `None` if the key has another value.
-fn table<'a>(parent: &'a mut Table, key: &str) -> Option<&'a mut Table> {
+fn get_table<'a>(parent: &'a mut Table, key: &str) -> Option<&'a mut Table> {
     parent.entry(key).or_insert_with(|| Value::Table(Table::new())).as_table_mut()
 }
 
 /// List under a key, created if needed; `None` if the key has another value.
-fn list<'a>(parent: &'a mut Table, key: &str) -> Option<&'a mut Vec<Value>> {
+fn get_list<'a>(parent: &'a mut Table, key: &str) -> Option<&'a mut Vec<Value>> {
     parent.entry(key).or_insert_with(|| Value::Array(Vec::new())).as_array_mut()
 }
 
@@ -94,7 +94,7 @@ fn rename_files(settings: &mut Table, rename: &dyn Fn(&str) -> String) {
     }
 }
 
-fn add_bus(bus: &mut Table, settings: &Settings) {
+fn add_bus(bus: &mut Table, settings: &BusSettings) {
     if let Some(rate) = settings.bit_rate {
         bus.insert("bitrate".to_owned(), Value::Integer(rate.into()));
     }
@@ -107,10 +107,10 @@ fn add_bus(bus: &mut Table, settings: &Settings) {
         };
         bus.insert("protocol".to_owned(), Value::from(name));
     }
-    add(bus, settings);
+    add_settings(bus, settings);
 }
 
-fn add(place: &mut Table, settings: &Settings) {
+fn add_settings(place: &mut Table, settings: &BusSettings) {
     if !settings.databases.is_empty() {
         let mut names: Vec<Value> =
             settings.databases.iter().map(|name| Value::from(name.as_str())).collect();
@@ -121,66 +121,66 @@ fn add(place: &mut Table, settings: &Settings) {
         place.insert("dbc".to_owned(), Value::Array(names));
     }
     for id in &settings.nodes {
-        node(place, *id);
+        node_table(place, *id);
     }
     for (id, name) in &settings.names {
-        set(node(place, *id), "name", Value::from(name.as_str()));
+        set_key(node_table(place, *id), "name", Value::from(name.as_str()));
     }
     for (id, device) in &settings.devices {
-        set(node(place, *id), "device", Value::from(device.text.as_str()));
+        set_key(node_table(place, *id), "device", Value::from(device.text.as_str()));
     }
     for (id, file) in &settings.device_files {
-        let own = node(place, *id);
+        let own = node_table(place, *id);
         if let Some(own) = own {
             own.remove("dcf");
             own.insert("eds".to_owned(), Value::from(file.as_str()));
         }
     }
     for (id, state) in &settings.states {
-        set(node(place, *id), "state", Value::Table(state_table(state)));
+        set_key(node_table(place, *id), "state", Value::Table(state_table(state)));
     }
     for object in &settings.objects {
-        let objects = node(place, object.node).and_then(|node| list(node, "object"));
+        let objects = node_table(place, object.node).and_then(|node| get_list(node, "object"));
         if let Some(objects) = objects {
             objects.push(Value::Table(object_table(object)));
         }
     }
     let ids = settings.owners.iter().filter_map(|(id, owner)| id_table(*id, *owner));
-    extend(place, "id", ids.collect());
-    extend(place, "uds", settings.uds.iter().map(uds_table).collect());
+    extend_list(place, "id", ids.collect());
+    extend_list(place, "uds", settings.uds.iter().map(uds_table).collect());
 }
 
-fn extend(place: &mut Table, key: &str, entries: Vec<Table>) {
+fn extend_list(place: &mut Table, key: &str, entries: Vec<Table>) {
     if entries.is_empty() {
         return;
     }
-    if let Some(all) = list(place, key) {
+    if let Some(all) = get_list(place, key) {
         all.extend(entries.into_iter().map(Value::Table));
     }
 }
 
-fn set(node: Option<&mut Table>, key: &str, value: Value) {
+fn set_key(node: Option<&mut Table>, key: &str, value: Value) {
     if let Some(node) = node {
         node.insert(key.to_owned(), value);
     }
 }
 
 /// Table of a node, which the base may contain under another form of its node-ID.
-fn node(place: &mut Table, id: NodeId) -> Option<&mut Table> {
-    let nodes = table(place, "node")?;
+fn node_table(place: &mut Table, id: NodeId) -> Option<&mut Table> {
+    let nodes = get_table(place, "node")?;
     let known = nodes.keys().find(|key| key.parse() == Ok(id)).cloned();
-    table(nodes, &known.unwrap_or_else(|| id.to_string()))
+    get_table(nodes, &known.unwrap_or_else(|| id.to_string()))
 }
 
 fn state_table(state: &InitialState) -> Table {
     let mut table = Table::new();
     if let Some(InitialNmtState { state, is_assumed, is_reported }) = state.nmt {
         table.insert("nmt".to_owned(), Value::from(state.name()));
-        flag(&mut table, "assumed", is_assumed);
-        flag(&mut table, "reported", is_reported);
+        set_flag(&mut table, "assumed", is_assumed);
+        set_flag(&mut table, "reported", is_reported);
     }
-    flag(&mut table, "lost", state.is_lost);
-    flag(&mut table, "saved", state.is_saved);
+    set_flag(&mut table, "lost", state.is_lost);
+    set_flag(&mut table, "saved", state.is_saved);
     if let Some(reset) = state.reset {
         table.insert("reset".to_owned(), Value::from(reset.name()));
     }
@@ -198,7 +198,7 @@ fn state_table(state: &InitialState) -> Table {
     table
 }
 
-fn flag(table: &mut Table, key: &str, is_set: bool) {
+fn set_flag(table: &mut Table, key: &str, is_set: bool) {
     if is_set {
         table.insert(key.to_owned(), Value::Boolean(true));
     }
@@ -222,28 +222,28 @@ fn object_table(object: &InitialValue) -> Table {
     if let Some(frame) = object.frame.and_then(|frame| i64::try_from(frame).ok()) {
         table.insert("frame".to_owned(), Value::Integer(frame));
     }
-    flag(&mut table, "assumed", object.is_assumed);
-    flag(&mut table, "pending", object.role == ValueRole::Pending);
-    flag(&mut table, "stored", object.role == ValueRole::Stored);
-    flag(&mut table, "process", object.role == ValueRole::Process);
+    set_flag(&mut table, "assumed", object.is_assumed);
+    set_flag(&mut table, "pending", object.role == ValueRole::Pending);
+    set_flag(&mut table, "stored", object.role == ValueRole::Stored);
+    set_flag(&mut table, "process", object.role == ValueRole::Process);
     table
 }
 
 /// Entry of an identifier; `None` for a service without a name in the bus file.
-fn id_table(id: CanId, owner: Owner) -> Option<Table> {
+fn id_table(id: CanId, owner: IdentifierOwner) -> Option<Table> {
     let service = match owner {
-        Owner::Unclassified => "none".to_owned(),
-        Owner::Nmt => "nmt".to_owned(),
-        Owner::Sync => "sync".to_owned(),
-        Owner::Time => "time".to_owned(),
-        Owner::Emcy(_) => "emcy".to_owned(),
-        Owner::Pdo(name, _) => name.to_string().to_ascii_lowercase(),
-        Owner::Sdo(Side::Client, _) => "sdo-request".to_owned(),
-        Owner::Sdo(Side::Server, _) => "sdo-response".to_owned(),
-        Owner::ErrorControl(_) => "heartbeat".to_owned(),
-        Owner::Lss(true) => "lss-master".to_owned(),
-        Owner::Lss(false) => "lss-slave".to_owned(),
-        Owner::Named(_) | Owner::TestMarker => return None,
+        IdentifierOwner::Unclassified => "none".to_owned(),
+        IdentifierOwner::Nmt => "nmt".to_owned(),
+        IdentifierOwner::Sync => "sync".to_owned(),
+        IdentifierOwner::Time => "time".to_owned(),
+        IdentifierOwner::Emcy(_) => "emcy".to_owned(),
+        IdentifierOwner::Pdo(name, _) => name.to_string().to_ascii_lowercase(),
+        IdentifierOwner::Sdo(SdoSide::Client, _) => "sdo-request".to_owned(),
+        IdentifierOwner::Sdo(SdoSide::Server, _) => "sdo-response".to_owned(),
+        IdentifierOwner::ErrorControl(_) => "heartbeat".to_owned(),
+        IdentifierOwner::Lss(true) => "lss-master".to_owned(),
+        IdentifierOwner::Lss(false) => "lss-slave".to_owned(),
+        IdentifierOwner::Named(_) | IdentifierOwner::TestMarker => return None,
     };
     let mut table = Table::new();
     table.insert("id".to_owned(), Value::from(id.to_string()));
@@ -264,7 +264,7 @@ fn uds_table(pair: &UdsPair) -> Table {
     if let Some(name) = &pair.name {
         table.insert("name".to_owned(), Value::from(name.as_str()));
     }
-    flag(&mut table, "extended_addressing", pair.extended_addressing);
+    set_flag(&mut table, "extended_addressing", pair.extended_addressing);
     table
 }
 
@@ -274,30 +274,30 @@ mod tests {
     use crate::bus_file::{BusFile, PendingReset, SpannedText, ValueOrigin};
     use crate::profile::{PdoDirection, PdoName};
     use crate::wire::canopen::{NmtState, ObjectAddress};
-    use crate::wire::j1939::Name;
+    use crate::wire::j1939::J1939Name;
 
     const NODE: NodeId = NodeId::Canopen(5);
 
-    fn written(base: &str, settings: Settings) -> String {
+    fn written(base: &str, settings: BusSettings) -> String {
         let base = BaseFile { text: base, rename: &|name| format!("/m/{name}") };
-        write(&base, &Settings::default(), &[("can0".to_owned(), settings)], &[]).unwrap()
+        write_bus_file(&base, &BusSettings::default(), &[("can0".to_owned(), settings)], &[]).unwrap()
     }
 
-    fn full() -> Settings {
+    fn full() -> BusSettings {
         let tpdo1 = PdoName { direction: PdoDirection::Transmit, number: 1 };
         let entry = InitialValue::new(
             NODE,
             ObjectAddress::new(0x1A00, 1),
             ObjectValue::Bytes(vec![0x10, 0, 0x41, 0x60]),
         );
-        Settings {
+        BusSettings {
             protocol: Some(ProtocolChoice::Canopen),
             nodes: vec![NODE, NodeId::J1939(0x80)],
             bit_rate: Some(250_000),
             names: vec![(NODE, "p\"u\nm]p = '\u{7F}".to_owned())],
             owners: vec![
-                (CanId::standard(0x1A0), Owner::Pdo(tpdo1, 5)),
-                (CanId::extended(0x1A1), Owner::Sdo(Side::Client, 5)),
+                (CanId::from_standard(0x1A0), IdentifierOwner::Pdo(tpdo1, 5)),
+                (CanId::from_extended(0x1A1), IdentifierOwner::Sdo(SdoSide::Client, 5)),
             ],
             objects: vec![
                 InitialValue { origin: Some(ValueOrigin::Download), frame: Some(7), ..entry.clone() },
@@ -321,16 +321,16 @@ mod tests {
                         device: vec!["FAULT".to_owned()],
                     },
                 ),
-                (NodeId::J1939(0x80), InitialState { name: Some(Name(0xA)), ..InitialState::default() }),
+                (NodeId::J1939(0x80), InitialState { name: Some(J1939Name(0xA)), ..InitialState::default() }),
             ],
             uds: vec![UdsPair {
-                request: CanId::extended(0x7E0),
-                response: CanId::extended(0x7E8),
+                request: CanId::from_extended(0x7E0),
+                response: CanId::from_extended(0x7E8),
                 functional: None,
                 name: Some("[x]\n".to_owned()),
                 extended_addressing: true,
             }],
-            ..Settings::default()
+            ..BusSettings::default()
         }
     }
 
@@ -347,7 +347,7 @@ mod tests {
         assert!(BusFile::parse(base).is_err());
         let base = base.replace("[[bus.can0.node.5x]]\n", "[rules.node-lost]\nseverity = 'warning'\n");
         let device = SpannedText { text: "wandfluh-md2:controller".to_owned(), span: 0..0 };
-        let text = written(&base, Settings { devices: vec![(NODE, device)], ..full() });
+        let text = written(&base, BusSettings { devices: vec![(NODE, device)], ..full() });
         let read = BusFile::parse(&text).unwrap();
         assert_eq!(read.everywhere.databases, ["/m/a.dbc"]);
         assert_eq!(read.everywhere.device_files, [(NODE, "/m/pump.dcf".to_owned())]);
@@ -362,7 +362,7 @@ mod tests {
     fn comments_cannot_leave_their_line() {
         let base = BaseFile { text: "", rename: &str::to_owned };
         let comments = ["cut of a\n[node.5]\u{85}\r".to_owned()];
-        let text = write(&base, &Settings::default(), &[], &comments).unwrap();
+        let text = write_bus_file(&base, &BusSettings::default(), &[], &comments).unwrap();
         assert_eq!(text.lines().next(), Some("# cut of a [node.5]  "));
         assert!(BusFile::parse(&text).unwrap().everywhere.nodes.is_empty());
     }
@@ -370,7 +370,7 @@ mod tests {
     #[test]
     fn a_base_that_is_no_toml_is_an_error() {
         let base = BaseFile { text: "[node.5]\nname = \n", rename: &str::to_owned };
-        let error = write(&base, &Settings::default(), &[], &[]).unwrap_err();
+        let error = write_bus_file(&base, &BusSettings::default(), &[], &[]).unwrap_err();
         assert_eq!(error.line, 2);
     }
 }

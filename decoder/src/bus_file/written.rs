@@ -29,12 +29,12 @@ impl From<Spanned<String>> for SpannedText {
 
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "expected a CAN identifier: 0x1A0, \"1A0\" or \"000001A0\" as in candump")]
-pub(super) enum Number {
+pub(super) enum WrittenNumber {
     Integer(i64),
     Text(String),
 }
 
-impl Number {
+impl WrittenNumber {
     /// CAN identifier; 29 bits if `extended`, above 7FF or written with eight digits.
     pub(super) fn can_id(&self, extended: bool) -> Option<CanId> {
         let (number, extended) = match self {
@@ -74,6 +74,6 @@ pub(super) fn node_id(number: &Spanned<NodeNumber>) -> Result<NodeId, TextProble
 }
 
 /// Parses the address of an object.
-pub(super) fn address(text: &Spanned<String>) -> Result<ObjectAddress, TextProblem> {
+pub(super) fn parse_address(text: &Spanned<String>) -> Result<ObjectAddress, TextProblem> {
     text.get_ref().parse().map_err(|error| (text.span(), format!("{error}")))
 }

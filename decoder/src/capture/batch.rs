@@ -22,15 +22,15 @@ impl Default for Batch {
 impl Batch {
     /// An empty batch.
     pub fn new() -> Self {
-        Self::of(BATCH_FRAMES)
+        Self::with_room(BATCH_FRAMES)
     }
 
     /// An empty batch for a single frame, so that the reader's position is exact for that frame.
     pub fn of_one() -> Self {
-        Self::of(1)
+        Self::with_room(1)
     }
 
-    fn of(frames: usize) -> Self {
+    fn with_room(frames: usize) -> Self {
         Self { frames: vec![Frame::EMPTY; frames].into(), length: 0, notices: Vec::new() }
     }
 
@@ -54,13 +54,13 @@ impl Batch {
     /// The next free frame, with the content of an earlier one; `None` if the batch is full. It becomes part
     /// of the batch with `commit`.
     #[inline]
-    pub fn slot(&mut self) -> Option<&mut Frame> {
+    pub fn free_slot(&mut self) -> Option<&mut Frame> {
         self.frames.get_mut(self.length)
     }
 
-    /// Adds the frame last returned by [`Batch::slot`] to the batch.
+    /// Adds the frame last returned by [`Batch::free_slot`] to the batch.
     #[inline]
-    pub(crate) fn commit(&mut self) {
+    pub(crate) fn commit_slot(&mut self) {
         self.commit_all(1);
     }
 
@@ -79,20 +79,20 @@ impl Batch {
 
     /// Adds a frame; drops it if the batch is full, so check [`Batch::is_full`] first.
     pub fn push(&mut self, frame: Frame) {
-        if let Some(slot) = self.slot() {
+        if let Some(slot) = self.free_slot() {
             *slot = frame;
-            self.commit();
+            self.commit_slot();
         }
     }
 
     /// Adds a notice before the next frame.
-    pub fn notice(&mut self, notice: Notice) {
+    pub fn add_notice(&mut self, notice: Notice) {
         self.notices.push((self.length, notice));
     }
 
     /// Adds a notice about an unreadable line or record before the next frame.
     pub(super) fn push_unreadable(&mut self, place: CapturePlace, reason: String) {
-        self.notice(Notice::Unreadable { place, reason });
+        self.add_notice(Notice::Unreadable { place, reason });
     }
 
     /// Frames in capture order.
@@ -129,7 +129,7 @@ impl Batch {
     }
 
     /// Adds nanoseconds to all timestamps.
-    pub fn shift(&mut self, nanoseconds: i64) {
+    pub fn shift_times(&mut self, nanoseconds: i64) {
         for frame in self.frames.iter_mut().take(self.length) {
             frame.time = frame.time.map(|time| time.plus(nanoseconds));
         }
@@ -146,22 +146,22 @@ impl Batch {
     }
 
     /// Frames and notices merged in capture order.
-    pub fn items(&self) -> impl Iterator<Item = Item<'_>> {
+    pub fn items(&self) -> impl Iterator<Item = BatchItem<'_>> {
         let mut notices = self.notices.iter().peekable();
         let mut frames = self.frames().iter().enumerate().peekable();
         std::iter::from_fn(move || {
             let next_frame = frames.peek().map_or(usize::MAX, |(index, _)| *index);
             if let Some((_, notice)) = notices.next_if(|(before, _)| *before <= next_frame) {
-                return Some(Item::Notice(notice));
+                return Some(BatchItem::Notice(notice));
             }
-            frames.next().map(|(_, frame)| Item::Frame(frame))
+            frames.next().map(|(_, frame)| BatchItem::Frame(frame))
         })
     }
 }
 
 /// Element of a batch.
 #[derive(Debug)]
-pub enum Item<'a> {
+pub enum BatchItem<'a> {
     /// A frame.
     Frame(&'a Frame),
     /// A message of the reader.
@@ -176,11 +176,11 @@ mod tests {
     #[test]
     fn a_later_part_continues_numbers_and_buses() {
         let mut batch = Batch::new();
-        let frame = Frame { number: 1, bus: BusIndex(1), ..Frame::data_frame(CanId::standard(1), &[]) };
+        let frame = Frame { number: 1, bus: BusIndex(1), ..Frame::data_frame(CanId::from_standard(1), &[]) };
         batch.push(frame);
         batch.push(Frame { number: 2, bus: BusIndex(7), ..frame });
-        batch.notice(Notice::LostFrames { place: CapturePlace::Line(3), bus: BusIndex(0), count: None });
-        batch.notice(Notice::Assumption("times read as UTC".into()));
+        batch.add_notice(Notice::LostFrames { place: CapturePlace::Line(3), bus: BusIndex(0), count: None });
+        batch.add_notice(Notice::Assumption("times read as UTC".into()));
         batch.continue_from(10, &[BusIndex(2), BusIndex(0)]);
         batch.retain_notices(|notice| !matches!(notice, Notice::Assumption(_)));
         // Bus 7 has no entry and keeps its number.
@@ -204,15 +204,15 @@ mod tests {
     fn notices_come_before_the_frame_they_precede_and_after_the_last() {
         let mut batch = Batch::new();
         let bad = |line| Notice::Unreadable { place: CapturePlace::Line(line), reason: "x".into() };
-        batch.push(Frame::data_frame(CanId::standard(1), &[]));
-        batch.notice(bad(2));
-        batch.push(Frame::data_frame(CanId::standard(2), &[]));
-        batch.notice(bad(4));
+        batch.push(Frame::data_frame(CanId::from_standard(1), &[]));
+        batch.add_notice(bad(2));
+        batch.push(Frame::data_frame(CanId::from_standard(2), &[]));
+        batch.add_notice(bad(4));
         let order: Vec<String> = batch
             .items()
             .map(|item| match item {
-                Item::Frame(frame) => frame.id.to_string(),
-                Item::Notice(notice) => notice.to_string(),
+                BatchItem::Frame(frame) => frame.id.to_string(),
+                BatchItem::Notice(notice) => notice.to_string(),
             })
             .collect();
         assert_eq!(order, ["001", "line 2: x", "002", "line 4: x"]);

@@ -96,7 +96,12 @@ pub(super) enum ControllerState {
 }
 
 /// Error frame of a violation at segment code `place` (0 = unknown).
-pub(super) fn violation(kind: Violation, sending: bool, place: u8, counters: Option<Counters>) -> Frame {
+pub(super) fn violation_frame(
+    kind: Violation,
+    sending: bool,
+    place: u8,
+    counters: Option<Counters>,
+) -> Frame {
     let (bit, implied) = kind.code();
     let place = if place == 0 { implied } else { place };
     let mut classes = PROTOCOL;
@@ -109,12 +114,12 @@ pub(super) fn violation(kind: Violation, sending: bool, place: u8, counters: Opt
         classes |= NO_ACKNOWLEDGEMENT;
     }
     let sending = if sending { WHILE_SENDING } else { 0 };
-    report(classes, [0, 0, bit | sending, place, 0, 0], counters)
+    build_error_frame(classes, [0, 0, bit | sending, place, 0, 0], counters)
 }
 
 /// Error frame of a state change. The counter that caused it is unknown, so the bits of both counters are
 /// set.
-pub(super) fn controller(state: ControllerState) -> Frame {
+pub(super) fn controller_frame(state: ControllerState) -> Frame {
     let (classes, detail) = match state {
         ControllerState::Active => (CONTROLLER, 0x40),
         ControllerState::Warning => (CONTROLLER, 0x0C),
@@ -122,12 +127,12 @@ pub(super) fn controller(state: ControllerState) -> Frame {
         ControllerState::BusOff => (BUS_OFF, 0),
         ControllerState::Overrun => (CONTROLLER, 0x01),
     };
-    report(classes, [0, detail, 0, 0, 0, 0], None)
+    build_error_frame(classes, [0, detail, 0, 0, 0, 0], None)
 }
 
 /// Error frame with only new values of a controller's counters.
-pub(super) fn counters(counters: Counters) -> Frame {
-    report(0, [0; 6], Some(counters))
+pub(super) fn counter_frame(counters: Counters) -> Frame {
+    build_error_frame(0, [0; 6], Some(counters))
 }
 
 /// Bits of byte 2 and their violations, the most specific first. A bit that could not be sent is a bit error.
@@ -153,12 +158,12 @@ pub(super) struct ProtocolViolation {
 }
 
 /// Protocol violation reported by an error frame, if any.
-pub(super) fn broken(frame: &Frame) -> Option<ProtocolViolation> {
+pub(super) fn reported_violation(frame: &Frame) -> Option<ProtocolViolation> {
     let classes = frame.id.number();
     if classes & (PROTOCOL | BUS_ERROR | NO_ACKNOWLEDGEMENT) == 0 {
         return None;
     }
-    let [_, _, bits, place, ..] = details(frame);
+    let [_, _, bits, place, ..] = error_bytes(frame);
     let place = if place > 0x1F { 0 } else { place };
     let sending = bits & WHILE_SENDING != 0;
     let kind = VIOLATIONS.iter().find(|(known, _)| bits & known != 0).map(|(_, kind)| *kind);
@@ -176,24 +181,24 @@ pub(super) fn broken(frame: &Frame) -> Option<ProtocolViolation> {
 }
 
 /// Controller state reported by an error frame, if any.
-pub(super) fn state(frame: &Frame) -> Option<ControllerState> {
+pub(super) fn reported_state(frame: &Frame) -> Option<ControllerState> {
     let classes = frame.id.number();
     if classes & BUS_OFF != 0 {
         return Some(ControllerState::BusOff);
     }
-    let [_, detail, ..] = details(frame);
+    let [_, detail, ..] = error_bytes(frame);
     let state = STATES.iter().find(|(bits, _)| classes & CONTROLLER != 0 && detail & bits != 0);
     state.map(|(_, state)| *state).or((classes & RESTARTED != 0).then_some(ControllerState::Active))
 }
 
 /// Error counters reported by an error frame, if any.
-pub(super) fn counted(frame: &Frame) -> Option<Counters> {
-    let [.., transmit, receive] = details(frame);
+pub(super) fn reported_counters(frame: &Frame) -> Option<Counters> {
+    let [.., transmit, receive] = error_bytes(frame);
     (frame.id.number() & COUNTERS != 0).then_some(Counters { receive, transmit })
 }
 
 /// The eight bytes of an error frame, padded with zeros.
-fn details(frame: &Frame) -> [u8; 8] {
+fn error_bytes(frame: &Frame) -> [u8; 8] {
     let mut bytes = [0; 8];
     for (byte, found) in bytes.iter_mut().zip(frame.data()) {
         *byte = *found;
@@ -201,13 +206,14 @@ fn details(frame: &Frame) -> [u8; 8] {
     bytes
 }
 
-fn report(classes: u32, bytes: [u8; 6], counters: Option<Counters>) -> Frame {
+fn build_error_frame(classes: u32, bytes: [u8; 6], counters: Option<Counters>) -> Frame {
     let [b0, b1, b2, b3, b4, b5] = bytes;
     let (classes, transmit, receive) = match counters {
         Some(Counters { receive, transmit }) => (classes | COUNTERS, transmit, receive),
         None => (classes, 0, 0),
     };
-    let mut frame = Frame::data_frame(CanId::extended(classes), &[b0, b1, b2, b3, b4, b5, transmit, receive]);
+    let mut frame =
+        Frame::data_frame(CanId::from_extended(classes), &[b0, b1, b2, b3, b4, b5, transmit, receive]);
     frame.flags = FrameFlags::ERROR;
     frame
 }
@@ -219,7 +225,7 @@ mod tests {
     #[test]
     fn a_stuff_error_while_receiving_with_counters() {
         let counters = Counters { receive: 8, transmit: 2 };
-        let frame = violation(Violation::Stuff, false, 0x02, Some(counters));
+        let frame = violation_frame(Violation::Stuff, false, 0x02, Some(counters));
         assert_eq!(frame.id, CanId::Extended(0x288));
         assert_eq!(frame.data(), [0, 0, 0x04, 0x02, 0, 0, 2, 8]);
         assert_eq!(frame.flags, FrameFlags::ERROR);
@@ -227,11 +233,14 @@ mod tests {
 
     #[test]
     fn a_missing_acknowledgement_is_detected_by_its_position() {
-        let frame = violation(Violation::Other, true, ACKNOWLEDGE_SLOT, None);
+        let frame = violation_frame(Violation::Other, true, ACKNOWLEDGE_SLOT, None);
         assert_eq!(frame.id, CanId::Extended(0x0A8));
         assert_eq!(frame.data(), [0, 0, 0x80, 0x19, 0, 0, 0, 0]);
-        assert_eq!(violation(Violation::Other, false, ACKNOWLEDGE_SLOT, None).id, CanId::Extended(0x088));
-        assert_eq!(violation(Violation::Acknowledgement, true, 0, None).data(), frame.data());
+        assert_eq!(
+            violation_frame(Violation::Other, false, ACKNOWLEDGE_SLOT, None).id,
+            CanId::Extended(0x088)
+        );
+        assert_eq!(violation_frame(Violation::Acknowledgement, true, 0, None).data(), frame.data());
     }
 
     #[test]
@@ -245,9 +254,9 @@ mod tests {
             (Violation::Overload, false, 0),
             (Violation::Other, false, 0x08),
         ] {
-            let frame = violation(kind, sending, place, Some(counters));
-            assert_eq!(broken(&frame), Some(ProtocolViolation { kind, sending, place }));
-            assert_eq!((counted(&frame), state(&frame)), (Some(counters), None));
+            let frame = violation_frame(kind, sending, place, Some(counters));
+            assert_eq!(reported_violation(&frame), Some(ProtocolViolation { kind, sending, place }));
+            assert_eq!((reported_counters(&frame), reported_state(&frame)), (Some(counters), None));
         }
         for told in [
             ControllerState::Active,
@@ -256,22 +265,29 @@ mod tests {
             ControllerState::BusOff,
             ControllerState::Overrun,
         ] {
-            let frame = controller(told);
-            assert_eq!((state(&frame), broken(&frame), counted(&frame)), (Some(told), None, None));
+            let frame = controller_frame(told);
+            assert_eq!(
+                (reported_state(&frame), reported_violation(&frame), reported_counters(&frame)),
+                (Some(told), None, None)
+            );
         }
-        let short = Frame { flags: FrameFlags::ERROR, ..Frame::data_frame(CanId::extended(0x104), &[0]) };
-        assert_eq!(state(&short), Some(ControllerState::Active), "restarted");
-        let unanswered = Frame::data_frame(CanId::extended(0x20), &[0; 8]);
+        let short =
+            Frame { flags: FrameFlags::ERROR, ..Frame::data_frame(CanId::from_extended(0x104), &[0]) };
+        assert_eq!(reported_state(&short), Some(ControllerState::Active), "restarted");
+        let unanswered = Frame::data_frame(CanId::from_extended(0x20), &[0; 8]);
         let told = ProtocolViolation { kind: Violation::Acknowledgement, sending: true, place: 0x19 };
-        assert_eq!(broken(&unanswered), Some(told));
+        assert_eq!(reported_violation(&unanswered), Some(told));
         // A driver that could not send a recessive bit, and an invalid segment code.
-        let odd = Frame::data_frame(CanId::extended(0x08), &[0, 0, 0x90, 0xFF, 0, 0, 0, 0]);
-        assert_eq!(broken(&odd), Some(ProtocolViolation { kind: Violation::Bit, sending: true, place: 0 }));
+        let odd = Frame::data_frame(CanId::from_extended(0x08), &[0, 0, 0x90, 0xFF, 0, 0, 0, 0]);
+        assert_eq!(
+            reported_violation(&odd),
+            Some(ProtocolViolation { kind: Violation::Bit, sending: true, place: 0 })
+        );
     }
 
     #[test]
     fn bus_off_is_a_class_of_its_own() {
-        assert_eq!(controller(ControllerState::BusOff).id, CanId::Extended(0x040));
-        assert_eq!(controller(ControllerState::Warning).data()[1], 0x0C);
+        assert_eq!(controller_frame(ControllerState::BusOff).id, CanId::Extended(0x040));
+        assert_eq!(controller_frame(ControllerState::Warning).data()[1], 0x0C);
     }
 }

@@ -22,7 +22,7 @@ impl Elapsed {
 
     /// Start in nanoseconds since 1970, if this frame is the first.
     #[inline]
-    pub(super) fn start(&mut self, time: Option<Timestamp>) -> Option<i64> {
+    pub(super) fn start_time(&mut self, time: Option<Timestamp>) -> Option<i64> {
         if self.start.is_some() {
             return None;
         }
@@ -34,7 +34,7 @@ impl Elapsed {
     /// Nanoseconds since the start. A frame without time gets the time of the frame before; a frame earlier
     /// than the first gets the time of the first.
     #[inline]
-    pub(super) fn nanoseconds(&mut self, time: Option<Timestamp>) -> u64 {
+    pub(super) fn elapsed_since_start(&mut self, time: Option<Timestamp>) -> u64 {
         if let Some(Timestamp(time)) = time {
             self.last = time.max(*self.first.get_or_insert(time));
         }
@@ -49,9 +49,9 @@ mod tests {
 
     fn offsets(unit: i64, times: &[Option<i64>]) -> (i64, Vec<u64>) {
         let mut elapsed = Elapsed::new(unit, -10);
-        let start = elapsed.start(times[0].map(Timestamp)).unwrap();
-        assert_eq!(elapsed.start(None), None);
-        (start, times.iter().map(|time| elapsed.nanoseconds(time.map(Timestamp))).collect())
+        let start = elapsed.start_time(times[0].map(Timestamp)).unwrap();
+        assert_eq!(elapsed.start_time(None), None);
+        (start, times.iter().map(|time| elapsed.elapsed_since_start(time.map(Timestamp))).collect())
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::io::ErrorKind;
 #[non_exhaustive]
 pub enum CaptureError {
     /// The source cannot be read, or its compressed data ends early.
-    #[error("{how}: {0}", how = how(.0))]
+    #[error("{how}: {0}", how = describe_error(.0))]
     Io(std::io::Error),
     /// The first bytes match no known format.
     #[error("not a capture in a known format ({known}); it begins with {found}")]
@@ -42,7 +42,7 @@ impl From<std::io::Error> for CaptureError {
 }
 
 /// Description of an I/O error.
-fn how(error: &std::io::Error) -> &'static str {
+fn describe_error(error: &std::io::Error) -> &'static str {
     match error.kind() {
         ErrorKind::UnexpectedEof => "the file is cut off",
         _ => "reading failed",

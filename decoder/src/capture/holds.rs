@@ -1,8 +1,8 @@
 //! Data that formats can store, and the data that a capture loses when it is converted to a format.
 
 use super::bus_error::{
-    ControllerState, Counters, ProtocolViolation, Violation, broken, controller, counted, counters, state,
-    violation,
+    ControllerState, Counters, ProtocolViolation, Violation, controller_frame, counter_frame,
+    reported_counters, reported_state, reported_violation, violation_frame,
 };
 use crate::frame::{Frame, FrameFlags, Timestamp};
 
@@ -25,7 +25,7 @@ pub enum ErrorFrames {
 
 /// Information on a frame's direction that a format stores.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Directions {
+pub enum DirectionSupport {
     /// Received, transmitted or unknown.
     Whole,
     /// Received or transmitted; unknown is written as received.
@@ -53,7 +53,7 @@ pub struct FormatCapabilities {
     /// DLCs above 8 of classic frames.
     pub raw_dlc: bool,
     /// Direction of frames: received or transmitted.
-    pub directions: Directions,
+    pub directions: DirectionSupport,
     /// Bus names as part of each frame; otherwise frames have numbers from 1, and comments name the buses.
     pub bus_names: bool,
     /// Notices of lost frames, link changes and quiet periods.
@@ -70,20 +70,22 @@ impl ErrorFrames {
 
     /// The error frame as it is read back; `None` if it is dropped. Error frames stored in part lose their
     /// direction.
-    fn kept(self, frame: &Frame) -> Option<Frame> {
-        let mark = violation(Violation::Other, false, 0, None);
+    fn kept_error_frame(self, frame: &Frame) -> Option<Frame> {
+        let mark = violation_frame(Violation::Other, false, 0, None);
         let found = match self {
             Self::None => return None,
             Self::Whole => return Some(*frame),
             Self::Mark => Frame { flags: frame.flags, ..mark },
-            Self::Violations => match broken(frame) {
+            Self::Violations => match reported_violation(frame) {
                 Some(ProtocolViolation { kind: Violation::Overload, .. }) => {
-                    violation(Violation::Overload, false, 0, None)
+                    violation_frame(Violation::Overload, false, 0, None)
                 }
-                Some(ProtocolViolation { kind, sending, place }) => violation(kind, sending, place, None),
+                Some(ProtocolViolation { kind, sending, place }) => {
+                    violation_frame(kind, sending, place, None)
+                }
                 None => mark,
             },
-            Self::Reports => Report::of(frame).frame(),
+            Self::Reports => ErrorReportContent::report_of(frame).to_frame(),
         };
         Some(Frame { number: frame.number, time: frame.time, bus: frame.bus, ..found })
     }
@@ -91,7 +93,7 @@ impl ErrorFrames {
 
 /// Content of an error report in a format with [`ErrorFrames::Reports`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Report {
+pub(super) enum ErrorReportContent {
     /// State of the controller.
     State(ControllerState),
     /// A bit, form or stuff error, or another violation at a location, and the error counters. Counters that
@@ -101,11 +103,11 @@ pub(super) enum Report {
     Counters(Counters),
 }
 
-impl Report {
+impl ErrorReportContent {
     /// The report for an error frame. A state takes precedence because it is the rarest.
-    pub(super) fn of(frame: &Frame) -> Self {
-        let counters = counted(frame);
-        match (state(frame), broken(frame), counters) {
+    pub(super) fn report_of(frame: &Frame) -> Self {
+        let counters = reported_counters(frame);
+        match (reported_state(frame), reported_violation(frame), counters) {
             (Some(state), _, _) => Self::State(state),
             (None, None, Some(counters)) => Self::Counters(counters),
             (None, found, _) => {
@@ -121,12 +123,12 @@ impl Report {
     }
 
     /// The error frame as it is read back.
-    fn frame(self) -> Frame {
+    fn to_frame(self) -> Frame {
         match self {
-            Self::State(state) => controller(state),
-            Self::Counters(counted) => counters(counted),
+            Self::State(state) => controller_frame(state),
+            Self::Counters(counted) => counter_frame(counted),
             Self::Broken(ProtocolViolation { kind, sending, place }, counters) => {
-                violation(kind, sending, place, counters)
+                violation_frame(kind, sending, place, counters)
             }
         }
     }
@@ -142,7 +144,7 @@ impl FormatCapabilities {
         fd: true,
         errors: ErrorFrames::Whole,
         raw_dlc: true,
-        directions: Directions::Whole,
+        directions: DirectionSupport::Whole,
         bus_names: true,
         notices: true,
         comments: true,
@@ -150,14 +152,14 @@ impl FormatCapabilities {
 
     /// The frame as it is read back; `None` if it is dropped. Of the format's limits on timestamps, only
     /// resolution and sign are applied.
-    pub fn kept(&self, frame: &Frame) -> Option<Frame> {
+    pub fn kept_frame(&self, frame: &Frame) -> Option<Frame> {
         let is_error = frame.flags.contains(FrameFlags::ERROR);
         if frame.flags.contains(FrameFlags::FD) && !self.fd {
             return None;
         }
-        let mut kept = if is_error { self.errors.kept(frame)? } else { *frame };
+        let mut kept = if is_error { self.errors.kept_error_frame(frame)? } else { *frame };
         kept.time =
-            frame.time.map(|time| self.cut(if self.negative { time } else { time.max(Timestamp(0)) }));
+            frame.time.map(|time| self.round_time(if self.negative { time } else { time.max(Timestamp(0)) }));
         if !self.raw_dlc {
             kept.raw_dlc = 0;
         }
@@ -166,16 +168,16 @@ impl FormatCapabilities {
         }
         let directions = FrameFlags::TRANSMITTED.with(FrameFlags::RECEIVED);
         match self.directions {
-            Directions::Whole => {}
-            Directions::Assumed if kept.flags.0 & directions.0 != 0 => {}
-            Directions::Assumed => kept.flags = kept.flags.with(FrameFlags::RECEIVED),
-            Directions::None => kept.flags = FrameFlags(kept.flags.0 & !directions.0),
+            DirectionSupport::Whole => {}
+            DirectionSupport::Assumed if kept.flags.0 & directions.0 != 0 => {}
+            DirectionSupport::Assumed => kept.flags = kept.flags.with(FrameFlags::RECEIVED),
+            DirectionSupport::None => kept.flags = FrameFlags(kept.flags.0 & !directions.0),
         }
         Some(kept)
     }
 
     /// Names of the data that the format cannot store.
-    pub fn lacks(&self) -> Vec<String> {
+    pub fn missing_data(&self) -> Vec<String> {
         let errors = match self.errors {
             ErrorFrames::Whole => None,
             ErrorFrames::Violations => {
@@ -188,11 +190,12 @@ impl FormatCapabilities {
             ErrorFrames::None => Some("error frames"),
         };
         let directions = match self.directions {
-            Directions::Whole => None,
-            Directions::Assumed => Some("unknown direction of frames"),
-            Directions::None => Some("direction of frames"),
+            DirectionSupport::Whole => None,
+            DirectionSupport::Assumed => Some("unknown direction of frames"),
+            DirectionSupport::None => Some("direction of frames"),
         };
-        let time = (self.resolution > 1).then(|| format!("timestamps finer than {}", unit(self.resolution)));
+        let time =
+            (self.resolution > 1).then(|| format!("timestamps finer than {}", unit_name(self.resolution)));
         let others = [
             (!self.untimed).then_some("frames without timestamp"),
             (!self.backwards).then_some("timestamps before the first frame"),
@@ -209,7 +212,7 @@ impl FormatCapabilities {
     }
 
     /// A time rounded down to the format's resolution.
-    pub fn cut(&self, time: Timestamp) -> Timestamp {
+    pub fn round_time(&self, time: Timestamp) -> Timestamp {
         Timestamp(time.0.saturating_sub(time.0.rem_euclid(self.resolution.max(1))))
     }
 }
@@ -247,72 +250,76 @@ const SAID: [(Loss, &str); 11] = [
 
 /// Counts what frames lose in a format.
 #[derive(Debug, Clone)]
-pub struct Losses {
+pub struct LossCounter {
     holds: FormatCapabilities,
     first: Option<Timestamp>,
     counts: [u64; SAID.len()],
     notices: u64,
 }
 
-impl Losses {
+impl LossCounter {
     /// Creates counters at zero for a format that can store `holds`.
     pub fn new(holds: FormatCapabilities) -> Self {
         Self { holds, first: None, counts: [0; SAID.len()], notices: 0 }
     }
 
     /// Begins another file of the same capture; timestamps are then compared with its first frame.
-    pub fn begin(&mut self) {
+    pub fn begin_file(&mut self) {
         self.first = None;
     }
 
     /// Counts the losses of a frame. Frames must be passed in the order in which they are written.
-    pub fn see(&mut self, frame: &Frame) {
+    pub fn count_frame(&mut self, frame: &Frame) {
         let (holds, flags) = (self.holds, frame.flags);
         let is_error = flags.contains(FrameFlags::ERROR);
         if flags.contains(FrameFlags::FD) && !holds.fd {
-            return self.count(Loss::FdFrame);
+            return self.count_loss(Loss::FdFrame);
         }
         if is_error {
-            let Some(kept) = holds.errors.kept(frame) else { return self.count(Loss::ErrorFrame) };
+            let Some(kept) = holds.errors.kept_error_frame(frame) else {
+                return self.count_loss(Loss::ErrorFrame);
+            };
             // A marker cannot express that details existed, so each error frame counts, even without details.
             if holds.errors == ErrorFrames::Mark || (kept.id, kept.data()) != (frame.id, frame.data()) {
-                self.count(Loss::ErrorDetail);
+                self.count_loss(Loss::ErrorDetail);
             }
             // Counters of 0 are read back as unknown, but other programs show them as 0.
             let writes_counters = holds.errors == ErrorFrames::Reports
-                && matches!(Report::of(frame), Report::Broken(_, None))
-                && counted(frame).is_none();
+                && matches!(ErrorReportContent::report_of(frame), ErrorReportContent::Broken(_, None))
+                && reported_counters(frame).is_none();
             if writes_counters {
-                self.count(Loss::ErrorCounters);
+                self.count_loss(Loss::ErrorCounters);
             }
         }
         match frame.time {
-            None if !holds.untimed => self.count(Loss::NoTime),
+            None if !holds.untimed => self.count_loss(Loss::NoTime),
             None => {}
             Some(time) => self.see_time(time),
         }
         if frame.raw_dlc > 8 && !flags.contains(FrameFlags::FD) && !holds.raw_dlc {
-            self.count(Loss::RawDlc);
+            self.count_loss(Loss::RawDlc);
         }
         let has_direction = flags.contains(FrameFlags::TRANSMITTED) || flags.contains(FrameFlags::RECEIVED);
         match holds.directions {
-            _ if is_error && holds.errors.is_part() && has_direction => self.count(Loss::Direction),
-            Directions::None if has_direction => self.count(Loss::Direction),
-            Directions::Assumed if !has_direction && !is_error => self.count(Loss::DirectionAssumed),
+            _ if is_error && holds.errors.is_part() && has_direction => self.count_loss(Loss::Direction),
+            DirectionSupport::None if has_direction => self.count_loss(Loss::Direction),
+            DirectionSupport::Assumed if !has_direction && !is_error => {
+                self.count_loss(Loss::DirectionAssumed)
+            }
             _ => {}
         }
     }
 
     fn see_time(&mut self, time: Timestamp) {
-        if self.holds.resolution > 1 && self.holds.cut(time) != time {
-            self.count(Loss::Resolution);
+        if self.holds.resolution > 1 && self.holds.round_time(time) != time {
+            self.count_loss(Loss::Resolution);
         }
         let first = *self.first.get_or_insert(time);
         if time < first && !self.holds.backwards {
-            self.count(Loss::Backwards);
+            self.count_loss(Loss::Backwards);
         }
         if time.0 < 0 && !self.holds.negative {
-            self.count(Loss::Negative);
+            self.count_loss(Loss::Negative);
         }
     }
 
@@ -321,7 +328,7 @@ impl Losses {
         self.notices += 1;
     }
 
-    fn count(&mut self, loss: Loss) {
+    fn count_loss(&mut self, loss: Loss) {
         if let Some(count) =
             SAID.iter().position(|(said, _)| *said == loss).and_then(|at| self.counts.get_mut(at))
         {
@@ -330,11 +337,11 @@ impl Losses {
     }
 
     /// Text of each loss with its count.
-    pub fn texts(&self) -> Vec<String> {
+    pub fn loss_texts(&self) -> Vec<String> {
         let mut all = Vec::new();
         for ((loss, text), count) in SAID.iter().zip(self.counts).filter(|(_, count)| *count > 0) {
             all.push(match loss {
-                Loss::Resolution => format!("{count} {text} {}", unit(self.holds.resolution)),
+                Loss::Resolution => format!("{count} {text} {}", unit_name(self.holds.resolution)),
                 Loss::ErrorDetail if self.holds.errors != ErrorFrames::Mark => {
                     format!("{count} error frames written with only part of their class and details")
                 }
@@ -349,7 +356,7 @@ impl Losses {
 }
 
 /// Name of a time unit given in nanoseconds.
-fn unit(nanoseconds: i64) -> String {
+fn unit_name(nanoseconds: i64) -> String {
     match nanoseconds {
         1_000 => "microseconds".into(),
         1_000_000 => "milliseconds".into(),
@@ -372,38 +379,38 @@ mod tests {
         fd: false,
         errors: ErrorFrames::Mark,
         raw_dlc: false,
-        directions: Directions::None,
+        directions: DirectionSupport::None,
         bus_names: false,
         notices: false,
         comments: false,
     };
 
-    fn frame(time: i64) -> Frame {
-        Frame { time: Some(Timestamp(time)), ..Frame::data_frame(CanId::standard(1), &[1; 8]) }
+    fn to_frame(time: i64) -> Frame {
+        Frame { time: Some(Timestamp(time)), ..Frame::data_frame(CanId::from_standard(1), &[1; 8]) }
     }
 
     #[test]
     fn nothing_is_lost_where_there_is_a_place_for_everything() {
-        let mut losses = Losses::new(FormatCapabilities::ALL);
-        let odd = Frame { raw_dlc: 15, flags: FrameFlags::TRANSMITTED, ..frame(1_001) };
-        losses.see(&odd);
-        losses.see(&Frame { time: None, flags: FrameFlags::FD, ..odd });
-        assert_eq!(losses.texts(), [] as [&str; 0]);
-        assert_eq!(FormatCapabilities::ALL.kept(&odd), Some(odd));
+        let mut losses = LossCounter::new(FormatCapabilities::ALL);
+        let odd = Frame { raw_dlc: 15, flags: FrameFlags::TRANSMITTED, ..to_frame(1_001) };
+        losses.count_frame(&odd);
+        losses.count_frame(&Frame { time: None, flags: FrameFlags::FD, ..odd });
+        assert_eq!(losses.loss_texts(), [] as [&str; 0]);
+        assert_eq!(FormatCapabilities::ALL.kept_frame(&odd), Some(odd));
     }
 
     #[test]
     fn each_loss_is_counted_and_reported() {
-        let mut losses = Losses::new(POOR);
-        losses.see(&frame(5_000));
-        losses.see(&Frame { raw_dlc: 9, flags: FrameFlags::RECEIVED, ..frame(4_999) });
-        losses.see(&Frame { time: None, ..frame(0) });
-        losses.see(&Frame { flags: FrameFlags::FD, ..frame(6_000) });
-        losses.see(&Frame { flags: FrameFlags::ERROR, ..frame(6_000) });
-        losses.see(&frame(-1_000));
+        let mut losses = LossCounter::new(POOR);
+        losses.count_frame(&to_frame(5_000));
+        losses.count_frame(&Frame { raw_dlc: 9, flags: FrameFlags::RECEIVED, ..to_frame(4_999) });
+        losses.count_frame(&Frame { time: None, ..to_frame(0) });
+        losses.count_frame(&Frame { flags: FrameFlags::FD, ..to_frame(6_000) });
+        losses.count_frame(&Frame { flags: FrameFlags::ERROR, ..to_frame(6_000) });
+        losses.count_frame(&to_frame(-1_000));
         losses.miss_notice();
         assert_eq!(
-            losses.texts(),
+            losses.loss_texts(),
             [
                 "1 CAN FD frames dropped",
                 "1 error frames written without class and details",
@@ -422,12 +429,12 @@ mod tests {
     fn error_frames_are_held_in_part() {
         let error = |class: u32, bytes: [u8; 8]| Frame {
             flags: FrameFlags::ERROR,
-            ..Frame::data_frame(CanId::extended(class), &bytes)
+            ..Frame::data_frame(CanId::from_extended(class), &bytes)
         };
         let violations = FormatCapabilities { errors: ErrorFrames::Violations, ..FormatCapabilities::ALL };
         let reports = FormatCapabilities {
             errors: ErrorFrames::Reports,
-            directions: Directions::Assumed,
+            directions: DirectionSupport::Assumed,
             ..FormatCapabilities::ALL
         };
         let mark = error(0x88, [0; 8]);
@@ -450,51 +457,51 @@ mod tests {
             (reports, counters, counters),
         ] {
             let sent = Frame { flags: given.flags.with(FrameFlags::TRANSMITTED), number: 5, ..given };
-            assert_eq!(holds.kept(&sent), Some(Frame { number: 5, ..kept }), "{given:?}");
-            let mut losses = Losses::new(holds);
-            losses.see(&given);
+            assert_eq!(holds.kept_frame(&sent), Some(Frame { number: 5, ..kept }), "{given:?}");
+            let mut losses = LossCounter::new(holds);
+            losses.count_frame(&given);
             let lost = "1 error frames written with only part of their class and details".to_owned();
-            let mut said = losses.texts();
+            let mut said = losses.loss_texts();
             said.retain(|said| !said.ends_with("with unknown error counters, written as 0"));
             assert_eq!(said, if given == kept { vec![] } else { vec![lost] });
-            losses.see(&sent);
-            assert_eq!(losses.texts().last().unwrap(), "1 frames written without direction");
+            losses.count_frame(&sent);
+            assert_eq!(losses.loss_texts().last().unwrap(), "1 frames written without direction");
         }
     }
 
     #[test]
     fn unknown_counters_are_none_and_reported() {
         let reports = FormatCapabilities { errors: ErrorFrames::Reports, ..FormatCapabilities::ALL };
-        let stuffing = violation(Violation::Stuff, false, 2, None);
-        assert_eq!(reports.kept(&stuffing), Some(stuffing));
-        let mut losses = Losses::new(reports);
+        let stuffing = violation_frame(Violation::Stuff, false, 2, None);
+        assert_eq!(reports.kept_frame(&stuffing), Some(stuffing));
+        let mut losses = LossCounter::new(reports);
         for frame in
-            [stuffing, violation(Violation::Form, true, 2, Some(Counters { receive: 0, transmit: 8 }))]
+            [stuffing, violation_frame(Violation::Form, true, 2, Some(Counters { receive: 0, transmit: 8 }))]
         {
-            losses.see(&frame);
+            losses.count_frame(&frame);
         }
-        assert_eq!(losses.texts(), ["1 error frames with unknown error counters, written as 0"]);
+        assert_eq!(losses.loss_texts(), ["1 error frames with unknown error counters, written as 0"]);
     }
 
     #[test]
     fn what_is_kept_is_what_is_read_again() {
-        let odd = Frame { raw_dlc: 9, flags: FrameFlags::RECEIVED, ..frame(-1) };
-        let kept = Frame { raw_dlc: 0, flags: FrameFlags(0), ..frame(0) };
-        assert_eq!(POOR.kept(&odd), Some(kept));
+        let odd = Frame { raw_dlc: 9, flags: FrameFlags::RECEIVED, ..to_frame(-1) };
+        let kept = Frame { raw_dlc: 0, flags: FrameFlags(0), ..to_frame(0) };
+        assert_eq!(POOR.kept_frame(&odd), Some(kept));
         let since = FormatCapabilities { resolution: 1_000, ..FormatCapabilities::ALL };
-        assert_eq!(since.kept(&odd).unwrap().time, Some(Timestamp(-1_000)));
-        assert_eq!(POOR.kept(&Frame { flags: FrameFlags::FD, ..odd }), None);
+        assert_eq!(since.kept_frame(&odd).unwrap().time, Some(Timestamp(-1_000)));
+        assert_eq!(POOR.kept_frame(&Frame { flags: FrameFlags::FD, ..odd }), None);
         let error = Frame {
             flags: FrameFlags::ERROR,
-            ..Frame::data_frame(CanId::extended(0x204), &[0, 4, 0, 0, 0, 0, 0, 96])
+            ..Frame::data_frame(CanId::from_extended(0x204), &[0, 4, 0, 0, 0, 0, 0, 96])
         };
-        let mark = POOR.kept(&error).unwrap();
-        assert_eq!((mark.id, mark.data()), (CanId::extended(0x88), &[0; 8][..]));
-        let assumed = FormatCapabilities { directions: Directions::Assumed, ..FormatCapabilities::ALL };
-        assert!(assumed.kept(&frame(0)).unwrap().flags.contains(FrameFlags::RECEIVED));
+        let mark = POOR.kept_frame(&error).unwrap();
+        assert_eq!((mark.id, mark.data()), (CanId::from_extended(0x88), &[0; 8][..]));
+        let assumed = FormatCapabilities { directions: DirectionSupport::Assumed, ..FormatCapabilities::ALL };
+        assert!(assumed.kept_frame(&to_frame(0)).unwrap().flags.contains(FrameFlags::RECEIVED));
         assert!(
             !assumed
-                .kept(&Frame { flags: FrameFlags::TRANSMITTED, ..frame(0) })
+                .kept_frame(&Frame { flags: FrameFlags::TRANSMITTED, ..to_frame(0) })
                 .unwrap()
                 .flags
                 .contains(FrameFlags::RECEIVED)

@@ -29,7 +29,7 @@ pub(super) enum Codec {
 
 impl Codec {
     /// Feature of this library that contains the decompressor.
-    pub(super) const fn feature(self) -> &'static str {
+    pub(super) const fn required_feature(self) -> &'static str {
         match self {
             Self::Zlib => "gzip",
             Self::Zstd => "zstd",
@@ -42,13 +42,17 @@ impl Codec {
         match self {
             Self::Zlib => inflate(data, bytes, limit),
             #[cfg(feature = "zstd")]
-            Self::Zstd => read(zstd::stream::read::Decoder::with_buffer(data), data, bytes, limit),
+            Self::Zstd => {
+                read_decompressed(zstd::stream::read::Decoder::with_buffer(data), data, bytes, limit)
+            }
             #[cfg(feature = "mcap")]
-            Self::Lz4 => read(lz4::Decoder::new(data), data, bytes, limit),
+            Self::Lz4 => read_decompressed(lz4::Decoder::new(data), data, bytes, limit),
             #[cfg(all(feature = "rust-codecs", not(feature = "zstd")))]
-            Self::Zstd => read(Ok(super::rust_codecs::ZstdFrames::new(data)), data, bytes, limit),
+            Self::Zstd => {
+                read_decompressed(Ok(super::rust_codecs::ZstdFrames::new(data)), data, bytes, limit)
+            }
             #[cfg(all(feature = "rust-codecs", not(feature = "mcap")))]
-            Self::Lz4 => read(Ok(super::rust_codecs::Lz4Frames::new(data)), data, bytes, limit),
+            Self::Lz4 => read_decompressed(Ok(super::rust_codecs::Lz4Frames::new(data)), data, bytes, limit),
             #[cfg(not(all(
                 any(feature = "zstd", feature = "rust-codecs"),
                 any(feature = "mcap", feature = "rust-codecs")
@@ -60,7 +64,12 @@ impl Codec {
 
 /// Reads a decompressor; its output grows with the data, not with the declared size.
 #[cfg(any(feature = "zstd", feature = "mcap", feature = "rust-codecs"))]
-fn read(source: std::io::Result<impl Read>, data: &[u8], bytes: &mut Vec<u8>, limit: usize) -> Decompression {
+fn read_decompressed(
+    source: std::io::Result<impl Read>,
+    data: &[u8],
+    bytes: &mut Vec<u8>,
+    limit: usize,
+) -> Decompression {
     let Ok(source) = source else { return Decompression::Damaged };
     let end = bytes.len().saturating_add(limit);
     let outcome = source.take((limit as u64).saturating_add(1)).read_to_end(bytes);

@@ -12,13 +12,13 @@
 
 use std::io::Read;
 
-use super::{Batch, BusNames, CaptureError, Notice, Position, Reader};
+use super::{Batch, BusNames, CaptureError, CaptureReader, Notice, ReaderPosition};
 use crate::frame::{BusIndex, Frame, Timestamp};
 
 /// A capture to be merged.
 pub struct MergedCapture<R> {
     /// Reader of the capture.
-    pub reader: Reader<R>,
+    pub reader: CaptureReader<R>,
     /// Group of the capture: within a group, interfaces of the same name are one bus.
     pub group: usize,
     /// Nanoseconds added to each timestamp.
@@ -42,11 +42,11 @@ pub struct MergedReader<R> {
 }
 
 struct MergedPart<R> {
-    reader: Reader<R>,
-    lane: Lane,
+    reader: CaptureReader<R>,
+    lane: MergeLane,
     batch: Batch,
     /// Position of the reader before `batch`.
-    before: Position,
+    before: ReaderPosition,
     /// Frames and notices of `batch` already used.
     frames: usize,
     notices: usize,
@@ -54,7 +54,7 @@ struct MergedPart<R> {
 
 /// State of a capture in addition to its reader.
 #[derive(Clone)]
-struct Lane {
+struct MergeLane {
     group: usize,
     shift: i64,
     continues: bool,
@@ -76,15 +76,15 @@ pub struct MergedPosition {
 
 #[derive(Clone)]
 struct CapturePosition {
-    position: Position,
-    lane: Lane,
+    position: ReaderPosition,
+    lane: MergeLane,
     frames: usize,
     notices: usize,
 }
 
 impl MergedPosition {
     /// Position in the only capture; `None` for several captures or a capture with shifted timestamps.
-    pub fn alone(&self) -> Option<Position> {
+    pub fn only_position(&self) -> Option<ReaderPosition> {
         match self.parts.as_slice() {
             [part] if part.lane.shift == 0 => Some(part.position.clone()),
             _ => None,
@@ -102,7 +102,7 @@ impl<R: Read> MergedReader<R> {
     pub fn new(captures: Vec<MergedCapture<R>>) -> Self {
         let part = |MergedCapture { reader, group, shift, continues }| {
             let before = reader.position();
-            let lane = Lane { group, shift, continues, clock: None, buses: Vec::new(), is_done: false };
+            let lane = MergeLane { group, shift, continues, clock: None, buses: Vec::new(), is_done: false };
             MergedPart { reader, lane, batch: Batch::new(), before, frames: 0, notices: 0 }
         };
         let parts = captures.into_iter().map(part).collect();
@@ -124,7 +124,7 @@ impl<R: Read> MergedReader<R> {
     pub fn resume(sources: Vec<R>, position: &MergedPosition) -> Result<Self, CaptureError> {
         let mut parts = Vec::new();
         for (source, part) in sources.into_iter().zip(&position.parts) {
-            let reader = Reader::resume(source, &part.position);
+            let reader = CaptureReader::resume(source, &part.position);
             let mut part = MergedPart {
                 before: reader.position(),
                 reader,
@@ -133,7 +133,7 @@ impl<R: Read> MergedReader<R> {
                 frames: part.frames,
                 notices: part.notices,
             };
-            part.skip()?;
+            part.skip_used()?;
             parts.push(part);
         }
         let (names, buses) = (position.names.clone(), position.buses.clone());
@@ -177,7 +177,7 @@ impl<R: Read> MergedReader<R> {
             return Err(error);
         }
         while !batch.is_full() {
-            if let Err(error) = self.fill() {
+            if let Err(error) = self.fill_batches() {
                 if batch.is_empty() {
                     return Err(error);
                 }
@@ -199,7 +199,7 @@ impl<R: Read> MergedReader<R> {
                 {
                     *time = time.plus(part.lane.shift);
                 }
-                batch.notice(notice);
+                batch.add_notice(notice);
                 self.tellers.push(index);
             } else if let Some(mut frame) = part.next_frame() {
                 self.number += 1;
@@ -218,8 +218,8 @@ impl<R: Read> MergedReader<R> {
         let mut is_before_done = true;
         for (index, part) in self.parts.iter().enumerate() {
             let may_start = !part.lane.continues || is_before_done;
-            if !part.lane.is_done && may_start && next.is_none_or(|(due, _)| part.due() < due) {
-                next = Some((part.due(), index));
+            if !part.lane.is_done && may_start && next.is_none_or(|(due, _)| part.due_time() < due) {
+                next = Some((part.due_time(), index));
             }
             is_before_done = part.lane.is_done;
         }
@@ -227,9 +227,9 @@ impl<R: Read> MergedReader<R> {
     }
 
     /// Refills the batch of each capture that is used up.
-    fn fill(&mut self) -> Result<(), CaptureError> {
+    fn fill_batches(&mut self) -> Result<(), CaptureError> {
         for (index, part) in self.parts.iter_mut().enumerate() {
-            if let Err(error) = part.fill() {
+            if let Err(error) = part.fill_batch() {
                 self.failed = index;
                 return Err(error);
             }
@@ -239,12 +239,12 @@ impl<R: Read> MergedReader<R> {
 
     /// Index of the capture of a notice of the last batch, from 0 in command-line order. `notice` is the
     /// index of the notice.
-    pub fn teller(&self, notice: usize) -> usize {
+    pub fn notice_capture(&self, notice: usize) -> usize {
         self.tellers.get(notice).copied().unwrap_or(0)
     }
 
     /// Index of the capture of the last error, from 0 in command-line order.
-    pub fn failed(&self) -> usize {
+    pub fn failed_capture(&self) -> usize {
         self.failed
     }
 
@@ -264,7 +264,7 @@ impl<R: Read> MergedReader<R> {
 
 /// The merged bus for a bus of a capture; if too many buses exist, the last one.
 fn bus_of(
-    lane: &mut Lane,
+    lane: &mut MergeLane,
     own: &BusNames,
     bus: BusIndex,
     names: &mut BusNames,
@@ -286,7 +286,7 @@ fn bus_of(
 
 impl<R: Read> MergedPart<R> {
     /// Reads the next batch if the current one is used up.
-    fn fill(&mut self) -> Result<(), CaptureError> {
+    fn fill_batch(&mut self) -> Result<(), CaptureError> {
         while !self.lane.is_done && self.is_used_up() {
             (self.frames, self.notices) = (0, 0);
             self.before = self.reader.position();
@@ -306,7 +306,7 @@ impl<R: Read> MergedPart<R> {
     }
 
     /// Skips the frames and notices that were used before the position was stored.
-    fn skip(&mut self) -> Result<(), CaptureError> {
+    fn skip_used(&mut self) -> Result<(), CaptureError> {
         let (frames, notices) = (self.frames, self.notices);
         (self.frames, self.notices) = (0, 0);
         let (mut frames, mut notices) = (frames, notices);
@@ -325,7 +325,7 @@ impl<R: Read> MergedPart<R> {
     }
 
     /// Time at which the next frame is due; not before an earlier frame of the capture.
-    fn due(&self) -> Option<Timestamp> {
+    fn due_time(&self) -> Option<Timestamp> {
         let next = self.batch.frames().get(self.frames).and_then(|frame| frame.time);
         next.map(|time| time.plus(self.lane.shift)).max(self.lane.clock)
     }
@@ -359,7 +359,7 @@ mod tests {
         b"(1700000010.200000) can0 102#01\nrubbish\n(1700000010.100000) can0 105#01\n(1700000010.300000) can0 106#01\n";
 
     fn part(text: &'static [u8], group: usize, shift: i64) -> MergedCapture<&'static [u8]> {
-        let reader = Reader::open(text, &ReadOptions::default()).unwrap();
+        let reader = CaptureReader::open(text, &ReadOptions::default()).unwrap();
         MergedCapture { reader, group, shift, continues: false }
     }
 
@@ -400,7 +400,7 @@ mod tests {
             }
         }
         let part = |text, is_broken| MergedCapture {
-            reader: Reader::open(Source(text, is_broken), &ReadOptions::default()).unwrap(),
+            reader: CaptureReader::open(Source(text, is_broken), &ReadOptions::default()).unwrap(),
             group: 0,
             shift: 0,
             continues: false,
@@ -411,7 +411,7 @@ mod tests {
             match merged.read(&mut batch) {
                 Ok(true) => found.extend(batch.frames().iter().map(|frame| frame.id.to_string())),
                 Ok(false) => break,
-                Err(error) => found.push(format!("{} {error}", merged.failed())),
+                Err(error) => found.push(format!("{} {error}", merged.failed_capture())),
             }
         }
         let expected = ["101", "102", "105", "107", "103", "106", "1 reading failed: broken", "104", "108"];

@@ -4,8 +4,8 @@
 //! bytes ─Reader (buffer, offset)─▶ Parser of one format ─▶ Batch of frames and notices
 //! ```
 //!
-//! A [`Parser`] handles one format and does no I/O: it receives the available bytes and returns the number of
-//! bytes it used. It is cloneable, so a position in a capture can be stored and resumed. [`Reader`] owns the
+//! A [`FormatParser`] handles one format and does no I/O: it receives the available bytes and returns the number of
+//! bytes it used. It is cloneable, so a position in a capture can be stored and resumed. [`CaptureReader`] owns the
 //! source and the single reused buffer. Formats are detected by content, never by file name.
 //!
 //! A line or record that cannot be read becomes a [`Notice`], and reading continues after it. The same
@@ -41,18 +41,18 @@ mod testing;
 mod text;
 mod writer;
 
-pub use batch::{BATCH_FRAMES, Batch, Item};
+pub use batch::{BATCH_FRAMES, Batch, BatchItem};
 pub use bus_names::MAX_BUS_NAME;
 pub use bus_names::{BusNames, MAX_BUSES};
 pub use compression::{decompress, is_compressed};
 pub use error::CaptureError;
 #[cfg(feature = "mcap")]
-pub(crate) use formats::mcap::{McapWriter, Topic};
-pub use formats::{FORMATS, WRITABLE, detect};
-pub use holds::{Directions, ErrorFrames, FormatCapabilities, Losses};
+pub(crate) use formats::mcap::{McapWriter, WrittenTopic};
+pub use formats::{FORMATS, WRITABLE, detect_format};
+pub use holds::{DirectionSupport, ErrorFrames, FormatCapabilities, LossCounter};
 pub use link::kernel_frame;
 pub use merged::{MergedCapture, MergedPosition, MergedReader};
 pub use notice::{CapturePlace, Notice};
-pub use parser::{Format, LARGEST_RECORD, Parser, ReadOptions, TimeStyle};
-pub use reader::{Position, Reader};
-pub use writer::{FrameWriter, Packing, WritableFormat, WriteOptions};
+pub use parser::{CaptureFormat, FormatParser, LARGEST_RECORD, ReadOptions, TimeStyle};
+pub use reader::{CaptureReader, ReaderPosition};
+pub use writer::{CaptureCompression, FrameWriter, WritableFormat, WriteOptions};

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use crate::frame::{BusIndex, LinkState, Timestamp};
-use crate::words::plural;
+use crate::words::count_noun;
 
 /// Position in a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -99,7 +99,7 @@ impl fmt::Display for Notice {
             }
             Self::Assumption(text) => f.write_str(text),
             Self::LostFrames { place, count: Some(count), .. } => {
-                write!(f, "{place}: {} lost", plural(*count, "frame"))
+                write!(f, "{place}: {} lost", count_noun(*count, "frame"))
             }
             Self::LostFrames { place, count: None, .. } => write!(f, "{place}: frames lost"),
             Self::Link { time, state, .. } => write!(f, "{time}: link {}", state.name()),

@@ -1,10 +1,10 @@
-//! The [`Parser`] trait of format readers, and [`Format`], their entry in the list of formats.
+//! The [`FormatParser`] trait of format readers, and [`CaptureFormat`], their entry in the list of formats.
 
 use super::batch::Batch;
 use super::bus_names::BusNames;
 use super::error::CaptureError;
 
-/// Default of [`Parser::largest`] in bytes: a parser must use input of this size. Longer lines and records
+/// Default of [`FormatParser::largest_input`] in bytes: a parser must use input of this size. Longer lines and records
 /// are skipped in pieces.
 pub const LARGEST_RECORD: usize = 128 * 1024;
 
@@ -25,11 +25,11 @@ pub struct ReadOptions {
 }
 
 /// Parser of one format: bytes to frames. It owns no source, so it can be cloned.
-pub trait Parser: Send + Sync {
+pub trait FormatParser: Send + Sync {
     /// Parses frames from the start of `input` into `batch` until either is exhausted; returns the number of
     /// bytes used. `at_end` means that no data follows `input`.
     ///
-    /// A call that uses and emits nothing requests more input. If `input` has [`Parser::largest`] bytes, or
+    /// A call that uses and emits nothing requests more input. If `input` has [`FormatParser::largest_input`] bytes, or
     /// if `at_end` is set and `input` is not empty, the parser must use or emit something. A parser of
     /// containers uses a container only after it has emitted all of its content: until then it emits frames,
     /// uses nothing, and is called again with the same bytes.
@@ -39,7 +39,7 @@ pub trait Parser: Send + Sync {
     fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError>;
 
     /// Bytes of input that the parser may require at once before it uses any.
-    fn largest(&self) -> usize {
+    fn largest_input(&self) -> usize {
         LARGEST_RECORD
     }
 
@@ -47,17 +47,17 @@ pub trait Parser: Send + Sync {
     fn buses(&self) -> &BusNames;
 
     /// Number of the last line used, from 1; `None` in a binary format.
-    fn line(&self) -> Option<u64> {
+    fn line_number(&self) -> Option<u64> {
         None
     }
 
     /// A copy at the same position. Copies are kept for all positions that may be resumed, so they are small:
     /// data that can be rebuilt from unused input is not copied.
-    fn clone_box(&self) -> Box<dyn Parser>;
+    fn clone_box(&self) -> Box<dyn FormatParser>;
 }
 
 /// A format that can be read.
-pub struct Format {
+pub struct CaptureFormat {
     /// Short name, as used in options.
     pub name: &'static str,
     /// Name for display.
@@ -69,5 +69,5 @@ pub struct Format {
     /// Whether the first bytes of a capture (up to 64 KiB) match the format.
     pub detect: fn(&[u8]) -> bool,
     /// Creates a parser at the start of a capture.
-    pub parser: fn(&ReadOptions) -> Box<dyn Parser>,
+    pub parser: fn(&ReadOptions) -> Box<dyn FormatParser>,
 }

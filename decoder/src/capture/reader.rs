@@ -2,27 +2,30 @@
 
 use std::io::{ErrorKind, Read};
 
-use super::{Batch, BusNames, CaptureError, FORMATS, Format, LARGEST_RECORD, Parser, ReadOptions, detect};
+use super::{
+    Batch, BusNames, CaptureError, CaptureFormat, FORMATS, FormatParser, LARGEST_RECORD, ReadOptions,
+    detect_format,
+};
 
 /// Bytes requested per read: fits the second-level cache, so that data copied by `read` is still cached
 /// when it is parsed.
 const CHUNK: usize = 256 * 1024;
 
 /// Reader of a capture: source, buffer and parser.
-pub struct Reader<R> {
+pub struct CaptureReader<R> {
     source: R,
-    parser: Box<dyn Parser>,
-    format: &'static Format,
+    parser: Box<dyn FormatParser>,
+    format: &'static CaptureFormat,
     buffer: Vec<u8>,
     start: usize,
     end: usize,
     offset: u64,
     at_end: bool,
-    failure: Failure,
+    failure: ReadFailure,
 }
 
 /// Error that ended a capture early.
-enum Failure {
+enum ReadFailure {
     None,
     /// Pending: returned by the next `read`, after the frames that precede the error.
     Waiting(CaptureError),
@@ -30,27 +33,27 @@ enum Failure {
 }
 
 /// A position in a capture from which reading can resume, also in another reader.
-pub struct Position {
+pub struct ReaderPosition {
     /// Byte offset in the decompressed capture.
     pub offset: u64,
-    format: &'static Format,
-    parser: Box<dyn Parser>,
+    format: &'static CaptureFormat,
+    parser: Box<dyn FormatParser>,
 }
 
-impl Position {
+impl ReaderPosition {
     /// Whether the capture is text: reading can start after any line end.
     pub fn is_text(&self) -> bool {
         self.format.is_text
     }
 }
 
-impl Clone for Position {
+impl Clone for ReaderPosition {
     fn clone(&self) -> Self {
         Self { offset: self.offset, format: self.format, parser: self.parser.clone_box() }
     }
 }
 
-impl<R: Read> Reader<R> {
+impl<R: Read> CaptureReader<R> {
     /// Opens a decompressed capture: reads its start and detects its format.
     ///
     /// # Errors
@@ -62,9 +65,9 @@ impl<R: Read> Reader<R> {
         let mut at_end = false;
         // A pipe may deliver a few bytes at a time; detection of a format needs several lines.
         loop {
-            if let Some(format) = detect(buffer.get(..end).unwrap_or_default(), at_end) {
+            if let Some(format) = detect_format(buffer.get(..end).unwrap_or_default(), at_end) {
                 let parser = (format.parser)(options);
-                let failure = Failure::None;
+                let failure = ReadFailure::None;
                 return Ok(Self {
                     source,
                     parser,
@@ -78,9 +81,9 @@ impl<R: Read> Reader<R> {
                 });
             }
             if at_end || end >= LARGEST_RECORD {
-                return Err(unrecognised(buffer.get(..end).unwrap_or_default()));
+                return Err(unrecognised_format(buffer.get(..end).unwrap_or_default()));
             }
-            match fill(&mut source, buffer.get_mut(end..).unwrap_or_default())? {
+            match read_once(&mut source, buffer.get_mut(end..).unwrap_or_default())? {
                 0 => at_end = true,
                 count => end += count,
             }
@@ -88,7 +91,7 @@ impl<R: Read> Reader<R> {
     }
 
     /// Resumes at `position`; `source` must be at its offset.
-    pub fn resume(source: R, position: &Position) -> Self {
+    pub fn resume(source: R, position: &ReaderPosition) -> Self {
         Self {
             source,
             parser: position.parser.clone_box(),
@@ -98,7 +101,7 @@ impl<R: Read> Reader<R> {
             end: 0,
             offset: position.offset,
             at_end: false,
-            failure: Failure::None,
+            failure: ReadFailure::None,
         }
     }
 
@@ -109,12 +112,12 @@ impl<R: Read> Reader<R> {
     /// The capture is then at its end.
     pub fn read(&mut self, batch: &mut Batch) -> Result<bool, CaptureError> {
         batch.clear();
-        let error = match std::mem::replace(&mut self.failure, Failure::Told) {
-            Failure::Told => return Ok(false),
-            Failure::Waiting(error) => error,
-            Failure::None => match self.read_on(batch) {
+        let error = match std::mem::replace(&mut self.failure, ReadFailure::Told) {
+            ReadFailure::Told => return Ok(false),
+            ReadFailure::Waiting(error) => error,
+            ReadFailure::None => match self.read_on(batch) {
                 Ok(more) => {
-                    self.failure = Failure::None;
+                    self.failure = ReadFailure::None;
                     return Ok(more);
                 }
                 Err(error) => error,
@@ -123,7 +126,7 @@ impl<R: Read> Reader<R> {
         if batch.is_empty() {
             return Err(error);
         }
-        self.failure = Failure::Waiting(error);
+        self.failure = ReadFailure::Waiting(error);
         Ok(true)
     }
 
@@ -141,22 +144,22 @@ impl<R: Read> Reader<R> {
                 return Ok(false);
             }
             if taken == 0 {
-                self.refill()?;
+                self.refill_buffer()?;
             }
         }
     }
 
-    fn refill(&mut self) -> Result<(), CaptureError> {
+    fn refill_buffer(&mut self) -> Result<(), CaptureError> {
         if self.start > 0 {
             self.buffer.copy_within(self.start..self.end, 0);
             self.end -= self.start;
             self.start = 0;
         }
         if self.end == self.buffer.len() {
-            self.grow();
+            self.grow_buffer();
         }
         let room = self.buffer.get_mut(self.end..).unwrap_or_default();
-        match fill(&mut self.source, room)? {
+        match read_once(&mut self.source, room)? {
             0 => self.at_end = true,
             count => self.end += count,
         }
@@ -165,8 +168,8 @@ impl<R: Read> Reader<R> {
 
     /// Enlarges a full buffer, up to the size that the parser may require. It grows only with bytes received,
     /// independent of the size that the capture declares.
-    fn grow(&mut self) {
-        let limit = self.parser.largest().saturating_add(CHUNK);
+    fn grow_buffer(&mut self) {
+        let limit = self.parser.largest_input().saturating_add(CHUNK);
         let size = self.buffer.len().saturating_mul(2).min(limit);
         if size > self.buffer.len() {
             self.buffer.resize(size, 0);
@@ -180,12 +183,12 @@ impl<R: Read> Reader<R> {
 
     /// Number of the last line used, from 1, in a text format: the line of the frame if batches hold one
     /// frame.
-    pub fn line(&self) -> Option<u64> {
-        self.parser.line()
+    pub fn line_number(&self) -> Option<u64> {
+        self.parser.line_number()
     }
 
     /// Format detected at the start.
-    pub fn format(&self) -> &'static Format {
+    pub fn format(&self) -> &'static CaptureFormat {
         self.format
     }
 
@@ -195,14 +198,14 @@ impl<R: Read> Reader<R> {
     }
 
     /// The current position, after the last batch.
-    pub fn position(&self) -> Position {
-        Position { offset: self.offset, format: self.format, parser: self.parser.clone_box() }
+    pub fn position(&self) -> ReaderPosition {
+        ReaderPosition { offset: self.offset, format: self.format, parser: self.parser.clone_box() }
     }
 }
 
 /// Calls `read` once, again if a signal interrupts it. A full buffer returns 0, like the end of the source.
-/// This does not occur earlier, because parsers use some of [`Parser::largest`] bytes.
-fn fill(source: &mut impl Read, room: &mut [u8]) -> Result<usize, CaptureError> {
+/// This does not occur earlier, because parsers use some of [`FormatParser::largest_input`] bytes.
+fn read_once(source: &mut impl Read, room: &mut [u8]) -> Result<usize, CaptureError> {
     loop {
         match source.read(room) {
             Ok(count) => return Ok(count),
@@ -212,7 +215,7 @@ fn fill(source: &mut impl Read, room: &mut [u8]) -> Result<usize, CaptureError> 
     }
 }
 
-fn unrecognised(head: &[u8]) -> CaptureError {
+fn unrecognised_format(head: &[u8]) -> CaptureError {
     if head.is_empty() {
         return CaptureError::Empty;
     }
@@ -239,9 +242,9 @@ mod tests {
         buses: BusNames,
     }
 
-    impl Parser for Containers {
+    impl FormatParser for Containers {
         fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError> {
-            assert!(input.len() <= self.largest().max(LARGEST_RECORD) + CHUNK);
+            assert!(input.len() <= self.largest_input().max(LARGEST_RECORD) + CHUNK);
             if input.len() < self.size {
                 return Ok(if at_end { input.len() } else { 0 });
             }
@@ -252,12 +255,12 @@ mod tests {
             for _ in 0..2 {
                 let byte = input[self.given * 1_000];
                 self.given += 1;
-                batch.push(Frame::data_frame(CanId::standard(byte.into()), &[]));
+                batch.push(Frame::data_frame(CanId::from_standard(byte.into()), &[]));
             }
             Ok(0)
         }
 
-        fn largest(&self) -> usize {
+        fn largest_input(&self) -> usize {
             self.size
         }
 
@@ -265,17 +268,17 @@ mod tests {
             &self.buses
         }
 
-        fn clone_box(&self) -> Box<dyn Parser> {
+        fn clone_box(&self) -> Box<dyn FormatParser> {
             Box::new(self.clone())
         }
     }
 
-    fn start(size: usize) -> Position {
+    fn start(size: usize) -> ReaderPosition {
         let parser = Box::new(Containers { size, given: 0, buses: BusNames::default() });
-        Position { offset: 0, format: &FORMATS[0], parser }
+        ReaderPosition { offset: 0, format: &FORMATS[0], parser }
     }
 
-    fn ids(reader: &mut Reader<&[u8]>) -> Vec<u32> {
+    fn ids(reader: &mut CaptureReader<&[u8]>) -> Vec<u32> {
         let mut batch = Batch::new();
         let mut ids = Vec::new();
         while reader.read(&mut batch).unwrap() {
@@ -289,7 +292,7 @@ mod tests {
         for (head, is_marked) in
             [(&b"\xff\xfe(\0"[..], true), (b"\xfe\xff\0(", true), (b"\xff\xff(\0", false)]
         {
-            let message = unrecognised(head).to_string();
+            let message = unrecognised_format(head).to_string();
             assert_eq!(message.ends_with(", the mark of UTF-16; save it as UTF-8"), is_marked, "{message}");
         }
     }
@@ -297,12 +300,12 @@ mod tests {
     #[test]
     fn the_buffer_grows_to_a_container_and_no_further() {
         let bytes: Vec<u8> = (0..6_000_u32).flat_map(|n| [(n % 251) as u8; 1_000]).collect();
-        let mut reader = Reader::resume(&bytes[..], &start(2_000_000));
+        let mut reader = CaptureReader::resume(&bytes[..], &start(2_000_000));
         let expected: Vec<u32> = (0..6_000).map(|n| n % 251).collect();
         assert_eq!(ids(&mut reader), expected);
         assert_eq!(reader.offset(), 6_000_000);
         assert!(reader.buffer.len() <= 2_000_000 + CHUNK, "{}", reader.buffer.len());
-        let mut reader = Reader::resume(&bytes[..], &start(100_000));
+        let mut reader = CaptureReader::resume(&bytes[..], &start(100_000));
         assert_eq!(ids(&mut reader), expected);
         assert_eq!(reader.buffer.len(), CHUNK + LARGEST_RECORD, "a small container needs no more");
     }
@@ -322,7 +325,7 @@ mod tests {
     #[test]
     fn the_error_that_ends_a_capture_is_reported_once_after_its_frames() {
         let bytes = vec![7; 4_000];
-        let mut reader = Reader::resume(Broken(&bytes), &start(2_000));
+        let mut reader = CaptureReader::resume(Broken(&bytes), &start(2_000));
         let mut batch = Batch::new();
         let mut found = Vec::new();
         loop {
@@ -335,7 +338,7 @@ mod tests {
         assert_eq!(found, ["007", "007", "007", "007", "reading failed: broken"]);
         // An unknown version ends the capture; the frame before it is emitted first.
         let trace = b";$FILEVERSION=2.1\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n 1 1.0 DT 1 0123 Rx - 1 00\n;$FILEVERSION=9.0\n";
-        let mut reader = Reader::open(&trace[..], &ReadOptions::default()).unwrap();
+        let mut reader = CaptureReader::open(&trace[..], &ReadOptions::default()).unwrap();
         assert!(reader.read(&mut batch).unwrap());
         assert_eq!(batch.frames().len(), 1);
         assert!(reader.read(&mut batch).is_err());
@@ -357,20 +360,24 @@ mod tests {
             [("ID,Data Bytes and more\n", false), ("ID,Data Bytes\n", true), ("ID,Data Bytes", true)]
         {
             let options = ReadOptions::default();
-            assert_eq!(Reader::open(text.as_bytes(), &options).is_ok(), is_known, "{text}");
-            assert_eq!(Reader::open(Slow(text.as_bytes()), &options).is_ok(), is_known, "{text} in pieces");
+            assert_eq!(CaptureReader::open(text.as_bytes(), &options).is_ok(), is_known, "{text}");
+            assert_eq!(
+                CaptureReader::open(Slow(text.as_bytes()), &options).is_ok(),
+                is_known,
+                "{text} in pieces"
+            );
         }
     }
 
     #[test]
     fn a_place_inside_a_container_is_that_of_its_beginning() {
         let bytes: Vec<u8> = (0..6_u8).flat_map(|n| [n; 1_000]).collect();
-        let mut reader = Reader::resume(&bytes[..], &start(6_000));
+        let mut reader = CaptureReader::resume(&bytes[..], &start(6_000));
         let mut batch = Batch::new();
         assert!(reader.read(&mut batch).unwrap());
         let position = reader.position();
         assert_eq!(position.offset, 0);
-        assert_eq!(ids(&mut Reader::resume(&bytes[..], &position)), [2, 3, 4, 5]);
+        assert_eq!(ids(&mut CaptureReader::resume(&bytes[..], &position)), [2, 3, 4, 5]);
         assert_eq!(ids(&mut reader), [2, 3, 4, 5]);
     }
 }

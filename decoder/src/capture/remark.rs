@@ -20,7 +20,7 @@ const CLOCK: &str = "clock ";
 
 /// Content of a comment of cobscope.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Remark {
+pub(super) enum CommentRemark {
     /// New state of the link to the bus, and the bit rate in bit/s.
     Link(LinkState, Option<u32>),
     /// No frame was received up to now.
@@ -31,7 +31,7 @@ pub(super) enum Remark {
     ClockSet(i64),
 }
 
-impl Remark {
+impl CommentRemark {
     /// Parses a comment; `None` if it is not a comment of cobscope.
     pub(super) fn parse(comment: &[u8]) -> Option<Self> {
         let text = std::str::from_utf8(comment).ok()?.strip_prefix(PREFIX)?;
@@ -51,7 +51,7 @@ impl Remark {
     }
 
     /// The text of the comment.
-    pub(super) fn text(self) -> String {
+    pub(super) fn comment_text(self) -> String {
         match self {
             Self::Quiet => format!("{PREFIX}{QUIET}"),
             Self::ClockSet(step) => format!("{PREFIX}{CLOCK}{step}"),
@@ -70,15 +70,23 @@ mod tests {
     #[test]
     fn comments_of_others_say_nothing() {
         for comment in [&b"link up"[..], b"cobscope: link sideways", b"cobscope:", b"cobscope: \xFF", b""] {
-            assert_eq!(Remark::parse(comment), None);
+            assert_eq!(CommentRemark::parse(comment), None);
         }
         assert_eq!(
-            Remark::parse(b"cobscope: link up 250000"),
-            Some(Remark::Link(LinkState::Up, Some(250_000)))
+            CommentRemark::parse(b"cobscope: link up 250000"),
+            Some(CommentRemark::Link(LinkState::Up, Some(250_000)))
         );
-        assert_eq!(Remark::parse(b"cobscope: link gone"), Some(Remark::Link(LinkState::Gone, None)));
-        for remark in [Remark::Quiet, Remark::Lost(None), Remark::Lost(Some(7)), Remark::ClockSet(i64::MAX)] {
-            assert_eq!(Remark::parse(remark.text().as_bytes()), Some(remark));
+        assert_eq!(
+            CommentRemark::parse(b"cobscope: link gone"),
+            Some(CommentRemark::Link(LinkState::Gone, None))
+        );
+        for remark in [
+            CommentRemark::Quiet,
+            CommentRemark::Lost(None),
+            CommentRemark::Lost(Some(7)),
+            CommentRemark::ClockSet(i64::MAX),
+        ] {
+            assert_eq!(CommentRemark::parse(remark.comment_text().as_bytes()), Some(remark));
         }
     }
 }

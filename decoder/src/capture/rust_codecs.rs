@@ -72,7 +72,7 @@ impl<R: Read> ZstdFrames<R> {
     }
 
     /// Starts the next frame; `false` at the end.
-    fn begin(&mut self, mut source: EndNoting<R>) -> Result<bool> {
+    fn begin_frame(&mut self, mut source: EndNoting<R>) -> Result<bool> {
         loop {
             let mut magic = Vec::with_capacity(4);
             source.by_ref().take(4).read_to_end(&mut magic)?;
@@ -105,7 +105,7 @@ impl<R: Read> Read for ZstdFrames<R> {
             match std::mem::replace(&mut self.0, ZstdState::Failed) {
                 ZstdState::Failed => return Err(Error::other("damaged zstd frame")),
                 ZstdState::Between(source) => {
-                    if !self.begin(source)? {
+                    if !self.begin_frame(source)? {
                         return Ok(0);
                     }
                 }

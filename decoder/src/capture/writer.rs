@@ -8,7 +8,7 @@ use crate::frame::Frame;
 
 /// Writes frames in one format. The output is a readable capture after each flush.
 pub trait FrameWriter: Send {
-    /// Writes a frame of the named bus. Frames that the format cannot store are dropped; [`FormatCapabilities::kept`]
+    /// Writes a frame of the named bus. Frames that the format cannot store are dropped; [`FormatCapabilities::kept_frame`]
     /// returns the stored part of a frame.
     ///
     /// # Errors
@@ -51,7 +51,7 @@ pub trait FrameWriter: Send {
 
 /// Compression of a capture, in formats that support it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Packing {
+pub enum CaptureCompression {
     /// Uncompressed.
     None,
     /// LZ4: fast.
@@ -65,7 +65,7 @@ pub enum Packing {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct WriteOptions {
     /// Compression.
-    pub packing: Packing,
+    pub packing: CaptureCompression,
     /// Comment of the whole capture; empty for none. Stored in pcapng, where Wireshark shows it as capture comment.
     pub comment: &'static str,
 }
@@ -91,7 +91,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::capture::{Batch, CapturePlace, Losses, ReadOptions, Reader, WRITABLE};
+    use crate::capture::{Batch, CapturePlace, CaptureReader, LossCounter, ReadOptions, WRITABLE};
     use crate::frame::{BusIndex, CanId, FrameFlags, LinkState, Timestamp, fd_length};
 
     const START: i64 = 1_700_000_000_000_000_000;
@@ -113,26 +113,26 @@ mod tests {
     type WriterInput = (Frame, String, Option<String>);
 
     fn error(class: u32, bytes: [u8; 8]) -> Frame {
-        Frame { flags: FrameFlags::ERROR, ..Frame::data_frame(CanId::extended(class), &bytes) }
+        Frame { flags: FrameFlags::ERROR, ..Frame::data_frame(CanId::from_extended(class), &bytes) }
     }
 
     fn data_frames() -> Vec<Frame> {
-        let standard = Frame::data_frame(CanId::standard(0x185), &[1, 2, 3]);
+        let standard = Frame::data_frame(CanId::from_standard(0x185), &[1, 2, 3]);
         let with = |flags: FrameFlags, frame| Frame { flags, ..frame };
         let mut all = vec![
             standard,
-            Frame::data_frame(CanId::extended(0x18FE_CA80), &[0xFF; 8]),
-            Frame::data_frame(CanId::standard(0x7FF), &[]),
-            Frame::data_frame(CanId::extended(0), &[0]),
+            Frame::data_frame(CanId::from_extended(0x18FE_CA80), &[0xFF; 8]),
+            Frame::data_frame(CanId::from_standard(0x7FF), &[]),
+            Frame::data_frame(CanId::from_extended(0), &[0]),
             with(FrameFlags::TRANSMITTED, standard),
             with(FrameFlags::RECEIVED, standard),
         ];
         for length in [0, 1, 8] {
-            let id = if length == 1 { CanId::extended(5) } else { CanId::standard(0x705) };
+            let id = if length == 1 { CanId::from_extended(5) } else { CanId::from_standard(0x705) };
             all.push(Frame { id, flags: FrameFlags::REMOTE, length, ..Frame::EMPTY });
         }
         for raw_dlc in 9..=15 {
-            all.push(Frame { raw_dlc, ..Frame::data_frame(CanId::standard(1), &[7; 8]) });
+            all.push(Frame { raw_dlc, ..Frame::data_frame(CanId::from_standard(1), &[7; 8]) });
         }
         all.push(Frame { raw_dlc: 9, flags: FrameFlags::REMOTE, length: 8, ..Frame::EMPTY });
         for (dlc, flags) in (0..=15).zip(
@@ -146,7 +146,7 @@ mod tests {
             .cycle(),
         ) {
             let payload = vec![0xA0 + dlc; fd_length(dlc).into()];
-            let frame = Frame::data_frame(CanId::extended(5), &payload);
+            let frame = Frame::data_frame(CanId::from_extended(5), &payload);
             all.push(with(FrameFlags::FD.with(flags), frame));
         }
         all
@@ -203,7 +203,7 @@ mod tests {
         let (mut first, mut last) = (None, None);
         let mut kept = Vec::new();
         for (frame, _, _) in frames {
-            let Some(found) = holds.kept(frame) else { continue };
+            let Some(found) = holds.kept_frame(frame) else { continue };
             let time = match found.time {
                 None if holds.untimed => None,
                 None => Some(last.unwrap_or_default()),
@@ -238,7 +238,7 @@ mod tests {
     type ReadCapture = (&'static str, Vec<Frame>, Vec<Notice>, Vec<String>);
 
     fn read(bytes: &[u8]) -> ReadCapture {
-        let mut reader = Reader::open(bytes, &ReadOptions::default()).unwrap();
+        let mut reader = CaptureReader::open(bytes, &ReadOptions::default()).unwrap();
         let (mut batch, mut frames, mut notices) = (Batch::new(), Vec::new(), Vec::new());
         while reader.read(&mut batch).unwrap() {
             frames.extend_from_slice(batch.frames());
@@ -258,12 +258,12 @@ mod tests {
             prop_assert_eq!(unreadable, None, "{}", format.name);
             prop_assert_eq!(&frames, &expected, "{}", format.name);
         }
-        let mut losses = Losses::new(format.holds);
+        let mut losses = LossCounter::new(format.holds);
         for (frame, _, _) in frames {
-            losses.see(frame);
+            losses.count_frame(frame);
         }
         let given: Vec<Frame> = frames.iter().map(|(frame, _, _)| *frame).collect();
-        let mut texts = losses.texts();
+        let mut texts = losses.loss_texts();
         // Counters of 0 are read back as unknown.
         texts.retain(|text| !text.ends_with("with unknown error counters, written as 0"));
         prop_assert_eq!(texts.is_empty(), given == expected, "{}: {:?}", format.name, texts);
@@ -337,7 +337,7 @@ mod tests {
     #[test]
     fn times_step_back_and_are_missing() {
         let at = |offset: Option<i64>| {
-            let frame = Frame::data_frame(CanId::standard(0x701), &[5]);
+            let frame = Frame::data_frame(CanId::from_standard(0x701), &[5]);
             let time = offset.map(|offset| Timestamp(START + 5_000_000_000 + offset));
             (Frame { time, flags: FrameFlags::RECEIVED, ..frame }, "can0".to_owned(), None)
         };
@@ -380,8 +380,8 @@ mod tests {
 
     fn a_frame() -> impl Strategy<Value = Frame> {
         let id = prop_oneof![
-            (0..0x800_u16).prop_map(CanId::standard),
-            (0..0x2000_0000_u32).prop_map(CanId::extended)
+            (0..0x800_u16).prop_map(CanId::from_standard),
+            (0..0x2000_0000_u32).prop_map(CanId::from_extended)
         ];
         let direction =
             prop::sample::select(vec![FrameFlags(0), FrameFlags::RECEIVED, FrameFlags::TRANSMITTED]);
@@ -400,7 +400,7 @@ mod tests {
                         Frame { flags: FrameFlags::FD.with(flags), ..frame }
                     }
                     3 => {
-                        let class = CanId::extended(id.number() & 0x3FF);
+                        let class = CanId::from_extended(id.number() & 0x3FF);
                         Frame { id: class, flags: FrameFlags::ERROR, ..frame }
                     }
                     _ => Frame { raw_dlc, ..frame },

@@ -1,12 +1,12 @@
 //! Alignment of buses and nodes by role: names of the bus file, then node-ID with vendor and product, then vendor and product
 //! alone if unique, then the node-ID. Never by the serial number.
 
-use super::record::{BusRecord, CaptureRecord, NodeRecord};
+use super::record::{BusRecord, CaptureRecord, NodeBehaviour};
 use crate::wire::NodeId;
 
 /// Buses and nodes of two captures that have the same role.
 #[derive(Debug, Default)]
-pub(super) struct Alignment<'a> {
+pub(super) struct RoleAlignment<'a> {
     /// Pairs of buses.
     pub(super) buses: Vec<BusPair<'a>>,
     /// Buses of one capture only.
@@ -22,8 +22,8 @@ pub(super) struct BusPair<'a> {
     pub(super) good: &'a BusRecord,
     pub(super) bad: &'a BusRecord,
     pub(super) nodes: Vec<NodePair<'a>>,
-    pub(super) only_good: Vec<&'a NodeRecord>,
-    pub(super) only_bad: Vec<&'a NodeRecord>,
+    pub(super) only_good: Vec<&'a NodeBehaviour>,
+    pub(super) only_bad: Vec<&'a NodeBehaviour>,
     /// Bus name before a subject, if there are several buses.
     pub(super) prefix: String,
 }
@@ -31,8 +31,8 @@ pub(super) struct BusPair<'a> {
 /// A node in both captures.
 #[derive(Debug, Clone)]
 pub(super) struct NodePair<'a> {
-    pub(super) good: &'a NodeRecord,
-    pub(super) bad: &'a NodeRecord,
+    pub(super) good: &'a NodeBehaviour,
+    pub(super) bad: &'a NodeBehaviour,
     /// Label of the node in output.
     pub(super) label: String,
 }
@@ -44,18 +44,18 @@ impl BusPair<'_> {
     }
 
     /// Label of a node of either capture.
-    pub(super) fn label(&self, node: &NodeRecord) -> String {
-        label(&self.prefix, node)
+    pub(super) fn node_label(&self, node: &NodeBehaviour) -> String {
+        prefixed_label(&self.prefix, node)
     }
 }
 
-fn label(prefix: &str, node: &NodeRecord) -> String {
+fn prefixed_label(prefix: &str, node: &NodeBehaviour) -> String {
     let name = node.name.as_ref().map_or(String::new(), |name| format!(" {name}"));
     format!("{prefix}{}{name}", node.id.label())
 }
 
 /// Aligns two captures.
-pub(super) fn align<'a>(good: &'a CaptureRecord, bad: &'a CaptureRecord) -> Alignment<'a> {
+pub(super) fn align_captures<'a>(good: &'a CaptureRecord, bad: &'a CaptureRecord) -> RoleAlignment<'a> {
     let mut pairs: Vec<(usize, usize)> = Vec::new();
     for (at, bus) in good.buses.iter().enumerate() {
         if let Some(other) = bad.buses.iter().position(|other| other.name == bus.name) {
@@ -78,7 +78,7 @@ pub(super) fn align<'a>(good: &'a CaptureRecord, bad: &'a CaptureRecord) -> Alig
         let buses = record.buses.iter().enumerate();
         buses.filter(|(at, _)| !is_paired(*at)).map(|(_, bus)| bus).collect()
     };
-    Alignment {
+    RoleAlignment {
         buses: buses.collect(),
         only_good: only(good, &|at| pairs.iter().any(|pair| pair.0 == at)),
         only_bad: only(bad, &|at| pairs.iter().any(|pair| pair.1 == at)),
@@ -92,34 +92,35 @@ fn align_nodes<'a>(
 ) -> BusPair<'a> {
     let mut open: (Vec<_>, Vec<_>) = (good.nodes.iter().collect(), bad.nodes.iter().collect());
     let mut pairs = Vec::new();
-    let by_name = |one: &NodeRecord, other: &NodeRecord| one.name.is_some() && one.name == other.name;
-    let by_id_and_kind = |one: &NodeRecord, other: &NodeRecord| {
+    let by_name = |one: &NodeBehaviour, other: &NodeBehaviour| one.name.is_some() && one.name == other.name;
+    let by_id_and_kind = |one: &NodeBehaviour, other: &NodeBehaviour| {
         one.id == other.id && one.kind.is_some() && one.kind == other.kind
     };
-    let by_kind = |one: &NodeRecord, other: &NodeRecord| one.kind.is_some() && one.kind == other.kind;
-    let by_id = |one: &NodeRecord, other: &NodeRecord| one.id == other.id;
+    let by_kind = |one: &NodeBehaviour, other: &NodeBehaviour| one.kind.is_some() && one.kind == other.kind;
+    let by_id = |one: &NodeBehaviour, other: &NodeBehaviour| one.id == other.id;
     take_pairs(&mut open, &mut pairs, false, by_name);
     take_pairs(&mut open, &mut pairs, false, by_id_and_kind);
     take_pairs(&mut open, &mut pairs, true, by_kind);
     take_pairs(&mut open, &mut pairs, false, by_id);
     take_pairs(&mut open, &mut pairs, true, by_device);
     pairs.sort_by_key(|(good, _)| good.id);
-    let pairs = pairs.into_iter().map(|(good, bad)| NodePair { good, bad, label: label(&prefix, good) });
+    let pairs =
+        pairs.into_iter().map(|(good, bad)| NodePair { good, bad, label: prefixed_label(&prefix, good) });
     BusPair { places, good, bad, nodes: pairs.collect(), only_good: open.0, only_bad: open.1, prefix }
 }
 
 /// The same profile on a present node.
-fn by_device(one: &NodeRecord, other: &NodeRecord) -> bool {
+fn by_device(one: &NodeBehaviour, other: &NodeBehaviour) -> bool {
     let is_known = one.kind.is_none() || other.kind.is_none();
     is_known && one.device.is_some() && one.device == other.device && one.is_present && other.is_present
 }
 
 /// Moves pairs that match from `open` to `pairs`; with `unique` only if no other node matches.
 fn take_pairs<'a>(
-    open: &mut (Vec<&'a NodeRecord>, Vec<&'a NodeRecord>),
-    pairs: &mut Vec<(&'a NodeRecord, &'a NodeRecord)>,
+    open: &mut (Vec<&'a NodeBehaviour>, Vec<&'a NodeBehaviour>),
+    pairs: &mut Vec<(&'a NodeBehaviour, &'a NodeBehaviour)>,
     unique: bool,
-    is_match: impl Fn(&NodeRecord, &NodeRecord) -> bool,
+    is_match: impl Fn(&NodeBehaviour, &NodeBehaviour) -> bool,
 ) {
     let mut at = 0;
     while let Some(node) = open.0.get(at).copied() {
@@ -145,12 +146,17 @@ fn take_pairs<'a>(
 mod tests {
     use super::*;
 
-    fn node(id: u8, name: Option<&str>, kind: Option<(u64, u64)>) -> NodeRecord {
-        NodeRecord { name: name.map(str::to_owned), kind, is_present: true, ..NodeRecord::new(id.into()) }
+    fn node(id: u8, name: Option<&str>, kind: Option<(u64, u64)>) -> NodeBehaviour {
+        NodeBehaviour {
+            name: name.map(str::to_owned),
+            kind,
+            is_present: true,
+            ..NodeBehaviour::new(id.into())
+        }
     }
 
-    fn record(buses: &[(&str, &[NodeRecord])]) -> CaptureRecord {
-        let bus = |(name, nodes): &(&str, &[NodeRecord])| BusRecord {
+    fn record(buses: &[(&str, &[NodeBehaviour])]) -> CaptureRecord {
+        let bus = |(name, nodes): &(&str, &[NodeBehaviour])| BusRecord {
             name: (*name).to_owned(),
             nodes: nodes.to_vec(),
             ..BusRecord::default()
@@ -159,9 +165,9 @@ mod tests {
     }
 
     /// Node-IDs of the pairs of the first bus.
-    fn pairs(good: &[NodeRecord], bad: &[NodeRecord]) -> Vec<(u8, u8)> {
+    fn pairs(good: &[NodeBehaviour], bad: &[NodeBehaviour]) -> Vec<(u8, u8)> {
         let (good, bad) = (record(&[("can0", good)]), record(&[("can0", bad)]));
-        let alignment = align(&good, &bad);
+        let alignment = align_captures(&good, &bad);
         let nodes = alignment.buses.first().unwrap().nodes.iter();
         nodes.map(|pair| (pair.good.id.number(), pair.bad.id.number())).collect()
     }
@@ -185,7 +191,7 @@ mod tests {
     #[test]
     fn buses_without_their_names_are_aligned_in_their_order() {
         let (good, bad) = (record(&[("can0", &[]), ("can1", &[])]), record(&[("can1", &[]), ("1", &[])]));
-        let alignment = align(&good, &bad);
+        let alignment = align_captures(&good, &bad);
         let places: Vec<_> = alignment.buses.iter().map(|pair| pair.places).collect();
         assert_eq!(places, [(0, 1), (1, 0)]);
         assert!(alignment.only_good.is_empty() && alignment.only_bad.is_empty());

@@ -1,34 +1,41 @@
 //! Configuration: parameters with their origin, and mappings.
 
 use super::alignment::NodePair;
-use super::difference::{Comparison, Kind, Observation, Section, Side, SubjectNoun};
-use super::record::{NodeRecord, Parameter};
-use super::scope::Scope;
+use super::difference::{
+    CaptureComparison, ComparedSide, DifferenceKind, DifferenceSection, Observation, SubjectNoun,
+};
+use super::record::{NodeBehaviour, ParameterRecord};
+use super::scope::ComparisonScope;
 use crate::wire::canopen::ObjectAddress;
 
-const SECTION: Section = Section::Configuration;
+const SECTION: DifferenceSection = DifferenceSection::Configuration;
 
 /// Values of COB-IDs in these objects may contain the node-ID (CiA 301 §7.5.2): SYNC to EMCY, SDO and PDO parameters.
 const COB_ID_OBJECTS: [std::ops::RangeInclusive<u16>; 3] =
     [0x1014..=0x1014, 0x1200..=0x12FF, 0x1400..=0x1BFF];
 
 /// Compares the configuration of all nodes.
-pub(super) fn compare(scope: &Scope<'_>, out: &mut Comparison) {
+pub(super) fn compare_configuration(scope: &ComparisonScope<'_>, out: &mut CaptureComparison) {
     for pair in scope.alignment.buses.iter().flat_map(|bus| &bus.nodes) {
-        parameters(pair, scope, out);
-        mappings(pair, out);
+        compare_parameters(pair, scope, out);
+        compare_mappings(pair, out);
     }
 }
 
-fn parameters(pair: &NodePair<'_>, scope: &Scope<'_>, out: &mut Comparison) {
+fn compare_parameters(pair: &NodePair<'_>, scope: &ComparisonScope<'_>, out: &mut CaptureComparison) {
     let label = &pair.label;
     for (object, good) in pair.good.parameters.iter().filter(|(object, _)| !is_compared(pair, **object)) {
         match pair.bad.parameters.get(object) {
-            Some(bad) => parameter(pair, *object, (good, bad), scope, out),
+            Some(bad) => compare_parameter(pair, *object, (good, bad), scope, out),
             None if is_mapped(pair.bad, *object) => {}
             None => {
                 let aspect = format!("{object} {} {}", good.name, good.text);
-                out.add_not_seen((SECTION, SubjectNoun::Object), Side::Bad, (label, aspect), good.mark);
+                out.add_not_seen(
+                    (SECTION, SubjectNoun::Object),
+                    ComparedSide::Bad,
+                    (label, aspect),
+                    good.mark,
+                );
             }
         }
     }
@@ -38,7 +45,7 @@ fn parameters(pair: &NodePair<'_>, scope: &Scope<'_>, out: &mut Comparison) {
             continue;
         }
         let aspect = format!("{object} {} {}", bad.name, bad.text);
-        out.add_not_seen((SECTION, SubjectNoun::Object), Side::Good, (label, aspect), bad.mark);
+        out.add_not_seen((SECTION, SubjectNoun::Object), ComparedSide::Good, (label, aspect), bad.mark);
     }
 }
 
@@ -48,20 +55,20 @@ fn is_compared(pair: &NodePair<'_>, object: ObjectAddress) -> bool {
     common.any(|pdo| pdo.mapping_index() == object.index)
 }
 
-fn is_mapped(node: &NodeRecord, object: ObjectAddress) -> bool {
+fn is_mapped(node: &NodeBehaviour, object: ObjectAddress) -> bool {
     let text = object.to_string();
     node.mappings.values().any(|mapping| mapping.objects.contains(&text))
 }
 
-fn parameter(
+fn compare_parameter(
     pair: &NodePair<'_>,
     object: ObjectAddress,
-    (good, bad): (&Parameter, &Parameter),
-    scope: &Scope<'_>,
-    out: &mut Comparison,
+    (good, bad): (&ParameterRecord, &ParameterRecord),
+    scope: &ComparisonScope<'_>,
+    out: &mut CaptureComparison,
 ) {
     let aspect = format!("{object} {}", good.name);
-    let value = |it: &Parameter| {
+    let value = |it: &ParameterRecord| {
         let mark = if it.is_stale { "?" } else { "" };
         Some(Observation::new(format!("{}{mark}", it.text), it.mark))
     };
@@ -72,33 +79,43 @@ fn parameter(
             format!("{} | {}", good.origin, bad.origin)
         };
         let place = (pair.label.as_str(), aspect);
-        return out.add((SECTION, Kind::Parameter), place, (value(good), value(bad)), origin);
+        return out.add_difference(
+            (SECTION, DifferenceKind::Parameter),
+            place,
+            (value(good), value(bad)),
+            origin,
+        );
     }
     if let (Some(one), Some(other)) = (&good.written, &bad.written)
         && !is_equal(pair, object, (&one.data, &other.data))
     {
         let values =
             (Some(Observation::new(&*one.text, one.mark)), Some(Observation::new(&*other.text, other.mark)));
-        return out.add(
-            (SECTION, Kind::Write),
+        return out.add_difference(
+            (SECTION, DifferenceKind::Write),
             (pair.label.as_str(), aspect),
             values,
             "written, not effective",
         );
     }
-    let writes = |it: &Parameter| it.written.as_ref().map_or(0, |written| written.in_operation);
+    let writes = |it: &ParameterRecord| it.written.as_ref().map_or(0, |written| written.in_operation);
     if scope.counts_differ(writes(good), writes(bad)) {
-        let text = |it: &Parameter| {
+        let text = |it: &ParameterRecord| {
             let mark = it.written.as_ref().map_or(it.mark, |written| written.mark);
             Some(Observation::new(writes(it).to_string(), mark))
         };
         let place = (pair.label.as_str(), format!("{aspect} writes in operation"));
-        return out.add((SECTION, Kind::WriteInOperation), place, (text(good), text(bad)), "");
+        return out.add_difference(
+            (SECTION, DifferenceKind::WriteInOperation),
+            place,
+            (text(good), text(bad)),
+            "",
+        );
     }
     if good.is_stale != bad.is_stale {
         let place = (pair.label.as_str(), aspect);
-        return out.add(
-            (SECTION, Kind::ParameterLost),
+        return out.add_difference(
+            (SECTION, DifferenceKind::ParameterLost),
             place,
             (value(good), value(bad)),
             "? uncertain after a restart",
@@ -121,7 +138,7 @@ fn is_equal(pair: &NodePair<'_>, object: ObjectAddress, (good, bad): (&[u8], &[u
     is_cob_id && one.wrapping_sub(ids.0) == other.wrapping_sub(ids.1)
 }
 
-fn mappings(pair: &NodePair<'_>, out: &mut Comparison) {
+fn compare_mappings(pair: &NodePair<'_>, out: &mut CaptureComparison) {
     for (pdo, good) in &pair.good.mappings {
         let Some(bad) = pair.bad.mappings.get(pdo) else { continue };
         if good.objects == bad.objects {
@@ -129,10 +146,15 @@ fn mappings(pair: &NodePair<'_>, out: &mut Comparison) {
             continue;
         }
         let aspect = format!("{:04X} mapping of {pdo}", pdo.mapping_index());
-        let value = |mapping: &super::record::Mapping| {
+        let value = |mapping: &super::record::MappingRecord| {
             let mark = if mapping.is_assumed { "?" } else { "" };
             Some(Observation::new(format!("{}{mark}", mapping.objects.join(" ")), mapping.mark))
         };
-        out.add((SECTION, Kind::Mapping), (pair.label.as_str(), aspect), (value(good), value(bad)), "");
+        out.add_difference(
+            (SECTION, DifferenceKind::Mapping),
+            (pair.label.as_str(), aspect),
+            (value(good), value(bad)),
+            "",
+        );
     }
 }

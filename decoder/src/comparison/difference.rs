@@ -4,14 +4,14 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use strum::{IntoStaticStr, VariantArray};
 
-use super::ranking::ranking;
-use super::record::Mark;
+use super::ranking::load_ranking;
+use super::record::EvidenceMark;
 
 /// Section of the report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, IntoStaticStr, VariantArray)]
 #[strum(serialize_all = "kebab-case")]
 #[non_exhaustive]
-pub enum Section {
+pub enum DifferenceSection {
     /// Steps after an event.
     Sequence,
     /// Findings and codes.
@@ -30,7 +30,7 @@ pub enum Section {
     Load,
 }
 
-impl Section {
+impl DifferenceSection {
     /// All sections.
     pub const ALL: &[Self] = Self::VARIANTS;
 
@@ -45,7 +45,7 @@ impl Section {
 #[strum(serialize_all = "kebab-case")]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "the names are explained in docs/diff.schema.json")]
-pub enum Kind {
+pub enum DifferenceKind {
     Sequence,
     Machine,
     NodeMissing,
@@ -88,7 +88,7 @@ pub enum Kind {
     CodeEnded,
 }
 
-impl Kind {
+impl DifferenceKind {
     /// All kinds.
     pub const ALL: &[Self] = Self::VARIANTS;
 
@@ -100,7 +100,7 @@ impl Kind {
 
 /// One of the two captures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Side {
+pub enum ComparedSide {
     /// The first capture.
     Good,
     /// The second capture.
@@ -113,12 +113,12 @@ pub struct Observation {
     /// Value as text.
     pub text: String,
     /// Frame and time; frame 0 for a value without a frame.
-    pub mark: Mark,
+    pub mark: EvidenceMark,
 }
 
 impl Observation {
     /// A value with its evidence.
-    pub fn new(text: impl Into<String>, mark: Mark) -> Self {
+    pub fn new(text: impl Into<String>, mark: EvidenceMark) -> Self {
         Self { text: text.into(), mark }
     }
 }
@@ -128,9 +128,9 @@ impl Observation {
 #[non_exhaustive]
 pub struct Difference {
     /// Section.
-    pub section: Section,
+    pub section: DifferenceSection,
     /// Kind.
-    pub kind: Kind,
+    pub kind: DifferenceKind,
     /// Bus, node or identifier.
     pub subject: String,
     /// Object, message, state or code.
@@ -148,11 +148,11 @@ pub struct Difference {
 impl Difference {
     /// A difference with the weight of its kind, without a note.
     pub fn new(
-        (section, kind): (Section, Kind),
+        (section, kind): (DifferenceSection, DifferenceKind),
         (subject, aspect): (impl Into<String>, impl Into<String>),
         (good, bad): (Option<Observation>, Option<Observation>),
     ) -> Self {
-        let weight = ranking().weight(kind.name());
+        let weight = load_ranking().difference_weight(kind.name());
         let (subject, aspect) = (subject.into(), aspect.into());
         Self { section, kind, subject, aspect, good, bad, note: String::new(), weight }
     }
@@ -230,9 +230,9 @@ impl SubjectNoun {
 #[non_exhaustive]
 pub struct UnobservedSubject {
     /// Section.
-    pub section: Section,
+    pub section: DifferenceSection,
     /// Capture that did not show it.
-    pub by: Side,
+    pub by: ComparedSide,
     /// Noun for the count.
     pub noun: SubjectNoun,
     /// Bus, node or identifier.
@@ -240,7 +240,7 @@ pub struct UnobservedSubject {
     /// Object, message, state or code, with its value in the other capture.
     pub aspect: String,
     /// Evidence in the other capture.
-    pub mark: Mark,
+    pub mark: EvidenceMark,
     /// Importance; 0 for a subject that is only counted.
     pub weight: f64,
 }
@@ -248,20 +248,20 @@ pub struct UnobservedSubject {
 /// Result of a comparison.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
-pub struct Comparison {
+pub struct CaptureComparison {
     /// Differences, most important first.
     pub differences: Vec<Difference>,
     /// What one capture never showed.
     pub not_seen: Vec<UnobservedSubject>,
     /// Number of equal subjects by section and noun.
-    pub equal: BTreeMap<(Section, SubjectNoun), u64>,
+    pub equal: BTreeMap<(DifferenceSection, SubjectNoun), u64>,
     /// Reasons why something was not compared, by section.
-    pub limits: Vec<(Section, String)>,
+    pub limits: Vec<(DifferenceSection, String)>,
     /// Ids of findings of the second capture that the first one does not have.
     pub(super) new_findings: BTreeSet<u64>,
 }
 
-impl Comparison {
+impl CaptureComparison {
     /// Whether subjects were compared, and no difference was found.
     pub fn is_equal(&self) -> bool {
         self.differences.is_empty() && !self.is_void()
@@ -273,7 +273,7 @@ impl Comparison {
     }
 
     /// Keeps these sections only.
-    pub fn keep(&mut self, sections: &[Section]) {
+    pub fn keep_sections(&mut self, sections: &[DifferenceSection]) {
         self.differences.retain(|it| sections.contains(&it.section));
         self.not_seen.retain(|it| sections.contains(&it.section));
         self.equal.retain(|(section, _), _| sections.contains(section));
@@ -281,14 +281,14 @@ impl Comparison {
     }
 
     /// Counts an equal subject.
-    pub(super) fn add_equal(&mut self, section: Section, noun: SubjectNoun) {
+    pub(super) fn add_equal(&mut self, section: DifferenceSection, noun: SubjectNoun) {
         *self.equal.entry((section, noun)).or_default() += 1;
     }
 
     /// Adds a difference with the weight of its kind.
-    pub(super) fn add(
+    pub(super) fn add_difference(
         &mut self,
-        place: (Section, Kind),
+        place: (DifferenceSection, DifferenceKind),
         subject: (impl Into<String>, impl Into<String>),
         values: (Option<Observation>, Option<Observation>),
         note: impl Into<String>,
@@ -299,10 +299,10 @@ impl Comparison {
     /// Adds something that one capture never showed.
     pub(super) fn add_not_seen(
         &mut self,
-        (section, noun): (Section, SubjectNoun),
-        by: Side,
+        (section, noun): (DifferenceSection, SubjectNoun),
+        by: ComparedSide,
         (subject, aspect): (impl Into<String>, impl Into<String>),
-        mark: Mark,
+        mark: EvidenceMark,
     ) {
         let (subject, aspect) = (subject.into(), aspect.into());
         self.not_seen.push(UnobservedSubject { section, by, noun, subject, aspect, mark, weight: 0.0 });
@@ -316,7 +316,7 @@ impl Comparison {
     }
 
     /// Sorts the differences by importance.
-    pub(super) fn sort(&mut self) {
+    pub(super) fn sort_by_weight(&mut self) {
         let order = |it: &Difference| {
             let mark = it.bad.as_ref().or(it.good.as_ref()).map_or(0, |value| value.mark.frame);
             (it.section, mark)

@@ -3,37 +3,37 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::objects::{is_parameter, objects};
+use super::objects::{is_parameter, object_table};
 use super::record::{
-    BusRecord, CaptureRecord, FindingRecord, Mapping, Mark, MessageRecord, MessageRole, NodeRecord,
-    Occurrences, Parameter, PointRecord, StoryRecord,
+    BusRecord, CaptureRecord, EvidenceMark, FindingRecord, MappingRecord, MessageRecord, MessageRole,
+    NodeBehaviour, Occurrences, ParameterRecord, PointRecord, StoryRecord,
 };
-use super::recorder::{NodeNotes, Recorder};
+use super::recorder::{BehaviourRecorder, NodeNotes};
 use crate::diagnosis::Diagnosis;
-use crate::finding::{Findings, Group, Occurrence, Verdict};
+use crate::finding::{CaptureFindings, FindingGroup, Occurrence, RuleOutcome};
 use crate::frame::{BusIndex, CanId, Timestamp};
 use crate::profile::PdoName;
-use crate::session::{Bus, Buses, Entry, Node};
+use crate::session::{Bus, Buses, Node, StoredObject};
 use crate::statistics::{BusStatistics, IdentifierRow};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
 /// Everything that exists only at the end of a capture.
 #[derive(Debug, Clone, Copy)]
-pub struct Ending<'a> {
+pub struct CaptureEnding<'a> {
     /// Name of the capture.
     pub name: &'a str,
     /// Buses after the last frame.
     pub buses: Buses<'a>,
     /// Findings to compare.
-    pub findings: &'a Findings,
+    pub findings: &'a CaptureFindings,
     /// Their stories.
     pub diagnosis: &'a Diagnosis,
 }
 
-impl Recorder {
+impl BehaviourRecorder {
     /// The record, after the last event and the last finding.
-    pub fn finish(self, ending: &Ending<'_>) -> CaptureRecord {
+    pub fn finish_record(self, ending: &CaptureEnding<'_>) -> CaptureRecord {
         let quality = &self.statistics.quality;
         let mut record = CaptureRecord {
             name: ending.name.to_owned(),
@@ -44,7 +44,7 @@ impl Recorder {
             granularity: quality.granularity().unwrap_or(1),
             ..CaptureRecord::default()
         };
-        let end = Mark {
+        let end = EvidenceMark {
             frame: quality.frames,
             time: quality.last.zip(self.first).map(|(last, first)| last.saturating_sub(first.0)),
         };
@@ -54,10 +54,11 @@ impl Recorder {
             let statistics = self.statistics.buses.get(place).unwrap_or(&empty);
             record.buses.push(bus_record(&self, bus, statistics, end));
         }
-        let times = Times { first: self.first };
-        record.stories = stories(ending, times);
-        record.findings = ending.findings.counting().map(|group| finding(ending, group, times)).collect();
-        judged(ending.findings, &mut record);
+        let times = RecordTimes { first: self.first };
+        record.stories = story_records(ending, times);
+        record.findings =
+            ending.findings.reported_groups().map(|group| finding_record(ending, group, times)).collect();
+        record_judged_rules(ending.findings, &mut record);
         record.sequence = self.sequence;
         record
     }
@@ -65,38 +66,39 @@ impl Recorder {
 
 /// Zero of the times of a record.
 #[derive(Clone, Copy)]
-struct Times {
+struct RecordTimes {
     first: Option<Timestamp>,
 }
 
-impl Times {
-    fn mark(self, at: Occurrence) -> Mark {
-        self.of(at.frames.last, at.time)
+impl RecordTimes {
+    fn mark_occurrence(self, at: Occurrence) -> EvidenceMark {
+        self.mark_frame(at.frames.last, at.time)
     }
 
-    fn of(self, frame: u64, time: Option<Timestamp>) -> Mark {
-        Mark { frame, time: time.zip(self.first).map(|(time, first)| time.since(first)) }
+    fn mark_frame(self, frame: u64, time: Option<Timestamp>) -> EvidenceMark {
+        EvidenceMark { frame, time: time.zip(self.first).map(|(time, first)| time.since(first)) }
     }
 
-    fn relative(self, time: i64) -> Option<i64> {
+    fn relative_time(self, time: i64) -> Option<i64> {
         self.first.map(|first| time.saturating_sub(first.0))
     }
 }
 
-fn stories(ending: &Ending<'_>, times: Times) -> Vec<StoryRecord> {
+fn story_records(ending: &CaptureEnding<'_>, times: RecordTimes) -> Vec<StoryRecord> {
     let of = |story: &crate::diagnosis::Story| StoryRecord {
         place: (story.bus, story.node),
         title: story.title.clone(),
         is_cause_visible: story.is_cause_visible,
         rank: story.rank(),
-        mark: times.mark(story.began),
+        mark: times.mark_occurrence(story.began),
         findings: story.findings.clone(),
     };
     ending.diagnosis.stories.iter().map(of).collect()
 }
 
-fn finding(ending: &Ending<'_>, group: &Group, times: Times) -> FindingRecord {
-    let is_member = group.member_of.and_then(|id| ending.findings.group(id)).is_some_and(Group::counts);
+fn finding_record(ending: &CaptureEnding<'_>, group: &FindingGroup, times: RecordTimes) -> FindingRecord {
+    let is_member =
+        group.member_of.and_then(|id| ending.findings.group_by_id(id)).is_some_and(FindingGroup::is_reported);
     FindingRecord {
         id: group.id,
         rule: Arc::clone(&group.rule),
@@ -104,15 +106,15 @@ fn finding(ending: &Ending<'_>, group: &Group, times: Times) -> FindingRecord {
         about: group.key.about.to_string(),
         severity: group.severity,
         text: group.text.clone(),
-        at: Occurrences { count: group.count, first: times.mark(group.began()) },
+        at: Occurrences { count: group.count, first: times.mark_occurrence(group.first_occurrence()) },
         is_member,
     }
 }
 
 /// Rules with a verdict, and rules that need timestamps.
-fn judged(findings: &Findings, record: &mut CaptureRecord) {
+fn record_judged_rules(findings: &CaptureFindings, record: &mut CaptureRecord) {
     for (rule, tally) in findings.rules.iter().zip(&findings.tallies) {
-        if tally.verdict() != Verdict::NotExercised {
+        if tally.verdict() != RuleOutcome::NotExercised {
             record.exercised.insert(Arc::clone(&rule.name));
         }
         if rule.is_timing {
@@ -121,26 +123,31 @@ fn judged(findings: &Findings, record: &mut CaptureRecord) {
     }
 }
 
-fn bus_record(recorder: &Recorder, bus: &Bus, statistics: &BusStatistics, end: Mark) -> BusRecord {
-    let times = Times { first: recorder.first };
+fn bus_record(
+    recorder: &BehaviourRecorder,
+    bus: &Bus,
+    statistics: &BusStatistics,
+    end: EvidenceMark,
+) -> BusRecord {
+    let times = RecordTimes { first: recorder.first };
     let rows =
         || recorder.identifiers.rows().iter().zip(&recorder.gaps).filter(|(row, _)| row.bus == bus.index());
     let messages = rows().map(|(row, gaps)| MessageRecord {
-        role: role(row, bus),
+        role: message_role(row, bus),
         id: row.id,
         is_remote: row.is_remote,
         meaning: bus.describe_id(row.id),
         count: row.count,
         gaps: gaps.clone(),
-        longest_at: row.intervals.longest().and_then(|(_, began)| times.relative(began)),
-        silent_since: silence(recorder, row).and_then(|since| times.relative(since)),
-        last: times.of(row.last_frame, row.last_time),
+        longest_at: row.intervals.longest().and_then(|(_, began)| times.relative_time(began)),
+        silent_since: silence_start(recorder, row).and_then(|since| times.relative_time(since)),
+        last: times.mark_frame(row.last_frame, row.last_time),
     });
     let default = NodeNotes::default();
     let present = bus.nodes().filter(|node| !bus.is_withdrawn(Some(node.id())));
     let nodes = present.map(|node| {
         let own = recorder.nodes.get(&(bus.index(), node.id())).unwrap_or(&default);
-        let mappings = mappings(rows().map(|(row, _)| row), node, times);
+        let mappings = mapping_records(rows().map(|(row, _)| row), node, times);
         let parts = NodeParts { notes: own, mappings, end };
         node_record(node, statistics, parts, times, recorder)
     });
@@ -157,11 +164,11 @@ fn bus_record(recorder: &Recorder, bus: &Bus, statistics: &BusStatistics, end: M
 }
 
 /// Start of a silence until the end of the capture.
-fn silence(recorder: &Recorder, row: &IdentifierRow) -> Option<i64> {
+fn silence_start(recorder: &BehaviourRecorder, row: &IdentifierRow) -> Option<i64> {
     row.intervals.silent_since(recorder.statistics.quality.last)
 }
 
-fn role(row: &IdentifierRow, bus: &Bus) -> MessageRole {
+fn message_role(row: &IdentifierRow, bus: &Bus) -> MessageRole {
     const SERVICES: [u16; 4] = [0x080, 0x580, 0x600, 0x700];
     if let (Some(node), Some(pdo)) = (row.node, row.pdo) {
         return MessageRole::Pdo(node, pdo);
@@ -177,11 +184,11 @@ fn role(row: &IdentifierRow, bus: &Bus) -> MessageRole {
 }
 
 /// Objects of each PDO of a node, from the last layout on its identifier.
-fn mappings<'a>(
+fn mapping_records<'a>(
     rows: impl Iterator<Item = &'a IdentifierRow>,
     node: &Node,
-    times: Times,
-) -> BTreeMap<PdoName, Mapping> {
+    times: RecordTimes,
+) -> BTreeMap<PdoName, MappingRecord> {
     let mut all = BTreeMap::new();
     for row in rows.filter(|row| row.node == Some(node.id())) {
         let (Some(pdo), Some(layout)) = (row.pdo, &row.layout) else { continue };
@@ -189,49 +196,49 @@ fn mappings<'a>(
         let written = node.store().sorted().into_iter().filter(|(object, _)| object.index == index);
         let last = written.map(|(_, entry)| entry.origin).max_by_key(|origin| origin.frame);
         let mark = last.map_or_else(
-            || times.of(row.last_frame, row.last_time),
-            |origin| times.of(origin.frame, origin.time),
+            || times.mark_frame(row.last_frame, row.last_time),
+            |origin| times.mark_frame(origin.frame, origin.time),
         );
         let objects = layout.fields.iter().map(|field| match field.id.to_string() {
             id if id.is_empty() => field.name().unwrap_or("?").to_owned(),
             id => id,
         });
-        all.insert(pdo, Mapping { objects: objects.collect(), is_assumed: layout.assumed, mark });
+        all.insert(pdo, MappingRecord { objects: objects.collect(), is_assumed: layout.assumed, mark });
     }
     all
 }
 
 struct NodeParts<'a> {
     notes: &'a NodeNotes,
-    mappings: BTreeMap<PdoName, Mapping>,
-    end: Mark,
+    mappings: BTreeMap<PdoName, MappingRecord>,
+    end: EvidenceMark,
 }
 
 fn node_record(
     node: &Node,
     statistics: &BusStatistics,
     parts: NodeParts<'_>,
-    times: Times,
-    recorder: &Recorder,
-) -> NodeRecord {
+    times: RecordTimes,
+    recorder: &BehaviourRecorder,
+) -> NodeBehaviour {
     let NodeParts { notes, mappings, end } = parts;
     let own = statistics.node(node.id());
     let mut machines = notes.machines.clone();
     for machine in machines.values_mut() {
-        machine.leave(end);
+        machine.leave_state(end);
     }
     let last = recorder.statistics.quality.last;
     let silent = own.and_then(|own| own.heartbeat.silent_since(last));
-    NodeRecord {
+    NodeBehaviour {
         name: node.name().map(str::to_owned),
         device: node.device_id().map(str::to_owned),
-        kind: kind(node),
-        identity: identity(node, times),
-        parameters: parameters(node, (notes, &mappings), times),
+        kind: device_kind(node),
+        identity: identity_values(node, times),
+        parameters: parameter_records(node, (notes, &mappings), times),
         mappings,
         boots: notes.boots,
         losses: notes.losses,
-        silent_since: silent.and_then(|since| times.relative(since)),
+        silent_since: silent.and_then(|since| times.relative_time(since)),
         was_operational: notes.was_operational || node.j1939_name().is_some(),
         is_present: own.is_some_and(crate::statistics::NodeStatistics::is_present),
         codes: notes.codes.clone(),
@@ -239,15 +246,15 @@ fn node_record(
         exchanges: notes.exchanges.clone(),
         reactions: own.map(|own| own.reactions.pairs().to_vec()).unwrap_or_default(),
         machines,
-        points: points(notes),
-        ..NodeRecord::new(node.id())
+        points: point_records(notes),
+        ..NodeBehaviour::new(node.id())
     }
 }
 
 /// Set points, with the deviations at the end of the capture.
-fn points(notes: &NodeNotes) -> BTreeMap<(ObjectAddress, Option<u8>), PointRecord> {
+fn point_records(notes: &NodeNotes) -> BTreeMap<(ObjectAddress, Option<u8>), PointRecord> {
     let mut all = notes.points.clone();
-    for (object, deviation) in notes.following.settled() {
+    for (object, deviation) in notes.following.settled_deviations() {
         if let Some((_, point)) = all.iter_mut().find(|((own, _), _)| *own == object) {
             point.add_deviation(deviation);
         }
@@ -256,7 +263,7 @@ fn points(notes: &NodeNotes) -> BTreeMap<(ObjectAddress, Option<u8>), PointRecor
 }
 
 /// Vendor and product of CiA 301; manufacturer and function of a J1939 NAME.
-fn kind(node: &Node) -> Option<(u64, u64)> {
+fn device_kind(node: &Node) -> Option<(u64, u64)> {
     if let Some(name) = node.j1939_name() {
         let fields = name.fields();
         let function = u64::from(fields.function) << 8 | u64::from(fields.device_class);
@@ -264,21 +271,21 @@ fn kind(node: &Node) -> Option<(u64, u64)> {
     }
     let seen = |sub| {
         let object = ObjectAddress::new(0x1018, sub);
-        node.store().seen(object).and_then(|_| node.store().number(object))
+        node.store().seen_value(object).and_then(|_| node.store().number(object))
     };
     Some((seen(1)?, seen(2)?))
 }
 
-fn identity(node: &Node, times: Times) -> BTreeMap<&'static str, (String, Mark)> {
+fn identity_values(node: &Node, times: RecordTimes) -> BTreeMap<&'static str, (String, EvidenceMark)> {
     let mut all = BTreeMap::new();
-    for (object, name) in &objects().identity {
-        let Some(entry) = node.store().seen(*object) else { continue };
-        let mark = times.of(entry.origin.frame, entry.origin.time);
-        all.insert(name.as_str(), (shown(node, *object, entry), mark));
+    for (object, name) in &object_table().identity {
+        let Some(entry) = node.store().seen_value(*object) else { continue };
+        let mark = times.mark_frame(entry.origin.frame, entry.origin.time);
+        all.insert(name.as_str(), (shown_value(node, *object, entry), mark));
     }
     if let Some(name) = node.j1939_name() {
         let fields = name.fields();
-        let mut add = |name, value: u32| all.insert(name, (value.to_string(), Mark::default()));
+        let mut add = |name, value: u32| all.insert(name, (value.to_string(), EvidenceMark::default()));
         add("manufacturer", u32::from(fields.manufacturer_code));
         add("function", u32::from(fields.function));
         add("device class", u32::from(fields.device_class));
@@ -287,20 +294,20 @@ fn identity(node: &Node, times: Times) -> BTreeMap<&'static str, (String, Mark)>
     all
 }
 
-fn shown(node: &Node, object: ObjectAddress, entry: &Entry) -> String {
-    let value = node.meaning(object).map(|meaning| meaning.show(&meaning.decode(&entry.value)));
+fn shown_value(node: &Node, object: ObjectAddress, entry: &StoredObject) -> String {
+    let value = node.meaning(object).map(|meaning| meaning.format_value(&meaning.decode(&entry.value)));
     value.unwrap_or_else(|| {
         let bytes = entry.value.get(..16).unwrap_or(&entry.value);
-        crate::profile::Value::Bytes(bytes.to_vec()).to_string()
+        crate::profile::DecodedValue::Bytes(bytes.to_vec()).to_string()
     })
 }
 
 /// Parameters of a node; objects in a PDO are process data.
-fn parameters(
+fn parameter_records(
     node: &Node,
-    (notes, mappings): (&NodeNotes, &BTreeMap<PdoName, Mapping>),
-    times: Times,
-) -> BTreeMap<ObjectAddress, Parameter> {
+    (notes, mappings): (&NodeNotes, &BTreeMap<PdoName, MappingRecord>),
+    times: RecordTimes,
+) -> BTreeMap<ObjectAddress, ParameterRecord> {
     let mut all = BTreeMap::new();
     let mapped: BTreeSet<&str> = mappings.values().flat_map(|pdo| &pdo.objects).map(String::as_str).collect();
     for (object, entry) in node.store().sorted() {
@@ -310,13 +317,13 @@ fn parameters(
             continue;
         }
         let name = meaning.map(|meaning| meaning.name).unwrap_or_default();
-        let parameter = Parameter {
+        let parameter = ParameterRecord {
             name,
-            text: shown(node, object, entry),
+            text: shown_value(node, object, entry),
             data: entry.value.clone(),
-            origin: entry.origin.kind.verb(),
+            origin: entry.origin.kind.origin_text(),
             is_stale: entry.stale,
-            mark: times.of(entry.origin.frame, entry.origin.time),
+            mark: times.mark_frame(entry.origin.frame, entry.origin.time),
             written: notes.written.get(&object).cloned(),
         };
         all.insert(object, parameter);

@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::event::{Effective, Pdo, SetPoint};
+use crate::event::{DecodedPdo, EffectiveState, SetPoint};
 use crate::wire::canopen::ObjectAddress;
 
 /// Minimum time in ns for which a set point must be held.
@@ -18,41 +18,41 @@ const MOST_TARGETS: usize = 256;
 
 /// Set points of one node with their measured values.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Following {
-    targets: BTreeMap<ObjectAddress, Target>,
+pub(super) struct SetPointFollowing {
+    targets: BTreeMap<ObjectAddress, PresentSetPoint>,
 }
 
 /// Present set point, and the last deviation from it.
 #[derive(Debug, Clone, Default)]
-struct Target {
+struct PresentSetPoint {
     value: Option<f64>,
     since: i64,
     /// Deviation and its time.
     last: Option<(f64, i64)>,
 }
 
-impl Target {
+impl PresentSetPoint {
     /// Deviation after the set point was held.
-    fn settled(&self) -> Option<f64> {
+    fn settled_deviation(&self) -> Option<f64> {
         self.last.filter(|(_, time)| time.saturating_sub(self.since) >= HELD).map(|(deviation, _)| deviation)
     }
 }
 
-impl Following {
+impl SetPointFollowing {
     /// Takes a set point at a time in ns; returns the deviation from the previous one.
     pub(super) fn set_point(&mut self, point: &SetPoint, time: i64) -> Option<f64> {
         if self.targets.len() >= MOST_TARGETS && !self.targets.contains_key(&point.object) {
             return None;
         }
         let target = self.targets.entry(point.object).or_default();
-        let settled = target.settled();
-        let value = point.to.number.filter(|_| point.effective == Effective::Yes);
-        *target = Target { value, since: time, last: None };
+        let settled = target.settled_deviation();
+        let value = point.to.number.filter(|_| point.effective == EffectiveState::Yes);
+        *target = PresentSetPoint { value, since: time, last: None };
         settled
     }
 
     /// Takes the measured values of a TPDO; returns whether it has any.
-    pub(super) fn measured(&mut self, pdo: &Pdo, time: i64) -> bool {
+    pub(super) fn on_measured(&mut self, pdo: &DecodedPdo, time: i64) -> bool {
         let Some(layout) = &pdo.layout else { return false };
         let mut has_any = false;
         for field in &layout.fields {
@@ -63,7 +63,9 @@ impl Following {
             };
             has_any = true;
             let Some(target) = self.targets.get_mut(&of) else { continue };
-            let actual = field.extract(pdo.payload()).and_then(|raw| meaning.scaled(&field.value(raw)));
+            let actual = field
+                .extract_bits(pdo.payload())
+                .and_then(|raw| meaning.scaled_value(&field.convert_raw(raw)));
             if let (Some(value), Some(actual)) = (target.value, actual) {
                 target.last = Some(((actual - value).abs(), time));
             }
@@ -72,8 +74,8 @@ impl Following {
     }
 
     /// Deviations from the present set points, at the end of the capture.
-    pub(super) fn settled(&self) -> impl Iterator<Item = (ObjectAddress, f64)> {
-        self.targets.iter().filter_map(|(object, target)| Some((*object, target.settled()?)))
+    pub(super) fn settled_deviations(&self) -> impl Iterator<Item = (ObjectAddress, f64)> {
+        self.targets.iter().filter_map(|(object, target)| Some((*object, target.settled_deviation()?)))
     }
 }
 
@@ -81,17 +83,20 @@ impl Following {
 mod tests {
     use super::*;
 
-    fn target(value: f64) -> Target {
-        Target { value: Some(value), since: 1_000, last: None }
+    fn target(value: f64) -> PresentSetPoint {
+        PresentSetPoint { value: Some(value), since: 1_000, last: None }
     }
 
     #[test]
     fn a_set_point_counts_after_it_was_held() {
-        let short = Target { last: Some((4.0, 1_000 + HELD - 1)), ..target(50.0) };
-        let held = Target { last: Some((1.5, 1_000 + HELD)), ..target(50.0) };
-        assert_eq!((target(50.0).settled(), short.settled(), held.settled()), (None, None, Some(1.5)));
+        let short = PresentSetPoint { last: Some((4.0, 1_000 + HELD - 1)), ..target(50.0) };
+        let held = PresentSetPoint { last: Some((1.5, 1_000 + HELD)), ..target(50.0) };
+        assert_eq!(
+            (target(50.0).settled_deviation(), short.settled_deviation(), held.settled_deviation()),
+            (None, None, Some(1.5))
+        );
         let object = ObjectAddress::new(0x6300, 1);
-        let following = Following { targets: BTreeMap::from([(object, held)]) };
-        assert_eq!(following.settled().collect::<Vec<_>>(), [(object, 1.5)]);
+        let following = SetPointFollowing { targets: BTreeMap::from([(object, held)]) };
+        assert_eq!(following.settled_deviations().collect::<Vec<_>>(), [(object, 1.5)]);
     }
 }

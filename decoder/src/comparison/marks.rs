@@ -2,10 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::alignment::{BusPair, align};
-use super::difference::{Comparison, Difference, Kind, Section};
+use super::alignment::{BusPair, align_captures};
+use super::difference::{CaptureComparison, Difference, DifferenceKind, DifferenceSection};
 use super::record::{CaptureRecord, MessageRole};
-use super::timing::subject;
+use super::timing::message_label;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -24,8 +24,8 @@ pub struct DifferenceMarks {
 
 impl DifferenceMarks {
     /// Marks of a comparison of these captures.
-    pub fn new(comparison: &Comparison, good: &CaptureRecord, bad: &CaptureRecord) -> Self {
-        let alignment = align(good, bad);
+    pub fn new(comparison: &CaptureComparison, good: &CaptureRecord, bad: &CaptureRecord) -> Self {
+        let alignment = align_captures(good, bad);
         let mut places: BTreeMap<String, NodePlace> = BTreeMap::new();
         for bus in &alignment.buses {
             add_places(bus, &mut places);
@@ -44,7 +44,7 @@ impl DifferenceMarks {
     }
 
     /// Number of all differences.
-    pub fn count(&self) -> usize {
+    pub fn difference_count(&self) -> usize {
         self.count
     }
 
@@ -74,10 +74,10 @@ fn add_places(bus: &BusPair<'_>, places: &mut BTreeMap<String, NodePlace>) {
     let place = |node| (bus.bad.name.clone(), node);
     for pair in &bus.nodes {
         places.insert(pair.label.clone(), place(pair.bad.id));
-        places.insert(bus.label(pair.bad), place(pair.bad.id));
+        places.insert(bus.node_label(pair.bad), place(pair.bad.id));
     }
     for node in &bus.only_bad {
-        places.insert(bus.label(node), place(node.id));
+        places.insert(bus.node_label(node), place(node.id));
     }
     let in_bad = |good: NodeId| {
         let pair = bus.nodes.iter().find(|pair| pair.good.id == good);
@@ -86,19 +86,21 @@ fn add_places(bus: &BusPair<'_>, places: &mut BTreeMap<String, NodePlace>) {
     let of_good = bus.good.messages.iter().map(|message| (message, true));
     for (message, is_good) in of_good.chain(bus.bad.messages.iter().map(|message| (message, false))) {
         if let MessageRole::Pdo(node, _) | MessageRole::Service(_, node) = message.role {
-            places.insert(subject(bus, message), place(if is_good { in_bad(node) } else { node }));
+            places.insert(message_label(bus, message), place(if is_good { in_bad(node) } else { node }));
         }
     }
 }
 
 /// Object of a difference of the configuration; sub-index 0 for a mapping.
 fn object_of(difference: &Difference) -> Option<ObjectAddress> {
-    if difference.section != Section::Configuration {
+    if difference.section != DifferenceSection::Configuration {
         return None;
     }
     let first = difference.aspect.split(' ').next()?;
     match difference.kind {
-        Kind::Mapping => u16::from_str_radix(first, 16).ok().map(|index| ObjectAddress::new(index, 0)),
+        DifferenceKind::Mapping => {
+            u16::from_str_radix(first, 16).ok().map(|index| ObjectAddress::new(index, 0))
+        }
         _ => first.parse().ok(),
     }
 }
@@ -107,37 +109,37 @@ fn object_of(difference: &Difference) -> Option<ObjectAddress> {
 mod tests {
     use super::*;
     use crate::comparison::difference::Observation;
-    use crate::comparison::record::{BusRecord, Mark, NodeRecord};
+    use crate::comparison::record::{BusRecord, EvidenceMark, NodeBehaviour};
 
     fn record(node: u8) -> CaptureRecord {
         let name = Some("lift".to_owned());
-        let node = NodeRecord { name, is_present: true, ..NodeRecord::new(node.into()) };
+        let node = NodeBehaviour { name, is_present: true, ..NodeBehaviour::new(node.into()) };
         let bus = BusRecord { name: "can0".to_owned(), nodes: vec![node], ..BusRecord::default() };
         CaptureRecord { buses: vec![bus], ..CaptureRecord::default() }
     }
 
     #[test]
     fn a_difference_belongs_to_the_node_of_the_second_capture() {
-        let mut comparison = Comparison::default();
-        let value = |text: &str| Some(Observation::new(text, Mark::default()));
+        let mut comparison = CaptureComparison::default();
+        let value = |text: &str| Some(Observation::new(text, EvidenceMark::default()));
         let mut add = |kind, aspect: &str| {
-            comparison.add(
-                (Section::Configuration, kind),
+            comparison.add_difference(
+                (DifferenceSection::Configuration, kind),
                 ("5/05 lift", aspect),
                 (value("1"), value("2")),
                 "",
             );
         };
-        add(Kind::Parameter, "6083:00 acceleration");
-        add(Kind::Mapping, "1A00 mapping of TPDO1");
+        add(DifferenceKind::Parameter, "6083:00 acceleration");
+        add(DifferenceKind::Mapping, "1A00 mapping of TPDO1");
         comparison.new_findings.insert(7);
         // "lift" moved from node-ID 5 to 6.
         let marks = DifferenceMarks::new(&comparison, &record(5), &record(6));
-        assert_eq!((marks.count(), marks.of_node("can0", 6.into()).len()), (2, 2));
+        assert_eq!((marks.difference_count(), marks.of_node("can0", 6.into()).len()), (2, 2));
         assert!(marks.of_node("can0", 5.into()).is_empty() && marks.of_node("can1", 6.into()).is_empty());
         let object = |index| marks.of_object("can0", 6.into(), ObjectAddress::new(index, 0));
-        assert_eq!(object(0x6083).map(|it| it.kind), Some(Kind::Parameter));
-        assert_eq!(object(0x1A00).map(|it| it.kind), Some(Kind::Mapping));
+        assert_eq!(object(0x6083).map(|it| it.kind), Some(DifferenceKind::Parameter));
+        assert_eq!(object(0x1A00).map(|it| it.kind), Some(DifferenceKind::Mapping));
         assert_eq!((object(0x1A01), marks.objects_of("can0", 6.into())), (None, 2));
         assert!(marks.is_new_finding(7) && !marks.is_new_finding(1));
     }

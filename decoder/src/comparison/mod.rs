@@ -31,15 +31,16 @@ mod times;
 mod timing;
 mod tolerance;
 
-pub use compare::compare;
+pub use compare::compare_captures;
 pub use difference::{
-    Comparison, Difference, Kind, Observation, Section, Side, SubjectNoun, UnobservedSubject,
+    CaptureComparison, ComparedSide, Difference, DifferenceKind, DifferenceSection, Observation, SubjectNoun,
+    UnobservedSubject,
 };
-pub use finish::Ending;
+pub use finish::CaptureEnding;
 pub use marks::DifferenceMarks;
 pub use record::{
-    BusRecord, CaptureRecord, Code, CodeRecord, FindingRecord, MOST_STEPS, MOST_SUBJECTS, Mapping, Mark,
-    MessageRecord, MessageRole, NodeRecord, Occurrences, Parameter, PointRecord, Sequence, SequenceStep,
-    StateRecord, StateTime, StoryRecord, WrittenValue,
+    BusRecord, CaptureRecord, CodeRecord, EventSequence, EvidenceMark, FindingRecord, MOST_STEPS,
+    MOST_SUBJECTS, MappingRecord, MessageRecord, MessageRole, NodeBehaviour, Occurrences, ParameterRecord,
+    PointRecord, RecordedCode, SequenceStep, StateRecord, StateTime, StoryRecord, WrittenValue,
 };
-pub use recorder::Recorder;
+pub use recorder::BehaviourRecorder;

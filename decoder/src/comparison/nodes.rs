@@ -1,34 +1,46 @@
 //! Nodes: presence, identity, device, boot-ups, losses, heartbeat.
 
 use super::alignment::{BusPair, NodePair};
-use super::difference::{Comparison, Kind, Observation, Section, Side, SubjectNoun};
-use super::record::{CaptureRecord, Mark, NodeRecord, Occurrences};
-use super::scope::Scope;
+use super::difference::{
+    CaptureComparison, ComparedSide, DifferenceKind, DifferenceSection, Observation, SubjectNoun,
+};
+use super::record::{CaptureRecord, EvidenceMark, NodeBehaviour, Occurrences};
+use super::scope::ComparisonScope;
 
-const SECTION: Section = Section::Nodes;
+const SECTION: DifferenceSection = DifferenceSection::Nodes;
 
 /// Compares all nodes.
-pub(super) fn compare(scope: &Scope<'_>, out: &mut Comparison) {
-    machine(scope, out);
+pub(super) fn compare_nodes(scope: &ComparisonScope<'_>, out: &mut CaptureComparison) {
+    compare_machine(scope, out);
     for bus in &scope.alignment.only_good {
-        out.add_not_seen((SECTION, SubjectNoun::Bus), Side::Bad, (bus.name.as_str(), ""), Mark::default());
+        out.add_not_seen(
+            (SECTION, SubjectNoun::Bus),
+            ComparedSide::Bad,
+            (bus.name.as_str(), ""),
+            EvidenceMark::default(),
+        );
     }
     for bus in &scope.alignment.only_bad {
-        out.add_not_seen((SECTION, SubjectNoun::Bus), Side::Good, (bus.name.as_str(), ""), Mark::default());
+        out.add_not_seen(
+            (SECTION, SubjectNoun::Bus),
+            ComparedSide::Good,
+            (bus.name.as_str(), ""),
+            EvidenceMark::default(),
+        );
     }
     for bus in &scope.alignment.buses {
-        missing(bus, out);
+        report_missing(bus, out);
         for pair in bus.nodes.iter().filter(|pair| pair.good.is_present || pair.bad.is_present) {
-            identity(pair, out);
+            compare_identity(pair, out);
             if pair.good.is_present && pair.bad.is_present {
-                lifetime(pair, scope, out);
+                compare_lifetime(pair, scope, out);
             }
         }
     }
 }
 
 /// Reports captures of two different machines.
-fn machine(scope: &Scope<'_>, out: &mut Comparison) {
+fn compare_machine(scope: &ComparisonScope<'_>, out: &mut CaptureComparison) {
     let count = |record: &CaptureRecord| {
         record.buses.iter().flat_map(|bus| &bus.nodes).filter(|node| node.is_present).count()
     };
@@ -37,10 +49,16 @@ fn machine(scope: &Scope<'_>, out: &mut Comparison) {
     let same = present.filter(|pair| !is_replaced(pair)).count();
     let (good, bad) = (count(scope.good), count(scope.bad));
     if same == 0 && good > 0 && bad > 0 {
-        let value =
-            |count: usize| Some(Observation::new(crate::words::plural(count, "node"), Mark::default()));
+        let value = |count: usize| {
+            Some(Observation::new(crate::words::count_noun(count, "node"), EvidenceMark::default()))
+        };
         let note = "no node in common: captures of different machines; comparable parts follow";
-        out.add((SECTION, Kind::Machine), ("machine", ""), (value(good), value(bad)), note);
+        out.add_difference(
+            (SECTION, DifferenceKind::Machine),
+            ("machine", ""),
+            (value(good), value(bad)),
+            note,
+        );
     }
 }
 
@@ -49,46 +67,70 @@ fn is_replaced(pair: &NodePair<'_>) -> bool {
     pair.good.kind.zip(pair.bad.kind).is_some_and(|(one, other)| one != other)
 }
 
-fn missing(bus: &BusPair<'_>, out: &mut Comparison) {
-    let shown = |node: &NodeRecord| {
+fn report_missing(bus: &BusPair<'_>, out: &mut CaptureComparison) {
+    let shown = |node: &NodeBehaviour| {
         Some(Observation::new(node.device.clone().unwrap_or_else(|| "present".to_owned()), node.boots.first))
     };
     for node in bus.only_good.iter().filter(|node| node.is_present) {
-        out.add((SECTION, Kind::NodeMissing), (bus.label(node), ""), (shown(node), None), "");
+        out.add_difference(
+            (SECTION, DifferenceKind::NodeMissing),
+            (bus.node_label(node), ""),
+            (shown(node), None),
+            "",
+        );
     }
     for node in bus.only_bad.iter().filter(|node| node.is_present) {
-        out.add((SECTION, Kind::NewNode), (bus.label(node), ""), (None, shown(node)), "");
+        out.add_difference(
+            (SECTION, DifferenceKind::NewNode),
+            (bus.node_label(node), ""),
+            (None, shown(node)),
+            "",
+        );
     }
 }
 
-fn identity(pair: &NodePair<'_>, out: &mut Comparison) {
+fn compare_identity(pair: &NodePair<'_>, out: &mut CaptureComparison) {
     let NodePair { good, bad, label } = pair;
-    let value = |node: &NodeRecord| Some(Observation::new("present", node.boots.first));
+    let value = |node: &NodeBehaviour| Some(Observation::new("present", node.boots.first));
     match (good.is_present, bad.is_present) {
-        (true, false) => out.add((SECTION, Kind::NodeMissing), (label, ""), (value(good), None), ""),
-        (false, true) => out.add((SECTION, Kind::NewNode), (label, ""), (None, value(bad)), ""),
+        (true, false) => {
+            out.add_difference((SECTION, DifferenceKind::NodeMissing), (label, ""), (value(good), None), "")
+        }
+        (false, true) => {
+            out.add_difference((SECTION, DifferenceKind::NewNode), (label, ""), (None, value(bad)), "")
+        }
         _ => {}
     }
     if good.id != bad.id {
-        let value = |node: &NodeRecord| Some(Observation::new(node.id.label(), node.boots.first));
-        out.add((SECTION, Kind::NodeId), (label, "node-ID"), (value(good), value(bad)), "");
+        let value = |node: &NodeBehaviour| Some(Observation::new(node.id.label(), node.boots.first));
+        out.add_difference(
+            (SECTION, DifferenceKind::NodeId),
+            (label, "node-ID"),
+            (value(good), value(bad)),
+            "",
+        );
     }
     if let (Some(one), Some(other)) = (&good.device, &bad.device)
         && one != other
     {
-        let value = |text: &str| Some(Observation::new(text, Mark::default()));
-        out.add((SECTION, Kind::Device), (label, "device"), (value(one), value(other)), "");
+        let value = |text: &str| Some(Observation::new(text, EvidenceMark::default()));
+        out.add_difference(
+            (SECTION, DifferenceKind::Device),
+            (label, "device"),
+            (value(one), value(other)),
+            "",
+        );
     }
     for (name, (text, mark)) in &good.identity {
         match bad.identity.get(name) {
             Some((other, _)) if other == text => out.add_equal(SECTION, SubjectNoun::IdentityValue),
             Some((other, at)) => {
                 let values = (Some(Observation::new(text, *mark)), Some(Observation::new(other, *at)));
-                out.add((SECTION, Kind::Identity), (label, *name), values, "");
+                out.add_difference((SECTION, DifferenceKind::Identity), (label, *name), values, "");
             }
             None => out.add_not_seen(
                 (SECTION, SubjectNoun::IdentityValue),
-                Side::Bad,
+                ComparedSide::Bad,
                 (label, format!("{name} {text}")),
                 *mark,
             ),
@@ -97,14 +139,14 @@ fn identity(pair: &NodePair<'_>, out: &mut Comparison) {
     for (name, (text, mark)) in bad.identity.iter().filter(|(name, _)| !good.identity.contains_key(*name)) {
         out.add_not_seen(
             (SECTION, SubjectNoun::IdentityValue),
-            Side::Good,
+            ComparedSide::Good,
             (label, format!("{name} {text}")),
             *mark,
         );
     }
 }
 
-fn lifetime(pair: &NodePair<'_>, scope: &Scope<'_>, out: &mut Comparison) {
+fn compare_lifetime(pair: &NodePair<'_>, scope: &ComparisonScope<'_>, out: &mut CaptureComparison) {
     let NodePair { good, bad, label } = pair;
     let before = out.differences.len();
     let count = |at: Occurrences| Some(Observation::new(at.count.to_string(), at.first));
@@ -113,20 +155,20 @@ fn lifetime(pair: &NodePair<'_>, scope: &Scope<'_>, out: &mut Comparison) {
             // A capture can begin in operation: the absence of the first boot-up shows nothing.
             (1, 0) => out.add_not_seen(
                 (SECTION, SubjectNoun::BootUp),
-                Side::Bad,
+                ComparedSide::Bad,
                 (label, "boot-up"),
                 good.boots.first,
             ),
             (0, 1) if begins_with(bad.boots) => {
                 out.add_not_seen(
                     (SECTION, SubjectNoun::BootUp),
-                    Side::Good,
+                    ComparedSide::Good,
                     (label, "boot-up"),
                     bad.boots.first,
                 );
             }
-            _ => out.add(
-                (SECTION, Kind::BootUps),
+            _ => out.add_difference(
+                (SECTION, DifferenceKind::BootUps),
                 (label, "boot-ups"),
                 (count(good.boots), count(bad.boots)),
                 "",
@@ -135,16 +177,22 @@ fn lifetime(pair: &NodePair<'_>, scope: &Scope<'_>, out: &mut Comparison) {
     }
     if scope.counts_differ(good.losses.count, bad.losses.count) {
         let values = (count(good.losses), count(bad.losses));
-        out.add((SECTION, Kind::Lost), (label, "lost"), values, "");
+        out.add_difference((SECTION, DifferenceKind::Lost), (label, "lost"), values, "");
     }
-    let beat = |node: &NodeRecord| match node.silent_since {
-        Some(since) => {
-            Some(Observation::new(format!("none since {}", super::times::seconds(since)), Mark::default()))
-        }
-        None => Some(Observation::new("until the end", Mark::default())),
+    let beat = |node: &NodeBehaviour| match node.silent_since {
+        Some(since) => Some(Observation::new(
+            format!("none since {}", super::times::format_seconds(since)),
+            EvidenceMark::default(),
+        )),
+        None => Some(Observation::new("until the end", EvidenceMark::default())),
     };
     if good.silent_since.is_some() != bad.silent_since.is_some() && scope.is_timed() {
-        out.add((SECTION, Kind::HeartbeatSilent), (label, "heartbeat"), (beat(good), beat(bad)), "");
+        out.add_difference(
+            (SECTION, DifferenceKind::HeartbeatSilent),
+            (label, "heartbeat"),
+            (beat(good), beat(bad)),
+            "",
+        );
     }
     if before == out.differences.len() {
         out.add_equal(SECTION, SubjectNoun::Node);

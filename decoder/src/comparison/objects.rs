@@ -4,9 +4,9 @@ use std::sync::OnceLock;
 
 use serde::Deserialize;
 
-use crate::profile::object::Access;
-use crate::profile::{Meaning, Role};
-use crate::session::{Entry, Node, OriginKind};
+use crate::profile::object::SdoAccess;
+use crate::profile::{ObjectMeaning, ObjectRole};
+use crate::session::{Node, OriginKind, StoredObject};
 use crate::wire::canopen::ObjectAddress;
 
 /// First index of the manufacturer-specific area (CiA 301 §7.4.1).
@@ -37,32 +37,33 @@ struct NeverRow {
 
 /// Objects by their part in a comparison.
 #[derive(Debug, Default)]
-pub(super) struct Objects {
+pub(super) struct ObjectComparison {
     /// Objects of the identity with their names.
     pub(super) identity: Vec<(ObjectAddress, String)>,
     never: Vec<(u16, u16)>,
 }
 
-fn hex(text: &str) -> Option<u16> {
+fn parse_hex(text: &str) -> Option<u16> {
     u16::from_str_radix(text, 16).ok()
 }
 
-fn address(text: &str) -> Option<ObjectAddress> {
+fn parse_address(text: &str) -> Option<ObjectAddress> {
     let (index, sub) = text.split_once(':')?;
-    Some(ObjectAddress::new(hex(index)?, u8::from_str_radix(sub, 16).ok()?))
+    Some(ObjectAddress::new(parse_hex(index)?, u8::from_str_radix(sub, 16).ok()?))
 }
 
 /// The table, parsed once.
-pub(super) fn objects() -> &'static Objects {
-    static OBJECTS: OnceLock<Objects> = OnceLock::new();
+pub(super) fn object_table() -> &'static ObjectComparison {
+    static OBJECTS: OnceLock<ObjectComparison> = OnceLock::new();
     OBJECTS.get_or_init(|| {
         // A unit test checks that the file is valid; an invalid file would yield an empty table.
         let Ok(file) = toml::from_str::<ObjectsFile>(include_str!("objects.toml")) else {
-            return Objects::default();
+            return ObjectComparison::default();
         };
-        let identity = file.identity.into_iter().filter_map(|row| Some((address(&row.object)?, row.name)));
-        let never = file.never.iter().filter_map(|row| Some((hex(&row.first)?, hex(&row.last)?)));
-        Objects { identity: identity.collect(), never: never.collect() }
+        let identity =
+            file.identity.into_iter().filter_map(|row| Some((parse_address(&row.object)?, row.name)));
+        let never = file.never.iter().filter_map(|row| Some((parse_hex(&row.first)?, parse_hex(&row.last)?)));
+        ObjectComparison { identity: identity.collect(), never: never.collect() }
     })
 }
 
@@ -71,12 +72,19 @@ pub(super) fn objects() -> &'static Objects {
 pub(super) fn is_parameter(
     node: &Node,
     object: ObjectAddress,
-    entry: &Entry,
-    meaning: Option<&Meaning>,
+    entry: &StoredObject,
+    meaning: Option<&ObjectMeaning>,
 ) -> bool {
-    let is_never = objects().never.iter().any(|(first, last)| (*first..=*last).contains(&object.index));
+    let is_never = object_table().never.iter().any(|(first, last)| (*first..=*last).contains(&object.index));
     let is_process = meaning.and_then(|meaning| meaning.role).is_some_and(|role| {
-        matches!(role, Role::Control | Role::Status | Role::SetPoint | Role::Actual | Role::Counter)
+        matches!(
+            role,
+            ObjectRole::Control
+                | ObjectRole::Status
+                | ObjectRole::SetPoint
+                | ObjectRole::Actual
+                | ObjectRole::Counter
+        )
     });
     if is_never || is_process {
         return false;
@@ -84,8 +92,8 @@ pub(super) fn is_parameter(
     match entry.origin.kind {
         OriginKind::Download => true,
         OriginKind::Upload => {
-            match node.device().dictionary.find(object).and_then(|found| found.entry?.access) {
-                Some(access) => access == Access::Rw,
+            match node.device().dictionary.find_object(object).and_then(|found| found.entry?.access) {
+                Some(access) => access == SdoAccess::Rw,
                 None => object.index < MANUFACTURER,
             }
         }
@@ -100,7 +108,7 @@ mod tests {
     #[test]
     fn the_table_is_valid() {
         toml::from_str::<ObjectsFile>(include_str!("objects.toml")).unwrap();
-        assert_eq!((objects().identity.len(), objects().never.len()), (7, 8));
-        assert!(objects().never.contains(&(0x1018, 0x1018)));
+        assert_eq!((object_table().identity.len(), object_table().never.len()), (7, 8));
+        assert!(object_table().never.contains(&(0x1018, 0x1018)));
     }
 }

@@ -1,24 +1,26 @@
 //! Set points: range of values, and whether the device acts on them.
 
 use super::alignment::NodePair;
-use super::difference::{Comparison, Kind, Observation, Section, Side, SubjectNoun};
-use super::record::{Mark, PointRecord};
-use super::scope::Scope;
-use crate::words::plural;
+use super::difference::{
+    CaptureComparison, ComparedSide, DifferenceKind, DifferenceSection, Observation, SubjectNoun,
+};
+use super::record::{EvidenceMark, PointRecord};
+use super::scope::ComparisonScope;
+use crate::words::count_noun;
 
-const SECTION: Section = Section::SetPoints;
+const SECTION: DifferenceSection = DifferenceSection::SetPoints;
 
 /// Compares the set points of all nodes.
-pub(super) fn compare(scope: &Scope<'_>, out: &mut Comparison) {
+pub(super) fn compare_points(scope: &ComparisonScope<'_>, out: &mut CaptureComparison) {
     for pair in scope.alignment.buses.iter().flat_map(|bus| &bus.nodes) {
         for (key, good) in &pair.good.points {
-            let aspect = aspect(*key, good);
+            let aspect = point_aspect(*key, good);
             match pair.bad.points.get(key) {
-                Some(bad) => point((pair, &aspect), (good, bad), scope, out),
+                Some(bad) => compare_point((pair, &aspect), (good, bad), scope, out),
                 None => {
                     out.add_not_seen(
                         (SECTION, SubjectNoun::SetPoint),
-                        Side::Bad,
+                        ComparedSide::Bad,
                         (&pair.label, aspect),
                         good.extreme,
                     );
@@ -26,10 +28,10 @@ pub(super) fn compare(scope: &Scope<'_>, out: &mut Comparison) {
             }
         }
         for (key, bad) in pair.bad.points.iter().filter(|(key, _)| !pair.good.points.contains_key(key)) {
-            let aspect = aspect(*key, bad);
+            let aspect = point_aspect(*key, bad);
             out.add_not_seen(
                 (SECTION, SubjectNoun::SetPoint),
-                Side::Good,
+                ComparedSide::Good,
                 (&pair.label, aspect),
                 bad.extreme,
             );
@@ -37,23 +39,23 @@ pub(super) fn compare(scope: &Scope<'_>, out: &mut Comparison) {
     }
 }
 
-fn aspect(key: (crate::wire::canopen::ObjectAddress, Option<u8>), point: &PointRecord) -> String {
+fn point_aspect(key: (crate::wire::canopen::ObjectAddress, Option<u8>), point: &PointRecord) -> String {
     let channel = key.1.map_or(String::new(), |channel| format!(" c{channel}"));
     format!("{} {}{channel}", key.0, point.signal)
 }
 
-fn point(
+fn compare_point(
     (pair, aspect): (&NodePair<'_>, &str),
     (good, bad): (&PointRecord, &PointRecord),
-    scope: &Scope<'_>,
-    out: &mut Comparison,
+    scope: &ComparisonScope<'_>,
+    out: &mut CaptureComparison,
 ) {
     let before = out.differences.len();
     let label = pair.label.as_str();
     if is_ineffective(good) != is_ineffective(bad) {
         let value = |it: &PointRecord| {
             let text = match (is_ineffective(it), it.effective.count) {
-                (true, _) => format!("not effective {}", plural(it.ineffective.count, "time")),
+                (true, _) => format!("not effective {}", count_noun(it.ineffective.count, "time")),
                 (false, 0) => "effect unknown".to_owned(),
                 (false, _) => "effective".to_owned(),
             };
@@ -62,7 +64,12 @@ fn point(
         };
         let gates = if is_ineffective(bad) { &bad.gates } else { &good.gates };
         let note = if gates.is_empty() { String::new() } else { format!("closed: {}", gates.join(", ")) };
-        out.add((SECTION, Kind::Effect), (label, aspect), (value(good), value(bad)), note);
+        out.add_difference(
+            (SECTION, DifferenceKind::Effect),
+            (label, aspect),
+            (value(good), value(bad)),
+            note,
+        );
     }
     if let (Some(one), Some(other)) = (good.range, bad.range) {
         let span = (one.1 - one.0).max(one.0.abs()).max(one.1.abs());
@@ -77,10 +84,15 @@ fn point(
                 Some(Observation::new(text, it.extreme))
             };
             let values = (value(good), value(bad));
-            out.add((SECTION, Kind::SetPoint), (label, format!("{aspect} range")), values, "");
+            out.add_difference(
+                (SECTION, DifferenceKind::SetPoint),
+                (label, format!("{aspect} range")),
+                values,
+                "",
+            );
         }
     }
-    following((label, aspect), (good, bad), scope, out);
+    compare_following((label, aspect), (good, bad), scope, out);
     if before == out.differences.len() {
         out.add_equal(SECTION, SubjectNoun::SetPoint);
     }
@@ -88,11 +100,11 @@ fn point(
 
 /// Median deviation of the measured value from set points that were held, relative to the range of the set point.
 #[expect(clippy::cast_precision_loss, reason = "a tolerance needs few digits")]
-fn following(
+fn compare_following(
     (label, aspect): (&str, &str),
     (good, bad): (&PointRecord, &PointRecord),
-    scope: &Scope<'_>,
-    out: &mut Comparison,
+    scope: &ComparisonScope<'_>,
+    out: &mut CaptureComparison,
 ) {
     let median = |it: &PointRecord| it.deviations.percentile(50).map(|thousandths| thousandths as f64 / 1e3);
     let (Some(one), Some(other), Some(range)) = (median(good), median(bad), good.range) else { return };
@@ -101,11 +113,11 @@ fn following(
         return;
     }
     let value = |it: &PointRecord, deviation: f64| {
-        Some(Observation::new(format!("{deviation:.1} {}", it.unit).trim_end(), Mark::default()))
+        Some(Observation::new(format!("{deviation:.1} {}", it.unit).trim_end(), EvidenceMark::default()))
     };
     let values = (value(good, one), value(bad, other));
     let aspect = format!("{aspect} deviation of the measured value");
-    out.add((SECTION, Kind::Following), (label, aspect), values, "median");
+    out.add_difference((SECTION, DifferenceKind::Following), (label, aspect), values, "median");
 }
 
 /// Whether most values other than 0 had no effect.

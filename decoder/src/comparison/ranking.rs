@@ -8,7 +8,7 @@ use serde::Deserialize;
 /// Weights of differences.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
-pub(super) struct Ranking {
+pub(super) struct DifferenceWeights {
     story: StoryWeight,
     weight: BTreeMap<String, f64>,
     error_frames: ErrorFrameRules,
@@ -29,14 +29,14 @@ struct ErrorFrameRules {
     rules: Vec<String>,
 }
 
-impl Ranking {
+impl DifferenceWeights {
     /// Weight of a kind of difference; 0 for an unknown one.
-    pub(super) fn weight(&self, kind: &str) -> f64 {
+    pub(super) fn difference_weight(&self, kind: &str) -> f64 {
         self.weight.get(kind).copied().unwrap_or(0.0)
     }
 
     /// Weight of a new story.
-    pub(super) fn story(&self, rank: f64, is_cause_visible: bool) -> f64 {
+    pub(super) fn story_weight(&self, rank: f64, is_cause_visible: bool) -> f64 {
         let StoryWeight { base, per_rank, most, effect_part } = self.story;
         let part = if is_cause_visible { 1.0 } else { effect_part };
         (base + per_rank * rank).min(most) * part
@@ -49,8 +49,8 @@ impl Ranking {
 }
 
 /// The table, parsed once.
-pub(super) fn ranking() -> &'static Ranking {
-    static RANKING: OnceLock<Ranking> = OnceLock::new();
+pub(super) fn load_ranking() -> &'static DifferenceWeights {
+    static RANKING: OnceLock<DifferenceWeights> = OnceLock::new();
     RANKING.get_or_init(|| {
         // A unit test checks that the file is valid; an invalid file would yield an empty table.
         toml::from_str(include_str!("ranking.toml")).unwrap_or_default()
@@ -60,21 +60,21 @@ pub(super) fn ranking() -> &'static Ranking {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::comparison::difference::Kind;
-    use crate::rules::declarations;
+    use crate::comparison::difference::DifferenceKind;
+    use crate::rules::all_declarations;
 
     #[test]
     fn every_kind_has_a_weight_and_every_name_is_a_rule() {
-        toml::from_str::<Ranking>(include_str!("ranking.toml")).unwrap();
-        let ranking = ranking();
-        for kind in Kind::ALL {
-            assert!(ranking.weight(kind.name()) > 0.0, "{}", kind.name());
+        toml::from_str::<DifferenceWeights>(include_str!("ranking.toml")).unwrap();
+        let ranking = load_ranking();
+        for kind in DifferenceKind::ALL {
+            assert!(ranking.difference_weight(kind.name()) > 0.0, "{}", kind.name());
         }
-        let known: Vec<_> = Kind::ALL.iter().map(|kind| kind.name()).collect();
+        let known: Vec<_> = DifferenceKind::ALL.iter().map(|kind| kind.name()).collect();
         for name in ranking.weight.keys() {
             assert!(known.contains(&name.as_str()), "{name}");
         }
-        let rules: Vec<_> = declarations().map(|rule| rule.name).collect();
+        let rules: Vec<_> = all_declarations().map(|rule| rule.name).collect();
         for name in &ranking.error_frames.rules {
             assert!(rules.contains(&name.as_str()), "{name}");
         }
@@ -82,8 +82,8 @@ mod tests {
 
     #[test]
     fn a_visible_cause_precedes_its_effects() {
-        let ranking = ranking();
-        assert!(ranking.story(6.0, true) > ranking.weight("parameter"));
-        assert!(ranking.story(6.0, false) < ranking.weight("parameter"));
+        let ranking = load_ranking();
+        assert!(ranking.story_weight(6.0, true) > ranking.difference_weight("parameter"));
+        assert!(ranking.story_weight(6.0, false) < ranking.difference_weight("parameter"));
     }
 }

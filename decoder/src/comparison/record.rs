@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::finding::Severity;
 use crate::frame::{BusIndex, CanId};
 use crate::profile::PdoName;
-use crate::statistics::{Distribution, ReactionTime};
+use crate::statistics::{DurationDistribution, ReactionTime};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -18,7 +18,7 @@ pub const MOST_STEPS: usize = 4_096;
 
 /// Evidence in a capture: frame, and time in ns from the first frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Mark {
+pub struct EvidenceMark {
     /// Number of the frame; 0 for none.
     pub frame: u64,
     /// Time in ns from the first frame; `None` without timestamps.
@@ -31,7 +31,7 @@ pub struct Occurrences {
     /// Number of occurrences.
     pub count: u64,
     /// First occurrence.
-    pub first: Mark,
+    pub first: EvidenceMark,
 }
 
 /// Behaviour of one capture.
@@ -43,7 +43,7 @@ pub struct CaptureRecord {
     /// Time from the first to the last frame in ns; `None` without timestamps.
     pub duration: Option<i64>,
     /// Last frame.
-    pub end: Mark,
+    pub end: EvidenceMark,
     /// Number of frames, including error frames.
     pub frames: u64,
     /// Number of error frames.
@@ -63,7 +63,7 @@ pub struct CaptureRecord {
     /// Rules that need timestamps.
     pub timing_rules: BTreeSet<Arc<str>>,
     /// Steps from the first event that matches on; `None` if none was requested.
-    pub sequence: Option<Sequence>,
+    pub sequence: Option<EventSequence>,
 }
 
 impl CaptureRecord {
@@ -87,7 +87,7 @@ pub struct BusRecord {
     /// Number of bits on the wire.
     pub bits: u64,
     /// Nodes in ascending order.
-    pub nodes: Vec<NodeRecord>,
+    pub nodes: Vec<NodeBehaviour>,
     /// Identifiers in order of appearance.
     pub messages: Vec<MessageRecord>,
 }
@@ -95,7 +95,7 @@ pub struct BusRecord {
 /// Behaviour of one node.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
-pub struct NodeRecord {
+pub struct NodeBehaviour {
     /// Node-ID or address.
     pub id: NodeId,
     /// Name from the bus file.
@@ -105,11 +105,11 @@ pub struct NodeRecord {
     /// Vendor and product; `None` if at least one of them is unknown.
     pub kind: Option<(u64, u64)>,
     /// Identity values by name, without the serial number.
-    pub identity: BTreeMap<&'static str, (String, Mark)>,
+    pub identity: BTreeMap<&'static str, (String, EvidenceMark)>,
     /// Parameters with their last confirmed value.
-    pub parameters: BTreeMap<ObjectAddress, Parameter>,
+    pub parameters: BTreeMap<ObjectAddress, ParameterRecord>,
     /// Objects in each PDO.
-    pub mappings: BTreeMap<PdoName, Mapping>,
+    pub mappings: BTreeMap<PdoName, MappingRecord>,
     /// Boot-ups.
     pub boots: Occurrences,
     /// Losses by NMT error control or monitoring.
@@ -121,11 +121,11 @@ pub struct NodeRecord {
     /// The node sent or served at least one message.
     pub is_present: bool,
     /// EMCY codes, trouble codes, SDO abort codes and UDS response codes.
-    pub codes: BTreeMap<Code, CodeRecord>,
+    pub codes: BTreeMap<RecordedCode, CodeRecord>,
     /// Duration of SDO transfers, in ns.
-    pub transfers: Distribution,
+    pub transfers: DurationDistribution,
     /// Latency of UDS exchanges, in ns.
-    pub exchanges: Distribution,
+    pub exchanges: DurationDistribution,
     /// Reaction times of the controller.
     pub reactions: Vec<ReactionTime>,
     /// State machines: NMT, and those of the device by channel.
@@ -134,7 +134,7 @@ pub struct NodeRecord {
     pub points: BTreeMap<(ObjectAddress, Option<u8>), PointRecord>,
 }
 
-impl NodeRecord {
+impl NodeBehaviour {
     /// A node without any behaviour.
     pub(super) fn new(id: NodeId) -> Self {
         Self {
@@ -151,8 +151,8 @@ impl NodeRecord {
             was_operational: false,
             is_present: false,
             codes: BTreeMap::new(),
-            transfers: Distribution::default(),
-            exchanges: Distribution::default(),
+            transfers: DurationDistribution::default(),
+            exchanges: DurationDistribution::default(),
             reactions: Vec::new(),
             machines: BTreeMap::new(),
             points: BTreeMap::new(),
@@ -162,7 +162,7 @@ impl NodeRecord {
 
 /// Value of a parameter, and its origin.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Parameter {
+pub struct ParameterRecord {
     /// Name in the dictionary of the node.
     pub name: String,
     /// Formatted value.
@@ -174,7 +174,7 @@ pub struct Parameter {
     /// The value may have changed since, for example by a restart.
     pub is_stale: bool,
     /// Frame and time of the value.
-    pub mark: Mark,
+    pub mark: EvidenceMark,
     /// Last confirmed write, if the capture contains one.
     pub written: Option<WrittenValue>,
 }
@@ -187,25 +187,25 @@ pub struct WrittenValue {
     /// Value in bytes.
     pub data: Vec<u8>,
     /// Frame and time of the last write.
-    pub mark: Mark,
+    pub mark: EvidenceMark,
     /// Number of writes in NMT state operational.
     pub in_operation: u64,
 }
 
 /// Objects in a PDO.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Mapping {
+pub struct MappingRecord {
     /// Objects in their order.
     pub objects: Vec<String>,
     /// Default, or possibly changed without being seen.
     pub is_assumed: bool,
     /// Last write of the mapping, or the first PDO.
-    pub mark: Mark,
+    pub mark: EvidenceMark,
 }
 
 /// Kind and number of a code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Code {
+pub enum RecordedCode {
     /// EMCY error code.
     Emcy(u16),
     /// Trouble code: SPN and FMI.
@@ -235,7 +235,7 @@ pub struct StateRecord {
     /// Last state.
     pub last: String,
     /// Entry into the last state.
-    pub since: Mark,
+    pub since: EvidenceMark,
 }
 
 /// Time in one state.
@@ -259,11 +259,11 @@ pub struct PointRecord {
     /// Both values as text.
     pub texts: [String; 2],
     /// Last occurrence of an extreme value.
-    pub extreme: Mark,
+    pub extreme: EvidenceMark,
     /// Unit of the values.
     pub unit: String,
     /// Deviations of the measured value from set points held for at least 0.5 s, in thousandths of the unit.
-    pub deviations: Distribution,
+    pub deviations: DurationDistribution,
     /// The scale or the mapping is assumed.
     pub is_assumed: bool,
     /// Events with effect.
@@ -300,13 +300,13 @@ pub struct MessageRecord {
     /// Number of frames.
     pub count: u64,
     /// Distribution of the intervals.
-    pub gaps: Distribution,
+    pub gaps: DurationDistribution,
     /// Start of the longest interval in ns from the first frame of the capture.
     pub longest_at: Option<i64>,
     /// Start of a silence until the end, in the same time.
     pub silent_since: Option<i64>,
     /// Last frame.
-    pub last: Mark,
+    pub last: EvidenceMark,
 }
 
 /// A story of the diagnosis.
@@ -322,7 +322,7 @@ pub struct StoryRecord {
     /// Sum of the weights of its findings.
     pub rank: f64,
     /// First occurrence.
-    pub mark: Mark,
+    pub mark: EvidenceMark,
     /// Numbers of the findings, cause first.
     pub findings: Vec<u64>,
 }
@@ -351,9 +351,9 @@ pub struct FindingRecord {
 
 /// Steps after an event.
 #[derive(Debug, Clone, Default)]
-pub struct Sequence {
+pub struct EventSequence {
     /// First event that matches; `None` if none does.
-    pub start: Option<Mark>,
+    pub start: Option<EvidenceMark>,
     /// Steps in their order, at most [`MOST_STEPS`].
     pub steps: Vec<SequenceStep>,
 }
@@ -366,5 +366,5 @@ pub struct SequenceStep {
     /// Content of the event, without times and frame numbers.
     pub text: String,
     /// Frame and time.
-    pub mark: Mark,
+    pub mark: EvidenceMark,
 }

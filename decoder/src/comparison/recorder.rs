@@ -2,20 +2,20 @@
 
 use std::collections::BTreeMap;
 
-use super::following::Following;
+use super::following::SetPointFollowing;
 use super::record::{
-    Code, CodeRecord, MOST_STEPS, MOST_SUBJECTS, Mark, Occurrences, PointRecord, Sequence, SequenceStep,
-    StateRecord, WrittenValue,
+    CodeRecord, EventSequence, EvidenceMark, MOST_STEPS, MOST_SUBJECTS, Occurrences, PointRecord,
+    RecordedCode, SequenceStep, StateRecord, WrittenValue,
 };
-use super::steps::{SHOWN_BYTES, step, written_text};
+use super::steps::{SHOWN_BYTES, step_text, written_text};
 use crate::event::{
-    Direction, DtcAction, Effective, EmcyAction, Event, EventKind, Outcome, SdoTransfer, SetPoint,
+    DtcAction, EffectiveState, EmcyAction, Event, EventKind, SdoDirection, SdoOutcome, SdoTransfer, SetPoint,
 };
 use crate::frame::{BusIndex, Frame, Timestamp};
 use crate::profile;
 use crate::query::Filter;
-use crate::session::{Bus, Preview};
-use crate::statistics::{Distribution, Identifiers, Statistics};
+use crate::session::{Bus, MessagePreview};
+use crate::statistics::{DurationDistribution, IdentifierRows, Statistics};
 use crate::wire::NodeId;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
@@ -25,19 +25,19 @@ const MOST_FOLLOWED: usize = 4_096;
 /// State machine of NMT.
 pub(super) const NMT: &str = "NMT";
 
-/// Collects frames and events of one capture; [`Recorder::finish`] returns its record.
+/// Collects frames and events of one capture; [`BehaviourRecorder::finish_record`] returns its record.
 #[derive(Debug, Default)]
-pub struct Recorder {
+pub struct BehaviourRecorder {
     pub(crate) statistics: Statistics,
-    pub(super) identifiers: Identifiers,
+    pub(super) identifiers: IdentifierRows,
     /// Intervals by identifier, in the order of the rows of `identifiers`.
-    pub(super) gaps: Vec<Distribution>,
+    pub(super) gaps: Vec<DurationDistribution>,
     /// Row of the frame whose events follow.
     place: Option<usize>,
     pub(super) first: Option<Timestamp>,
     pub(super) nodes: BTreeMap<(BusIndex, NodeId), NodeNotes>,
     filter: Option<Filter>,
-    pub(super) sequence: Option<Sequence>,
+    pub(super) sequence: Option<EventSequence>,
     /// Identifiers with measured values of a set point, by bus and index of the identifier.
     followed: Vec<Vec<bool>>,
     /// Node of the event that starts the sequence.
@@ -50,18 +50,18 @@ pub(super) struct NodeNotes {
     pub(super) boots: Occurrences,
     pub(super) losses: Occurrences,
     pub(super) was_operational: bool,
-    pub(super) codes: BTreeMap<Code, CodeRecord>,
-    pub(super) exchanges: Distribution,
+    pub(super) codes: BTreeMap<RecordedCode, CodeRecord>,
+    pub(super) exchanges: DurationDistribution,
     pub(super) machines: BTreeMap<String, StateRecord>,
     pub(super) points: BTreeMap<(ObjectAddress, Option<u8>), PointRecord>,
     pub(super) written: BTreeMap<ObjectAddress, WrittenValue>,
-    pub(super) following: Following,
+    pub(super) following: SetPointFollowing,
 }
 
-impl Recorder {
+impl BehaviourRecorder {
     /// No frame yet. With a filter, the steps from the first event on that matches are collected.
     pub fn new(at_event: Option<Filter>) -> Self {
-        let sequence = at_event.is_some().then(Sequence::default);
+        let sequence = at_event.is_some().then(EventSequence::default);
         Self { filter: at_event, sequence, ..Self::default() }
     }
 
@@ -71,64 +71,64 @@ impl Recorder {
     }
 
     /// Counts a frame; call it before the events of the frame.
-    pub fn frame(&mut self, frame: &Frame) {
+    pub fn count_frame(&mut self, frame: &Frame) {
         self.first = self.first.or(frame.time);
-        self.statistics.frame(frame);
-        self.place = self.identifiers.frame(frame);
+        self.statistics.count_frame(frame);
+        self.place = self.identifiers.count_frame(frame);
         let Some(place) = self.place else { return };
         if self.gaps.len() <= place {
-            self.gaps.resize_with(place + 1, Distribution::default);
+            self.gaps.resize_with(place + 1, DurationDistribution::default);
         }
         let gap = self.identifiers.rows().get(place).and_then(|row| row.last_gap);
         if let (Some(gaps), Some(gap)) = (self.gaps.get_mut(place), gap.filter(|gap| *gap >= 0)) {
-            gaps.add(gap);
+            gaps.add_duration(gap);
         }
     }
 
-    pub(super) fn mark(&self, frame: u64, time: Option<Timestamp>) -> Mark {
-        Mark { frame, time: time.zip(self.first).map(|(time, first)| time.since(first)) }
+    pub(super) fn mark_frame(&self, frame: u64, time: Option<Timestamp>) -> EvidenceMark {
+        EvidenceMark { frame, time: time.zip(self.first).map(|(time, first)| time.since(first)) }
     }
 
-    fn note(&mut self, event: &Event, bus: &Bus) {
+    fn note_event(&mut self, event: &Event, bus: &Bus) {
         let Some(node) = event.node else { return };
-        let mark = self.mark(event.frames.last, event.time);
+        let mark = self.mark_frame(event.frames.last, event.time);
         let notes = self.nodes.entry((event.bus, node)).or_default();
         match &event.kind {
-            EventKind::BootUp { .. } => notes.boots.add(mark),
-            EventKind::NodeLost(_) => notes.losses.add(mark),
+            EventKind::BootUp { .. } => notes.boots.add_mark(mark),
+            EventKind::NodeLost(_) => notes.losses.add_mark(mark),
             EventKind::NmtState(change) => {
                 notes.was_operational |= change.to == NmtState::Operational;
-                notes.enter(NMT, change.to.name(), false, mark);
+                notes.enter_state(NMT, change.to.name(), false, mark);
             }
             EventKind::Heartbeat { state: Some(state), .. } => {
                 notes.was_operational |= *state == NmtState::Operational;
             }
             EventKind::DeviceState(state) => {
                 let channel = state.channel.map_or(String::new(), |channel| format!(" c{channel}"));
-                notes.enter(&format!("{}{channel}", state.machine), &state.to, state.fault, mark);
+                notes.enter_state(&format!("{}{channel}", state.machine), &state.to, state.fault, mark);
             }
             EventKind::Mode(mode) => {
                 let channel = mode.channel.map_or(String::new(), |channel| format!(" c{channel}"));
-                notes.enter(&format!("{} {}{channel}", mode.object, mode.name), &mode.to, false, mark);
+                notes.enter_state(&format!("{} {}{channel}", mode.object, mode.name), &mode.to, false, mark);
             }
             EventKind::SetPoint(point) => notes.set_point(point, mark),
             EventKind::Pdo(pdo) => {
-                let is_followed = mark.time.is_some_and(|time| notes.following.measured(pdo, time));
+                let is_followed = mark.time.is_some_and(|time| notes.following.on_measured(pdo, time));
                 if is_followed {
                     self.add_followed(event.bus, bus.identifier_of_event(pdo.cob_id));
                 }
             }
-            EventKind::SdoTransfer(transfer) => notes.transfer(transfer, mark),
+            EventKind::SdoTransfer(transfer) => notes.note_transfer(transfer, mark),
             EventKind::UdsExchange(exchange) => {
                 if let Some(latency) = exchange.latency {
-                    notes.exchanges.add(latency);
+                    notes.exchanges.add_duration(latency);
                 }
                 if let Some(nrc) = exchange.nrc {
-                    let text = profile::uds().code(nrc).map_or("", |code| code.name.as_str());
-                    notes.code(Code::Uds(nrc), text, mark);
+                    let text = profile::uds_names().code_entry(nrc).map_or("", |code| code.name.as_str());
+                    notes.note_code(RecordedCode::Uds(nrc), text, mark);
                 }
             }
-            _ => notes.fault(event, node, bus, mark),
+            _ => notes.note_fault(event, node, bus, mark),
         }
     }
 
@@ -147,13 +147,13 @@ impl Recorder {
     }
 
     /// Adds a step, from the first event on that matches the filter.
-    fn follow(&mut self, event: &Event, bus: &Bus) {
+    fn follow_sequence(&mut self, event: &Event, bus: &Bus) {
         let (Some(filter), Some(sequence)) = (&self.filter, &self.sequence) else { return };
         if sequence.steps.len() >= MOST_STEPS {
             return;
         }
-        let mark = self.mark(event.frames.first, event.time);
-        if sequence.start.is_none() && !filter.matches(event, bus, None) {
+        let mark = self.mark_frame(event.frames.first, event.time);
+        if sequence.start.is_none() && !filter.matches_event(event, bus, None) {
             return;
         }
         let Some(sequence) = &mut self.sequence else { return };
@@ -166,37 +166,37 @@ impl Recorder {
             (Some((bus, _)), _) => event.bus == bus,
             (None, _) => false,
         };
-        if let Some(text) = step(event).filter(|_| is_meant) {
+        if let Some(text) = step_text(event).filter(|_| is_meant) {
             sequence.steps.push(SequenceStep { place: (event.bus, event.node), text, mark });
         }
     }
 }
 
-impl Recorder {
+impl BehaviourRecorder {
     /// Takes an event of the capture.
     pub fn event(&mut self, event: &Event, bus: &Bus) {
-        self.statistics.event(event);
+        self.statistics.count_event(event);
         if let Some(place) = self.place {
-            self.identifiers.event(place, event);
+            self.identifiers.update_row(place, event);
         }
-        self.note(event, bus);
-        self.follow(event, bus);
+        self.note_event(event, bus);
+        self.follow_sequence(event, bus);
     }
 
     /// Whether the event of a frame is needed: a set point is compared with its value.
-    pub fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+    pub fn needs(&self, preview: &MessagePreview, bus: &Bus) -> bool {
         let of_bus = self.followed.get(usize::from(bus.index().0));
         of_bus.and_then(|of_bus| of_bus.get(preview.identifier)).copied().unwrap_or(false)
     }
 
     /// Counts a frame whose event is not needed.
-    pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        self.statistics.skip(preview, bus);
+    pub fn skip(&mut self, preview: &MessagePreview, bus: &Bus) {
+        self.statistics.skip_event(preview, bus);
     }
 }
 
 impl Occurrences {
-    pub(super) fn add(&mut self, mark: Mark) {
+    pub(super) fn add_mark(&mut self, mark: EvidenceMark) {
         if self.count == 0 {
             self.first = mark;
         }
@@ -206,20 +206,20 @@ impl Occurrences {
 
 impl NodeNotes {
     /// Enters a state of a machine.
-    fn enter(&mut self, machine: &str, state: &str, is_fault: bool, mark: Mark) {
+    fn enter_state(&mut self, machine: &str, state: &str, is_fault: bool, mark: EvidenceMark) {
         let has_room = self.machines.len() < MOST_SUBJECTS;
         if !has_room && !self.machines.contains_key(machine) {
             return;
         }
         let record = self.machines.entry(machine.to_owned()).or_default();
-        record.leave(mark);
+        record.leave_state(mark);
         let fits = record.states.len() < MOST_SUBJECTS;
         if fits || record.states.contains_key(state) {
             let time = record.states.entry(state.to_owned()).or_default();
             time.is_fault |= is_fault;
             // A confirmation of the state is not an entry.
             if record.last != state {
-                time.at.add(mark);
+                time.at.add_mark(mark);
             }
         }
         if record.last != state {
@@ -228,7 +228,7 @@ impl NodeNotes {
         record.since = mark;
     }
 
-    fn code(&mut self, code: Code, text: &str, mark: Mark) {
+    fn note_code(&mut self, code: RecordedCode, text: &str, mark: EvidenceMark) {
         let has_room = self.codes.len() < MOST_SUBJECTS;
         if !has_room && !self.codes.contains_key(&code) {
             return;
@@ -237,35 +237,35 @@ impl NodeNotes {
         if record.text.is_empty() {
             text.clone_into(&mut record.text);
         }
-        record.at.add(mark);
+        record.at.add_mark(mark);
     }
 
-    fn fault(&mut self, event: &Event, node: NodeId, bus: &Bus, mark: Mark) {
+    fn note_fault(&mut self, event: &Event, node: NodeId, bus: &Bus, mark: EvidenceMark) {
         let device = bus.node(node).map_or(profile::plain_device(), |node| node.device());
         match &event.kind {
             EventKind::Emcy(emergency) if emergency.action == EmcyAction::Raised => {
                 if let Some(code) = emergency.code {
-                    self.code(Code::Emcy(code), device.error_text(code), mark);
+                    self.note_code(RecordedCode::Emcy(code), device.error_text(code), mark);
                 }
             }
             EventKind::Dtc(dtc) if dtc.action == DtcAction::Raised => {
-                let own = device.dtc(dtc.spn, dtc.fmi).map(|own| own.text.as_str());
-                let text = own.unwrap_or_else(|| profile::failure_modes().text(u32::from(dtc.fmi)));
-                self.code(Code::Dtc(dtc.spn, dtc.fmi), text, mark);
+                let own = device.trouble_code_entry(dtc.spn, dtc.fmi).map(|own| own.text.as_str());
+                let text = own.unwrap_or_else(|| profile::failure_modes().code_text(u32::from(dtc.fmi)));
+                self.note_code(RecordedCode::Dtc(dtc.spn, dtc.fmi), text, mark);
             }
             _ => {}
         }
     }
 
-    fn transfer(&mut self, transfer: &SdoTransfer, mark: Mark) {
+    fn note_transfer(&mut self, transfer: &SdoTransfer, mark: EvidenceMark) {
         if let Some(abort) = transfer.abort {
-            let text = profile::abort_codes().text(abort.code);
-            self.code(Code::Abort(abort.code, transfer.object), text, mark);
-        } else if transfer.outcome == Outcome::Timeout {
-            self.code(Code::NoResponse(transfer.object), "no response", mark);
+            let text = profile::abort_codes().code_text(abort.code);
+            self.note_code(RecordedCode::Abort(abort.code, transfer.object), text, mark);
+        } else if transfer.outcome == SdoOutcome::Timeout {
+            self.note_code(RecordedCode::NoResponse(transfer.object), "no response", mark);
         }
         let is_written =
-            transfer.direction == Some(Direction::Download) && transfer.outcome == Outcome::Complete;
+            transfer.direction == Some(SdoDirection::Download) && transfer.outcome == SdoOutcome::Complete;
         let Some(object) = transfer.object.filter(|_| is_written) else { return };
         let data = transfer.data.get(..SHOWN_BYTES).unwrap_or(&transfer.data).to_vec();
         let text = written_text(transfer);
@@ -280,7 +280,7 @@ impl NodeNotes {
         self.written.insert(object, WrittenValue { text, data, mark, in_operation });
     }
 
-    fn set_point(&mut self, point: &SetPoint, mark: Mark) {
+    fn set_point(&mut self, point: &SetPoint, mark: EvidenceMark) {
         let key = (point.object, point.channel);
         let has_room = self.points.len() < MOST_SUBJECTS;
         if !has_room && !self.points.contains_key(&key) {
@@ -308,14 +308,14 @@ impl NodeNotes {
         }
         let is_zero = point.to.number.is_none_or(|value| value == 0.0);
         match point.effective {
-            Effective::Yes => record.effective.add(mark),
-            Effective::No if !is_zero => {
+            EffectiveState::Yes => record.effective.add_mark(mark),
+            EffectiveState::No if !is_zero => {
                 if record.ineffective.count == 0 {
                     record.gates.clone_from(&point.gates);
                 }
-                record.ineffective.add(mark);
+                record.ineffective.add_mark(mark);
             }
-            Effective::No | Effective::Unknown => {}
+            EffectiveState::No | EffectiveState::Unknown => {}
         }
     }
 }
@@ -324,13 +324,13 @@ impl PointRecord {
     /// Adds a deviation of the measured value.
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     pub(super) fn add_deviation(&mut self, deviation: f64) {
-        self.deviations.add((deviation * 1_000.0) as i64);
+        self.deviations.add_duration((deviation * 1_000.0) as i64);
     }
 }
 
 impl StateRecord {
     /// Adds the time in the present state until `mark`.
-    pub(super) fn leave(&mut self, mark: Mark) {
+    pub(super) fn leave_state(&mut self, mark: EvidenceMark) {
         let elapsed =
             mark.time.zip(self.since.time).map_or(0, |(now, since)| now.saturating_sub(since).max(0));
         if let Some(state) = self.states.get_mut(&self.last) {

@@ -1,19 +1,19 @@
 //! The two captures of a comparison, their alignment and the tolerances.
 
-use super::alignment::Alignment;
+use super::alignment::RoleAlignment;
 use super::record::CaptureRecord;
 use crate::bus_file::DiffTolerances;
 
 /// Both captures and everything that applies to all sections.
 #[derive(Debug)]
-pub(super) struct Scope<'a> {
+pub(super) struct ComparisonScope<'a> {
     pub(super) good: &'a CaptureRecord,
     pub(super) bad: &'a CaptureRecord,
-    pub(super) alignment: Alignment<'a>,
+    pub(super) alignment: RoleAlignment<'a>,
     pub(super) tolerances: &'a DiffTolerances,
 }
 
-impl Scope<'_> {
+impl ComparisonScope<'_> {
     /// Whether both captures have timestamps of a recorder.
     pub(super) fn is_timed(&self) -> bool {
         self.good.is_timed && self.bad.is_timed

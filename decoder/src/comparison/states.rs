@@ -1,54 +1,66 @@
 //! States of NMT and of devices: fault states, the state with most of the time, the last state.
 
 use super::alignment::NodePair;
-use super::difference::{Comparison, Kind, Observation, Section, Side, SubjectNoun};
+use super::difference::{
+    CaptureComparison, ComparedSide, DifferenceKind, DifferenceSection, Observation, SubjectNoun,
+};
 use super::record::{StateRecord, StateTime};
-use super::scope::Scope;
-use super::times::duration;
-use crate::words::plural;
+use super::scope::ComparisonScope;
+use super::times::format_duration;
+use crate::words::count_noun;
 
-const SECTION: Section = Section::States;
+const SECTION: DifferenceSection = DifferenceSection::States;
 
 /// Compares the state machines of all nodes.
-pub(super) fn compare(scope: &Scope<'_>, out: &mut Comparison) {
+pub(super) fn compare_states(scope: &ComparisonScope<'_>, out: &mut CaptureComparison) {
     let pairs = scope.alignment.buses.iter().flat_map(|bus| &bus.nodes);
     for pair in pairs.filter(|pair| pair.good.is_present || pair.bad.is_present) {
         for (name, good) in &pair.good.machines {
             match pair.bad.machines.get(name) {
-                Some(bad) => machine((pair, name), (good, bad), scope, out),
-                None => not_seen((pair, name), good, Side::Bad, out),
+                Some(bad) => compare_machine((pair, name), (good, bad), scope, out),
+                None => not_seen((pair, name), good, ComparedSide::Bad, out),
             }
         }
         for (name, bad) in &pair.bad.machines {
             if !pair.good.machines.contains_key(name) {
-                alone((pair, name), bad, scope, out);
+                report_lone_machine((pair, name), bad, scope, out);
             }
         }
     }
 }
 
-fn not_seen((pair, name): (&NodePair<'_>, &str), record: &StateRecord, by: Side, out: &mut Comparison) {
+fn not_seen(
+    (pair, name): (&NodePair<'_>, &str),
+    record: &StateRecord,
+    by: ComparedSide,
+    out: &mut CaptureComparison,
+) {
     let aspect = format!("{name} {}", record.last);
     out.add_not_seen((SECTION, SubjectNoun::StateMachine), by, (&pair.label, aspect), record.since);
 }
 
 /// A state machine that only the second capture shows: its fault states count.
-fn alone((pair, name): (&NodePair<'_>, &str), bad: &StateRecord, scope: &Scope<'_>, out: &mut Comparison) {
+fn report_lone_machine(
+    (pair, name): (&NodePair<'_>, &str),
+    bad: &StateRecord,
+    scope: &ComparisonScope<'_>,
+    out: &mut CaptureComparison,
+) {
     let has_fault = bad.states.values().any(|state| state.is_fault);
     if has_fault && pair.good.was_operational {
-        return faults((pair, name), (&StateRecord::default(), bad), scope, out);
+        return compare_faults((pair, name), (&StateRecord::default(), bad), scope, out);
     }
-    not_seen((pair, name), bad, Side::Good, out);
+    not_seen((pair, name), bad, ComparedSide::Good, out);
 }
 
-fn machine(
+fn compare_machine(
     place: (&NodePair<'_>, &str),
     (good, bad): (&StateRecord, &StateRecord),
-    scope: &Scope<'_>,
-    out: &mut Comparison,
+    scope: &ComparisonScope<'_>,
+    out: &mut CaptureComparison,
 ) {
     let before = out.differences.len();
-    faults(place, (good, bad), scope, out);
+    compare_faults(place, (good, bad), scope, out);
     let (pair, name) = place;
     if let (Some(one), Some(other)) = (main_state(good, scope.is_timed()), main_state(bad, scope.is_timed()))
         && (one.0 != other.0 || good.last != bad.last)
@@ -57,11 +69,12 @@ fn machine(
         let value = |record: &StateRecord, main: (&String, &StateTime)| {
             let last =
                 if record.last == *main.0 { String::new() } else { format!(", {} at the end", record.last) };
-            let time = if scope.is_timed() { format!(" {}", duration(main.1.time)) } else { String::new() };
+            let time =
+                if scope.is_timed() { format!(" {}", format_duration(main.1.time)) } else { String::new() };
             Some(Observation::new(format!("{}{time}{last}", main.0), record.since))
         };
         let values = (value(good, one), value(bad, other));
-        out.add((SECTION, Kind::State), (&pair.label, name), values, "");
+        out.add_difference((SECTION, DifferenceKind::State), (&pair.label, name), values, "");
     }
     if before == out.differences.len() {
         out.add_equal(SECTION, SubjectNoun::StateMachine);
@@ -75,11 +88,11 @@ fn main_state(record: &StateRecord, is_timed: bool) -> Option<(&String, &StateTi
     if is_timed { longest() } else { last() }
 }
 
-fn faults(
+fn compare_faults(
     (pair, name): (&NodePair<'_>, &str),
     (good, bad): (&StateRecord, &StateRecord),
-    scope: &Scope<'_>,
-    out: &mut Comparison,
+    scope: &ComparisonScope<'_>,
+    out: &mut CaptureComparison,
 ) {
     let none = StateTime::default();
     let all = good.states.iter().chain(&bad.states).filter(|(_, state)| state.is_fault);
@@ -94,12 +107,19 @@ fn faults(
         let value = |it: &StateTime| {
             let text = match it.at.count {
                 0 => "never".to_owned(),
-                count if scope.is_timed() => format!("{}, {}", plural(count, "time"), duration(it.time)),
-                count => plural(count, "time"),
+                count if scope.is_timed() => {
+                    format!("{}, {}", count_noun(count, "time"), format_duration(it.time))
+                }
+                count => count_noun(count, "time"),
             };
             Some(Observation::new(text, it.at.first))
         };
         let aspect = format!("{name} {state}");
-        out.add((SECTION, Kind::FaultState), (&pair.label, aspect), (value(one), value(other)), "");
+        out.add_difference(
+            (SECTION, DifferenceKind::FaultState),
+            (&pair.label, aspect),
+            (value(one), value(other)),
+            "",
+        );
     }
 }

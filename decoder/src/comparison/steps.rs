@@ -2,14 +2,14 @@
 
 use std::fmt::Write as _;
 
-use crate::event::{Direction, EmcyAction, Event, EventKind, Outcome, SdoTransfer};
-use crate::profile::Value;
+use crate::event::{EmcyAction, Event, EventKind, SdoDirection, SdoOutcome, SdoTransfer};
+use crate::profile::DecodedValue;
 
 /// Maximum number of bytes of a written value.
 pub(super) const SHOWN_BYTES: usize = 64;
 
 /// Text of a step; `None` for repetitions and for kinds outside procedures.
-pub(super) fn step(event: &Event) -> Option<String> {
+pub(super) fn step_text(event: &Event) -> Option<String> {
     if event.routine {
         return None;
     }
@@ -53,27 +53,27 @@ pub(super) fn step(event: &Event) -> Option<String> {
 pub(super) fn written_text(transfer: &SdoTransfer) -> String {
     let data = transfer.data.get(..SHOWN_BYTES).unwrap_or(&transfer.data);
     match &transfer.meaning {
-        Some(meaning) => meaning.show(&meaning.decode(data)),
-        None => Value::Bytes(data.to_vec()).to_string(),
+        Some(meaning) => meaning.format_value(&meaning.decode(data)),
+        None => DecodedValue::Bytes(data.to_vec()).to_string(),
     }
 }
 
 fn transfer_step(transfer: &SdoTransfer) -> String {
     let object = transfer.object.map_or_else(|| "?".to_owned(), |object| object.to_string());
     let verb = match transfer.direction {
-        Some(Direction::Download) => "write",
-        Some(Direction::Upload) => "read",
+        Some(SdoDirection::Download) => "write",
+        Some(SdoDirection::Upload) => "read",
         None => "transfer",
     };
     let mut text = format!("SDO {verb} {object}");
     // A value that was read may be measured: it is not part of the step.
-    if transfer.direction == Some(Direction::Download) {
+    if transfer.direction == Some(SdoDirection::Download) {
         let value = written_text(transfer);
         let _ = write!(text, " = {value}");
     }
     if let Some(abort) = transfer.abort {
         let _ = write!(text, ", abort {:08X}", abort.code);
-    } else if transfer.outcome != Outcome::Complete {
+    } else if transfer.outcome != SdoOutcome::Complete {
         let _ = write!(text, ", {}", transfer.outcome.name());
     }
     text

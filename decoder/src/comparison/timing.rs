@@ -3,15 +3,17 @@
 use std::collections::BTreeMap;
 
 use super::alignment::{BusPair, NodePair};
-use super::difference::{Comparison, Kind, Observation, Section, Side, SubjectNoun};
-use super::record::{Mark, MessageRecord, MessageRole};
-use super::scope::Scope;
-use super::times::{duration, seconds};
-use super::tolerance::differ;
+use super::difference::{
+    CaptureComparison, ComparedSide, DifferenceKind, DifferenceSection, Observation, SubjectNoun,
+};
+use super::record::{EvidenceMark, MessageRecord, MessageRole};
+use super::scope::ComparisonScope;
+use super::times::{format_duration, format_seconds};
+use super::tolerance::exceeds_tolerance;
 use crate::frame::CanId;
-use crate::statistics::Distribution;
+use crate::statistics::DurationDistribution;
 
-const SECTION: Section = Section::Timing;
+const SECTION: DifferenceSection = DifferenceSection::Timing;
 
 /// Minimum number of intervals for a period, and of exchanges for a latency.
 const ENOUGH: u64 = 10;
@@ -20,16 +22,16 @@ const ENOUGH: u64 = 10;
 const MISSING: i64 = 3;
 
 /// Compares all identifiers and exchanges.
-pub(super) fn compare(scope: &Scope<'_>, out: &mut Comparison) {
+pub(super) fn compare_timing(scope: &ComparisonScope<'_>, out: &mut CaptureComparison) {
     for (record, side) in [(scope.good, "GOOD"), (scope.bad, "BAD")] {
         if !record.is_timed {
             out.limits.push((SECTION, format!("{side} without usable timestamps: timing not compared")));
         }
     }
     for bus in &scope.alignment.buses {
-        messages(bus, scope, out);
+        compare_messages(bus, scope, out);
         for pair in bus.nodes.iter().filter(|_| scope.is_timed()) {
-            latencies(pair, scope, out);
+            compare_latencies(pair, scope, out);
         }
     }
 }
@@ -43,7 +45,7 @@ fn role_in_good(bus: &BusPair<'_>, role: MessageRole) -> MessageRole {
     }
 }
 
-fn messages(bus: &BusPair<'_>, scope: &Scope<'_>, out: &mut Comparison) {
+fn compare_messages(bus: &BusPair<'_>, scope: &ComparisonScope<'_>, out: &mut CaptureComparison) {
     let key = |role, it: &MessageRecord| (role, it.is_remote);
     let good = bus.good.messages.iter().filter(|it| !is_on_request(it.role));
     let good: BTreeMap<_, _> = good.map(|it| (key(it.role, it), it)).collect();
@@ -52,12 +54,12 @@ fn messages(bus: &BusPair<'_>, scope: &Scope<'_>, out: &mut Comparison) {
     let bad: BTreeMap<_, _> = bad.collect();
     for (key, good) in &good {
         match bad.get(key) {
-            Some(bad) => message(bus, (good, bad), scope, out),
-            None => lone(bus, good, Side::Bad, scope, out),
+            Some(bad) => compare_message(bus, (good, bad), scope, out),
+            None => report_lone_message(bus, good, ComparedSide::Bad, scope, out),
         }
     }
     for (_, bad) in bad.iter().filter(|(key, _)| !good.contains_key(key)) {
-        lone(bus, bad, Side::Good, scope, out);
+        report_lone_message(bus, bad, ComparedSide::Good, scope, out);
     }
 }
 
@@ -65,29 +67,35 @@ fn messages(bus: &BusPair<'_>, scope: &Scope<'_>, out: &mut Comparison) {
 fn is_on_request(role: MessageRole) -> bool {
     match role {
         MessageRole::Service(code, _) => matches!(code, 0x580 | 0x600),
-        MessageRole::Id(id) => id == CanId::standard(0),
+        MessageRole::Id(id) => id == CanId::from_standard(0),
         MessageRole::Pdo(..) => false,
     }
 }
 
 /// Label of a message in output.
-pub(super) fn subject(bus: &BusPair<'_>, message: &MessageRecord) -> String {
+pub(super) fn message_label(bus: &BusPair<'_>, message: &MessageRecord) -> String {
     let remote = if message.is_remote { " R" } else { "" };
     let meaning = if message.meaning.is_empty() { String::new() } else { format!(" {}", message.meaning) };
     format!("{}{}{remote}{meaning}", bus.prefix, message.id)
 }
 
 /// Whether the intervals of a message have a period: nine of ten are between a half and twice the median.
-fn is_periodic(gaps: &Distribution) -> bool {
+fn is_periodic(gaps: &DurationDistribution) -> bool {
     let part = |part| gaps.percentile(part).unwrap_or(0);
     let median = part(50);
-    gaps.count() >= ENOUGH && part(90) <= median.saturating_mul(2) && part(10) >= median / 2
+    gaps.duration_count() >= ENOUGH && part(90) <= median.saturating_mul(2) && part(10) >= median / 2
 }
 
 /// A message of one capture only. Its absence is a difference if it is periodic, and if the other capture lasts for
 /// [`MISSING`] of its intervals and its node is operational there.
-fn lone(bus: &BusPair<'_>, message: &MessageRecord, by: Side, scope: &Scope<'_>, out: &mut Comparison) {
-    let name = subject(bus, message);
+fn report_lone_message(
+    bus: &BusPair<'_>,
+    message: &MessageRecord,
+    by: ComparedSide,
+    scope: &ComparisonScope<'_>,
+    out: &mut CaptureComparison,
+) {
+    let name = message_label(bus, message);
     let period = message.gaps.percentile(50).filter(|_| is_periodic(&message.gaps));
     let node = match message.role {
         MessageRole::Pdo(node, _) | MessageRole::Service(_, node) => Some(node),
@@ -95,75 +103,102 @@ fn lone(bus: &BusPair<'_>, message: &MessageRecord, by: Side, scope: &Scope<'_>,
     };
     let had_opportunity = node.is_none_or(|node| {
         let pair = bus.nodes.iter().find(|pair| match by {
-            Side::Bad => pair.good.id == node,
-            Side::Good => pair.bad.id == node,
+            ComparedSide::Bad => pair.good.id == node,
+            ComparedSide::Good => pair.bad.id == node,
         });
         pair.is_some_and(|pair| match by {
-            Side::Bad => pair.bad.was_operational,
-            Side::Good => pair.good.was_operational,
+            ComparedSide::Bad => pair.bad.was_operational,
+            ComparedSide::Good => pair.good.was_operational,
         })
     });
-    let other = if by == Side::Bad { scope.bad } else { scope.good };
+    let other = if by == ComparedSide::Bad { scope.bad } else { scope.good };
     let lasts = other.duration >= Some(message.gaps.longest().saturating_mul(MISSING));
     let had_opportunity = had_opportunity && lasts;
     let Some(period) = period.filter(|_| had_opportunity && scope.is_timed() && !message.is_remote) else {
         return out.add_not_seen((SECTION, SubjectNoun::Identifier), by, (name, ""), message.last);
     };
-    let mark = Mark { time: None, ..message.last };
-    let value = Some(Observation::new(format!("every {}", duration(period)), mark));
+    let mark = EvidenceMark { time: None, ..message.last };
+    let value = Some(Observation::new(format!("every {}", format_duration(period)), mark));
     match by {
-        Side::Bad => out.add((SECTION, Kind::MessageMissing), (name, "period"), (value, None), ""),
-        Side::Good => out.add((SECTION, Kind::NewMessage), (name, "period"), (None, value), ""),
+        ComparedSide::Bad => {
+            out.add_difference((SECTION, DifferenceKind::MessageMissing), (name, "period"), (value, None), "")
+        }
+        ComparedSide::Good => {
+            out.add_difference((SECTION, DifferenceKind::NewMessage), (name, "period"), (None, value), "")
+        }
     }
 }
 
-fn message(
+fn compare_message(
     bus: &BusPair<'_>,
     (good, bad): (&MessageRecord, &MessageRecord),
-    scope: &Scope<'_>,
-    out: &mut Comparison,
+    scope: &ComparisonScope<'_>,
+    out: &mut CaptureComparison,
 ) {
     if !scope.is_timed() {
         return out.add_not_seen(
             (SECTION, SubjectNoun::Period),
             lacking_times(scope),
-            (subject(bus, good), ""),
+            (message_label(bus, good), ""),
             good.last,
         );
     }
     let noun =
         if matches!(good.role, MessageRole::Pdo(..)) { SubjectNoun::PdoPeriod } else { SubjectNoun::Period };
-    if !is_periodic(&good.gaps) || bad.gaps.count() < ENOUGH {
+    if !is_periodic(&good.gaps) || bad.gaps.duration_count() < ENOUGH {
         return;
     }
-    let name = subject(bus, good);
+    let name = message_label(bus, good);
     let median = |it: &MessageRecord| it.gaps.percentile(50).unwrap_or(0);
     let floor = scope.time_floor();
     if let (None, Some(since)) = (good.silent_since, bad.silent_since) {
         let values = (
-            Some(Observation::new(format!("every {}", duration(median(good))), good.last)),
-            Some(Observation::new(format!("none since {}", seconds(since)), Mark { time: None, ..bad.last })),
+            Some(Observation::new(format!("every {}", format_duration(median(good))), good.last)),
+            Some(Observation::new(
+                format!("none since {}", format_seconds(since)),
+                EvidenceMark { time: None, ..bad.last },
+            )),
         );
-        out.add((SECTION, Kind::MessageSilent), (&name, ""), values, "");
+        out.add_difference((SECTION, DifferenceKind::MessageSilent), (&name, ""), values, "");
     }
     let limits = scope.tolerances;
-    if differ(median(good), median(bad), limits.period, scope.granularity()) {
-        let value = |it: &MessageRecord| Some(Observation::new(duration(median(it)), Mark::default()));
-        return out.add((SECTION, Kind::Period), (name, "period"), (value(good), value(bad)), "");
+    if exceeds_tolerance(median(good), median(bad), limits.period, scope.granularity()) {
+        let value =
+            |it: &MessageRecord| Some(Observation::new(format_duration(median(it)), EvidenceMark::default()));
+        return out.add_difference(
+            (SECTION, DifferenceKind::Period),
+            (name, "period"),
+            (value(good), value(bad)),
+            "",
+        );
     }
     if is_longest_apart((good, bad), limits.longest_gap, floor) {
         let value = |it: &MessageRecord| {
-            let at = it.longest_at.map_or(String::new(), |at| format!(" at {}", seconds(at)));
-            Some(Observation::new(format!("{}{at}", duration(it.gaps.longest())), Mark::default()))
+            let at = it.longest_at.map_or(String::new(), |at| format!(" at {}", format_seconds(at)));
+            Some(Observation::new(
+                format!("{}{at}", format_duration(it.gaps.longest())),
+                EvidenceMark::default(),
+            ))
         };
-        return out.add((SECTION, Kind::LongestGap), (name, "gap max"), (value(good), value(bad)), "");
+        return out.add_difference(
+            (SECTION, DifferenceKind::LongestGap),
+            (name, "gap max"),
+            (value(good), value(bad)),
+            "",
+        );
     }
     let tail = |it: &MessageRecord| it.gaps.percentile(99).unwrap_or(0);
     // Below 100 intervals the 99th percentile is the longest one.
-    let has_tail = good.gaps.count() >= 100 && bad.gaps.count() >= 100;
-    if has_tail && differ(tail(good), tail(bad), limits.gap, floor) {
-        let value = |it: &MessageRecord| Some(Observation::new(duration(tail(it)), Mark::default()));
-        return out.add((SECTION, Kind::Jitter), (name, "gap 99 %"), (value(good), value(bad)), "");
+    let has_tail = good.gaps.duration_count() >= 100 && bad.gaps.duration_count() >= 100;
+    if has_tail && exceeds_tolerance(tail(good), tail(bad), limits.gap, floor) {
+        let value =
+            |it: &MessageRecord| Some(Observation::new(format_duration(tail(it)), EvidenceMark::default()));
+        return out.add_difference(
+            (SECTION, DifferenceKind::Jitter),
+            (name, "gap 99 %"),
+            (value(good), value(bad)),
+            "",
+        );
     }
     out.add_equal(SECTION, noun);
 }
@@ -173,48 +208,49 @@ fn message(
 fn is_longest_apart((good, bad): (&MessageRecord, &MessageRecord), percent: f64, floor: i64) -> bool {
     let longest = good.gaps.longest().max(bad.gaps.longest());
     let median = good.gaps.percentile(50).unwrap_or(0);
-    longest > median.saturating_mul(2) && differ(good.gaps.longest(), bad.gaps.longest(), percent, floor)
+    longest > median.saturating_mul(2)
+        && exceeds_tolerance(good.gaps.longest(), bad.gaps.longest(), percent, floor)
 }
 
-fn lacking_times(scope: &Scope<'_>) -> Side {
-    if scope.good.is_timed { Side::Bad } else { Side::Good }
+fn lacking_times(scope: &ComparisonScope<'_>) -> ComparedSide {
+    if scope.good.is_timed { ComparedSide::Bad } else { ComparedSide::Good }
 }
 
-fn latencies(pair: &NodePair<'_>, scope: &Scope<'_>, out: &mut Comparison) {
+fn compare_latencies(pair: &NodePair<'_>, scope: &ComparisonScope<'_>, out: &mut CaptureComparison) {
     let (good, bad) = (pair.good, pair.bad);
     let exchanges = [
-        ("SDO transfer", Kind::Latency, &good.transfers, &bad.transfers),
-        ("UDS latency", Kind::Latency, &good.exchanges, &bad.exchanges),
+        ("SDO transfer", DifferenceKind::Latency, &good.transfers, &bad.transfers),
+        ("UDS latency", DifferenceKind::Latency, &good.exchanges, &bad.exchanges),
     ];
     for (aspect, kind, one, other) in exchanges {
-        latency(pair, (aspect.to_owned(), kind), (one, other), scope, out);
+        compare_latency(pair, (aspect.to_owned(), kind), (one, other), scope, out);
     }
     for one in &good.reactions {
         let other = bad.reactions.iter().find(|other| (other.tpdo, other.rpdo) == (one.tpdo, one.rpdo));
         let Some(other) = other else { continue };
         let aspect = format!("reaction {} → {}", one.tpdo, one.rpdo);
-        latency(pair, (aspect, Kind::Reaction), (&one.times, &other.times), scope, out);
+        compare_latency(pair, (aspect, DifferenceKind::Reaction), (&one.times, &other.times), scope, out);
     }
 }
 
-fn latency(
+fn compare_latency(
     pair: &NodePair<'_>,
-    (aspect, kind): (String, Kind),
-    (good, bad): (&Distribution, &Distribution),
-    scope: &Scope<'_>,
-    out: &mut Comparison,
+    (aspect, kind): (String, DifferenceKind),
+    (good, bad): (&DurationDistribution, &DurationDistribution),
+    scope: &ComparisonScope<'_>,
+    out: &mut CaptureComparison,
 ) {
-    if good.count() < ENOUGH || bad.count() < ENOUGH {
+    if good.duration_count() < ENOUGH || bad.duration_count() < ENOUGH {
         return;
     }
     let floor = scope.time_floor();
     for (part, name) in [(50, "median"), (99, "99 %")] {
-        let value = |it: &Distribution| it.percentile(part).unwrap_or(0);
-        let has_tail = part == 50 || good.count().min(bad.count()) >= 100;
-        if has_tail && differ(value(good), value(bad), scope.tolerances.latency, floor) {
-            let text = |it| Some(Observation::new(duration(value(it)), Mark::default()));
+        let value = |it: &DurationDistribution| it.percentile(part).unwrap_or(0);
+        let has_tail = part == 50 || good.duration_count().min(bad.duration_count()) >= 100;
+        if has_tail && exceeds_tolerance(value(good), value(bad), scope.tolerances.latency, floor) {
+            let text = |it| Some(Observation::new(format_duration(value(it)), EvidenceMark::default()));
             let place = (pair.label.as_str(), format!("{aspect} {name}"));
-            return out.add((SECTION, kind), place, (text(good), text(bad)), "");
+            return out.add_difference((SECTION, kind), place, (text(good), text(bad)), "");
         }
     }
     out.add_equal(SECTION, SubjectNoun::ResponseTime);

@@ -2,7 +2,7 @@
 
 /// Whether two positive quantities differ by more than `percent` of the smaller one, and by more than `floor`.
 #[expect(clippy::cast_precision_loss, reason = "a tolerance needs few digits")]
-pub(super) fn differ(good: i64, bad: i64, percent: f64, floor: i64) -> bool {
+pub(super) fn exceeds_tolerance(good: i64, bad: i64, percent: f64, floor: i64) -> bool {
     let gap = good.abs_diff(bad);
     gap > floor.unsigned_abs() && gap as f64 > good.min(bad).max(0) as f64 * percent / 100.0
 }
@@ -23,10 +23,10 @@ mod tests {
 
     #[test]
     fn a_difference_exceeds_both_limits() {
-        assert!(!differ(100, 105, 5.0, 0));
-        assert!(differ(100, 106, 5.0, 0));
-        assert!(!differ(100, 120, 5.0, 20));
-        assert!(!differ(0, 1, 5.0, 1));
+        assert!(!exceeds_tolerance(100, 105, 5.0, 0));
+        assert!(exceeds_tolerance(100, 106, 5.0, 0));
+        assert!(!exceeds_tolerance(100, 120, 5.0, 20));
+        assert!(!exceeds_tolerance(0, 1, 5.0, 1));
     }
 
     /// 5 % of 1000 are 50, of 1051 52.55; the limit is that of the smaller value. A floor of 20 is not exceeded by 20.
@@ -35,13 +35,13 @@ mod tests {
         for (good, bad, is_other) in
             [(1000, 1050, false), (1000, 1051, true), (1051, 1000, true), (1050, 1000, false)]
         {
-            assert_eq!(differ(good, bad, 5.0, 0), is_other, "{good} {bad}");
+            assert_eq!(exceeds_tolerance(good, bad, 5.0, 0), is_other, "{good} {bad}");
         }
-        assert!(!differ(100, 80, 5.0, 20));
-        assert!(differ(100, 79, 5.0, 20));
+        assert!(!exceeds_tolerance(100, 80, 5.0, 20));
+        assert!(exceeds_tolerance(100, 79, 5.0, 20));
         // A negative value has no percentage: the floor decides.
-        assert!(differ(-5, 1, 5.0, 5));
-        assert!(!differ(-5, 0, 5.0, 5));
+        assert!(exceeds_tolerance(-5, 1, 5.0, 5));
+        assert!(!exceeds_tolerance(-5, 0, 5.0, 5));
     }
 
     /// Rates of 10/s and 11/s differ by 10 % of the smaller one, which is 9.1 % of the larger one.

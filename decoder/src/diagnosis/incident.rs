@@ -4,8 +4,8 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-use crate::finding::{Cause, Findings, Group, Severity};
-use crate::words::plural;
+use crate::finding::{CaptureFindings, FindingCause, FindingGroup, Severity};
+use crate::words::count_noun;
 
 /// A finding and its consequences.
 pub struct Incident<'a> {
@@ -21,9 +21,9 @@ pub struct IncidentFinding<'a> {
     /// Indentation depth: 0 for the cause.
     pub depth: usize,
     /// The group that is printed.
-    pub group: &'a Group,
+    pub group: &'a FindingGroup,
     /// Groups of the same fault with other subjects, in order of appearance.
-    pub members: Vec<&'a Group>,
+    pub members: Vec<&'a FindingGroup>,
 }
 
 impl IncidentFinding<'_> {
@@ -34,7 +34,7 @@ impl IncidentFinding<'_> {
 
     /// `also 1A00:01, 1A00:02; 7 times in all`; `None` without members. After eight, only their number
     /// follows.
-    pub fn also(&self) -> Option<String> {
+    pub fn member_text(&self) -> Option<String> {
         let shown: Vec<_> =
             self.members.iter().take(SHOWN_MEMBERS).map(|it| it.key.about.to_string()).collect();
         let rest = self.members.len().saturating_sub(SHOWN_MEMBERS);
@@ -48,26 +48,26 @@ impl IncidentFinding<'_> {
 const SHOWN_MEMBERS: usize = 8;
 
 /// Number of printed findings of a severity: members count with their group.
-pub fn number<'a>(telling: impl Iterator<Item = &'a Group>, severity: Severity) -> usize {
-    let all = incidents(telling);
+pub fn printed_count<'a>(telling: impl Iterator<Item = &'a FindingGroup>, severity: Severity) -> usize {
+    let all = group_incidents(telling);
     let findings = all.iter().flat_map(|incident| &incident.findings);
     findings.filter(|finding| finding.severity() == severity).count()
 }
 
 /// Groups findings by cause, most severe incident first.
-pub fn incidents<'a>(telling: impl Iterator<Item = &'a Group>) -> Vec<Incident<'a>> {
-    let all: BTreeMap<u64, &Group> = telling.map(|group| (group.id, group)).collect();
-    let (by_id, members) = merged(all);
+pub fn group_incidents<'a>(telling: impl Iterator<Item = &'a FindingGroup>) -> Vec<Incident<'a>> {
+    let all: BTreeMap<u64, &FindingGroup> = telling.map(|group| (group.id, group)).collect();
+    let (by_id, members) = merge_members(all);
     let represented = members.iter().flat_map(|(id, members)| members.iter().map(|it| (it.id, *id)));
     let represented: BTreeMap<u64, u64> = represented.collect();
-    let cause = |group: &Group| match group.cause {
-        Some(Cause::Group(id)) => {
+    let cause = |group: &FindingGroup| match group.cause {
+        Some(FindingCause::Group(id)) => {
             let id = represented.get(&id).copied().unwrap_or(id);
             by_id.get(&id).copied().filter(|cause| cause.id != group.id)
         }
         _ => None,
     };
-    let mut effects: BTreeMap<u64, Vec<&Group>> = BTreeMap::new();
+    let mut effects: BTreeMap<u64, Vec<&FindingGroup>> = BTreeMap::new();
     for group in by_id.values() {
         if let Some(cause) = cause(group) {
             effects.entry(cause.id).or_default().push(group);
@@ -78,8 +78,8 @@ pub fn incidents<'a>(telling: impl Iterator<Item = &'a Group>) -> Vec<Incident<'
     // Groups that are causes of each other have no root; each such cycle starts at its earliest group.
     let roots = by_id.values().filter(|group| cause(group).is_none());
     for root in roots.chain(by_id.values()) {
-        let groups = below(root, &effects, &mut seen);
-        let of = |(depth, group): (usize, &'a Group)| IncidentFinding {
+        let groups = collect_effects(root, &effects, &mut seen);
+        let of = |(depth, group): (usize, &'a FindingGroup)| IncidentFinding {
             depth,
             group,
             members: members.get(&group.id).cloned().unwrap_or_default(),
@@ -96,14 +96,16 @@ pub fn incidents<'a>(telling: impl Iterator<Item = &'a Group>) -> Vec<Incident<'
 
 /// Groups that are printed, and the members of each by its id. If the first group of a fault is not printed,
 /// the next one represents the others.
-fn merged(all: BTreeMap<u64, &Group>) -> (BTreeMap<u64, &Group>, BTreeMap<u64, Vec<&Group>>) {
-    let mut printed: BTreeMap<u64, &Group> = BTreeMap::new();
-    let mut members: BTreeMap<u64, Vec<&Group>> = BTreeMap::new();
+fn merge_members(
+    all: BTreeMap<u64, &FindingGroup>,
+) -> (BTreeMap<u64, &FindingGroup>, BTreeMap<u64, Vec<&FindingGroup>>) {
+    let mut printed: BTreeMap<u64, &FindingGroup> = BTreeMap::new();
+    let mut members: BTreeMap<u64, Vec<&FindingGroup>> = BTreeMap::new();
     // An effect of another cause is not the same fault.
     let mut first: BTreeMap<(u64, Option<u64>), u64> = BTreeMap::new();
     for (id, group) in all {
         let cause = match group.cause {
-            Some(Cause::Group(cause)) => Some(cause),
+            Some(FindingCause::Group(cause)) => Some(cause),
             _ => None,
         };
         let first = *first.entry((group.member_of.unwrap_or(id), cause)).or_insert(id);
@@ -117,11 +119,11 @@ fn merged(all: BTreeMap<u64, &Group>) -> (BTreeMap<u64, &Group>, BTreeMap<u64, V
 }
 
 /// A group and all its consequences that are not yet in `seen`.
-fn below<'a>(
-    root: &'a Group,
-    effects: &BTreeMap<u64, Vec<&'a Group>>,
+fn collect_effects<'a>(
+    root: &'a FindingGroup,
+    effects: &BTreeMap<u64, Vec<&'a FindingGroup>>,
     seen: &mut BTreeSet<u64>,
-) -> Vec<(usize, &'a Group)> {
+) -> Vec<(usize, &'a FindingGroup)> {
     let mut found = Vec::new();
     let mut waiting = vec![(0, root)];
     while let Some((depth, group)) = waiting.pop() {
@@ -147,15 +149,15 @@ pub struct AbsorbedFindings<'a> {
 impl fmt::Display for AbsorbedFindings<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let rules: Vec<_> = self.rules.iter().copied().collect();
-        write!(f, "{} of other rules: {}", plural(self.count, "finding"), rules.join(", "))
+        write!(f, "{} of other rules: {}", count_noun(self.count, "finding"), rules.join(", "))
     }
 }
 
 /// Covered findings by the id of the covering group.
-pub fn absorbed(findings: &Findings) -> BTreeMap<u64, AbsorbedFindings<'_>> {
+pub fn absorbed_findings(findings: &CaptureFindings) -> BTreeMap<u64, AbsorbedFindings<'_>> {
     let mut all: BTreeMap<u64, AbsorbedFindings> = BTreeMap::new();
     for group in findings.groups.iter().filter(|group| group.is_absorbed && group.suppressed.is_none()) {
-        if let Some(Cause::Group(id)) = group.cause {
+        if let Some(FindingCause::Group(id)) = group.cause {
             let absorbed = all.entry(id).or_default();
             absorbed.count += 1;
             absorbed.rules.insert(&group.rule);
@@ -167,13 +169,13 @@ pub fn absorbed(findings: &Findings) -> BTreeMap<u64, AbsorbedFindings<'_>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::finding::{About, Key};
+    use crate::finding::{FindingSubject, GroupKey};
     use crate::frame::BusIndex;
 
-    fn group(id: u64, severity: Severity, cause: Option<u64>) -> Group {
-        Group {
+    fn group(id: u64, severity: Severity, cause: Option<u64>) -> FindingGroup {
+        FindingGroup {
             id,
-            key: Key { rule: 0, bus: BusIndex(0), node: None, about: About::Whole },
+            key: GroupKey { rule: 0, bus: BusIndex(0), node: None, about: FindingSubject::Whole },
             rule: "r".into(),
             bus: "can0".into(),
             node_name: None,
@@ -188,7 +190,7 @@ mod tests {
             lasts_to_end: false,
             first: Vec::new(),
             last: std::collections::VecDeque::new(),
-            cause: cause.map(Cause::Group),
+            cause: cause.map(FindingCause::Group),
             is_absorbed: false,
             member_of: None,
             scene: None,
@@ -198,9 +200,9 @@ mod tests {
         }
     }
 
-    fn reading(groups: Vec<Group>) -> Vec<Vec<(usize, u64)>> {
-        let findings = Findings { groups, ..Findings::default() };
-        let all = incidents(findings.counting());
+    fn reading(groups: Vec<FindingGroup>) -> Vec<Vec<(usize, u64)>> {
+        let findings = CaptureFindings { groups, ..CaptureFindings::default() };
+        let all = group_incidents(findings.reported_groups());
         all.iter()
             .map(|incident| incident.findings.iter().map(|it| (it.depth, it.group.id)).collect())
             .collect()

@@ -16,20 +16,20 @@ mod ranking;
 mod steps;
 
 pub(crate) use evidence::WIRING;
-pub use lines::{Label, StoryLine};
+pub use lines::{LineLabel, StoryLine};
 
 use std::sync::Arc;
 
-use self::incident::incidents;
-use self::plot::{Plot, plots};
-use self::ranking::ranking;
-use crate::finding::{Advice, Findings, Group, Occurrence, Severity};
+use self::incident::group_incidents;
+use self::plot::{StoryPlot, join_incidents};
+use self::ranking::load_ranking;
+use crate::finding::{Advice, CaptureFindings, FindingGroup, Occurrence, Severity};
 use crate::frame::{BusIndex, Timestamp};
 use crate::wire::NodeId;
 
 /// Context of a diagnosis.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Setting {
+pub struct DiagnosisContext {
     /// Timestamp of the first frame, the zero of printed times.
     pub zero: Option<Timestamp>,
     /// The capture ends at this requested moment: only stories that last, or ended up to [`RECENT`] before it.
@@ -47,12 +47,12 @@ pub struct Diagnosis {
     /// Stories with a warning or an error.
     pub stories: Vec<Story>,
     /// Findings that are notes only.
-    pub notes: Vec<Note>,
+    pub notes: Vec<FindingNote>,
 }
 
 /// A finding that is only a note.
 #[derive(Debug, Clone)]
-pub struct Note {
+pub struct FindingNote {
     /// The finding as one line.
     pub line: StoryLine,
     /// Ids of the findings, including those printed with the first one.
@@ -100,32 +100,36 @@ impl Story {
     }
 
     /// The cause, its effects and the steps, without evidence and manual.
-    pub fn brief(&self) -> impl Iterator<Item = &StoryLine> {
-        self.lines
-            .iter()
-            .take_while(|line| !matches!(line.label, Label::Disproved | Label::Unjudged | Label::Manual))
+    pub fn brief_lines(&self) -> impl Iterator<Item = &StoryLine> {
+        self.lines.iter().take_while(|line| {
+            !matches!(line.label, LineLabel::Disproved | LineLabel::Unjudged | LineLabel::Manual)
+        })
     }
 }
 
 impl Diagnosis {
     /// Diagnosis from those findings that count in the output.
-    pub fn of<'a>(
-        findings: &'a Findings,
-        counting: impl Iterator<Item = &'a Group>,
-        setting: Setting,
+    pub fn diagnose_findings<'a>(
+        findings: &'a CaptureFindings,
+        counting: impl Iterator<Item = &'a FindingGroup>,
+        setting: DiagnosisContext,
     ) -> Self {
         let has_several_buses = findings.groups.windows(2).any(|pair| match pair {
             [one, other] => one.key.bus != other.key.bus,
             _ => false,
         });
-        let page =
-            lines::Page { findings, zero: setting.zero, is_growing: setting.is_growing, has_several_buses };
+        let page = lines::DiagnosisPage {
+            findings,
+            zero: setting.zero,
+            is_growing: setting.is_growing,
+            has_several_buses,
+        };
         let mut diagnosis = Self::default();
-        for plot in plots(incidents(counting)) {
+        for plot in join_incidents(group_incidents(counting)) {
             if plot.severity() == Severity::Note {
-                diagnosis.notes.extend(note(&plot, &page));
+                diagnosis.notes.extend(build_note(&plot, &page));
             } else {
-                diagnosis.stories.extend(story(&plot, &page));
+                diagnosis.stories.extend(build_story(&plot, &page));
             }
         }
         if let Some(end) = setting.end {
@@ -133,9 +137,9 @@ impl Diagnosis {
                 .stories
                 .retain(|story| story.lasts || story.ended.time.is_none_or(|time| end.since(time) <= RECENT));
         }
-        diagnosis
-            .stories
-            .sort_by(|one, other| other.rank.total_cmp(&one.rank).then(order(one).cmp(&order(other))));
+        diagnosis.stories.sort_by(|one, other| {
+            other.rank.total_cmp(&one.rank).then(story_order(one).cmp(&story_order(other)))
+        });
         diagnosis
     }
 
@@ -156,40 +160,40 @@ impl Diagnosis {
 }
 
 /// `1 story`, `2 stories`.
-pub fn stories(count: usize) -> String {
+pub fn story_count(count: usize) -> String {
     if count == 1 { "1 story".to_owned() } else { format!("{count} stories") }
 }
 
-fn order(story: &Story) -> (Option<Timestamp>, u64) {
+fn story_order(story: &Story) -> (Option<Timestamp>, u64) {
     (story.began.time, story.began.frames.first)
 }
 
-fn note(plot: &Plot<'_>, page: &lines::Page<'_>) -> Option<Note> {
+fn build_note(plot: &StoryPlot<'_>, page: &lines::DiagnosisPage<'_>) -> Option<FindingNote> {
     let findings = plot.groups().map(|group| group.id).collect();
-    Some(Note { line: page.note(plot)?, findings, nodes: plot.nodes() })
+    Some(FindingNote { line: page.note_line(plot)?, findings, nodes: plot.nodes() })
 }
 
-fn story(plot: &Plot<'_>, page: &lines::Page<'_>) -> Option<Story> {
-    let root = plot.root()?;
-    let ranking = ranking();
-    let weights = plot.findings.iter().map(|it| ranking.weight(&it.group.rule, it.severity()));
+fn build_story(plot: &StoryPlot<'_>, page: &lines::DiagnosisPage<'_>) -> Option<Story> {
+    let root = plot.root_finding()?;
+    let ranking = load_ranking();
+    let weights = plot.findings.iter().map(|it| ranking.finding_weight(&it.group.rule, it.severity()));
     let all = || plot.groups();
-    let ended = all().map(Group::ended).max_by_key(|at| (at.time, at.frames.last));
-    let steps = steps::steps(plot);
-    let began = plot.fact.as_ref().map_or_else(|| root.began(), |fact| fact.at);
+    let ended = all().map(FindingGroup::last_occurrence).max_by_key(|at| (at.time, at.frames.last));
+    let steps = steps::propose_steps(plot);
+    let began = plot.fact.as_ref().map_or_else(|| root.first_occurrence(), |fact| fact.at);
     Some(Story {
         bus: root.key.bus,
         node: plot.fact.as_ref().and_then(|fact| fact.node).or(root.key.node),
         severity: plot.severity(),
-        is_cause_visible: plot.fact.is_some() || ranking.record(root).is_none(),
-        title: plot.fact.as_ref().map_or_else(|| page.title(root), |fact| page.fact(root, fact)),
+        is_cause_visible: plot.fact.is_some() || ranking.record_hint(root).is_none(),
+        title: plot.fact.as_ref().map_or_else(|| page.title_text(root), |fact| page.fact_text(root, fact)),
         findings: all().map(|group| group.id).collect(),
         rules: plot.findings.iter().map(|it| Arc::clone(&it.group.rule)).collect(),
         nodes: plot.nodes(),
         began,
-        ended: ended.unwrap_or_else(|| root.ended()),
+        ended: ended.unwrap_or_else(|| root.last_occurrence()),
         lasts: all().any(|group| group.lasts_to_end),
-        lines: page.lines(plot, &steps),
+        lines: page.story_lines(plot, &steps),
         steps,
         rank: weights.sum(),
     })

@@ -3,20 +3,20 @@
 use std::sync::Arc;
 
 use super::incident::{Incident, IncidentFinding};
-use crate::finding::{Cause, FactCause, Group, Severity};
+use crate::finding::{FactCause, FindingCause, FindingGroup, Severity};
 use crate::frame::BusIndex;
 use crate::wire::NodeId;
 
 /// Findings of one story: an incident, or all incidents with the same fact as their cause.
-pub(super) struct Plot<'a> {
+pub(super) struct StoryPlot<'a> {
     /// Fact that is the cause; else the first finding is the cause.
     pub(super) fact: Option<Arc<FactCause>>,
     pub(super) findings: Vec<IncidentFinding<'a>>,
 }
 
-impl<'a> Plot<'a> {
+impl<'a> StoryPlot<'a> {
     /// All findings, each followed by those printed with it.
-    pub(super) fn groups(&self) -> impl Iterator<Item = &'a Group> {
+    pub(super) fn groups(&self) -> impl Iterator<Item = &'a FindingGroup> {
         self.findings.iter().flat_map(|it| [it.group].into_iter().chain(it.members.iter().copied()))
     }
 
@@ -36,23 +36,23 @@ impl<'a> Plot<'a> {
     }
 
     /// The finding that is the cause, or the first effect of a fact.
-    pub(super) fn root(&self) -> Option<&Group> {
+    pub(super) fn root_finding(&self) -> Option<&FindingGroup> {
         self.findings.first().map(|finding| finding.group)
     }
 }
 
 /// Joins incidents with the same fact as their cause.
-pub(super) fn plots(incidents: Vec<Incident<'_>>) -> Vec<Plot<'_>> {
-    let mut plots: Vec<Plot<'_>> = Vec::new();
+pub(super) fn join_incidents(incidents: Vec<Incident<'_>>) -> Vec<StoryPlot<'_>> {
+    let mut plots: Vec<StoryPlot<'_>> = Vec::new();
     for incident in incidents {
         let fact = match incident.findings.first().and_then(|it| it.group.cause.as_ref()) {
-            Some(Cause::Fact(fact)) => Some(Arc::clone(fact)),
+            Some(FindingCause::Fact(fact)) => Some(Arc::clone(fact)),
             _ => None,
         };
         let known = plots.iter_mut().find(|plot| fact.is_some() && plot.fact == fact);
         match known {
             Some(plot) => plot.findings.extend(incident.findings),
-            None => plots.push(Plot { fact, findings: incident.findings }),
+            None => plots.push(StoryPlot { fact, findings: incident.findings }),
         }
     }
     plots

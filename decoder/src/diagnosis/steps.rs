@@ -1,36 +1,36 @@
 //! What to do now: steps from manual, rule and state machine.
 
-use super::plot::Plot;
-use crate::finding::{Advice, AdviceSource, Group};
+use super::plot::StoryPlot;
+use crate::finding::{Advice, AdviceSource, FindingGroup};
 use crate::profile;
 
 /// Maximum number of steps of a story.
 const COUNT: usize = 3;
 
 /// At most [`COUNT`] steps of a story, most likely cause first.
-pub(super) fn steps(plot: &Plot<'_>) -> Vec<Advice> {
+pub(super) fn propose_steps(plot: &StoryPlot<'_>) -> Vec<Advice> {
     let mut all = Vec::new();
     let Some(root) = plot.findings.first().map(|it| it.group) else { return all };
     if let Some(fact) = plot.fact.as_ref().filter(|fact| !fact.next.is_empty()) {
-        add(&mut all, &fact.next, "", AdviceSource::Rule);
+        add_step(&mut all, &fact.next, "", AdviceSource::Rule);
     }
-    advice(root, &mut all, |it| matches!(it.by, AdviceSource::Emcy | AdviceSource::Dtc));
+    add_advice(root, &mut all, |it| matches!(it.by, AdviceSource::Emcy | AdviceSource::Dtc));
     let is_of_device = root.rule.contains(':');
     if is_of_device {
-        rule(root, &mut all);
+        add_rule_step(root, &mut all);
     }
     if plot.findings.iter().any(|it| &*it.group.rule == LOST_SETTINGS) {
-        hints(LOST_SETTINGS, &mut all);
+        add_hints(LOST_SETTINGS, &mut all);
     }
-    advice(root, &mut all, |it| it.by == AdviceSource::Code);
-    hints(&root.rule, &mut all);
+    add_advice(root, &mut all, |it| it.by == AdviceSource::Code);
+    add_hints(&root.rule, &mut all);
     for finding in &plot.findings {
-        advice(finding.group, &mut all, |it| it.by == AdviceSource::State);
+        add_advice(finding.group, &mut all, |it| it.by == AdviceSource::State);
     }
-    rule(root, &mut all);
-    advice(root, &mut all, |it| it.by == AdviceSource::Gate);
+    add_rule_step(root, &mut all);
+    add_advice(root, &mut all, |it| it.by == AdviceSource::Gate);
     for finding in &plot.findings {
-        rule(finding.group, &mut all);
+        add_rule_step(finding.group, &mut all);
     }
     all.truncate(COUNT);
     all
@@ -39,11 +39,11 @@ pub(super) fn steps(plot: &Plot<'_>) -> Vec<Advice> {
 /// Rule of lost settings: its hint precedes those of the restart that lost them.
 const LOST_SETTINGS: &str = "config-lost";
 
-fn add(all: &mut Vec<Advice>, text: &str, section: &str, by: AdviceSource) {
+fn add_step(all: &mut Vec<Advice>, text: &str, section: &str, by: AdviceSource) {
     let text = match by {
         AdviceSource::Rule | AdviceSource::State | AdviceSource::General => text.to_owned(),
         AdviceSource::Emcy | AdviceSource::Dtc | AdviceSource::Gate | AdviceSource::Code => {
-            format!("check: {}", clause(text))
+            format!("check: {}", to_clause(text))
         }
     };
     if !all.iter().any(|known| known.text == text) {
@@ -52,7 +52,7 @@ fn add(all: &mut Vec<Advice>, text: &str, section: &str, by: AdviceSource) {
 }
 
 /// A sentence as a clause: `Measure the supply.` becomes `measure the supply`.
-fn clause(text: &str) -> String {
+fn to_clause(text: &str) -> String {
     let text = text.trim_end_matches('.');
     let mut letters = text.chars();
     let first = letters.next();
@@ -65,23 +65,23 @@ fn clause(text: &str) -> String {
 }
 
 /// Adds advice of the moment when the finding began.
-fn advice(group: &Group, all: &mut Vec<Advice>, is_wanted: impl Fn(&Advice) -> bool) {
+fn add_advice(group: &FindingGroup, all: &mut Vec<Advice>, is_wanted: impl Fn(&Advice) -> bool) {
     let known = group.scene.iter().flat_map(|scene| &scene.advice);
     for advice in known.filter(|advice| is_wanted(advice)) {
-        add(all, &advice.text, &advice.section, advice.by);
+        add_step(all, &advice.text, &advice.section, advice.by);
     }
 }
 
 /// Adds the next step that the rule proposes.
-fn rule(group: &Group, all: &mut Vec<Advice>) {
+fn add_rule_step(group: &FindingGroup, all: &mut Vec<Advice>) {
     if let Some(next) = &group.next_step {
-        add(all, next, "", AdviceSource::Rule);
+        add_step(all, next, "", AdviceSource::Rule);
     }
 }
 
-fn hints(rule: &str, all: &mut Vec<Advice>) {
+fn add_hints(rule: &str, all: &mut Vec<Advice>) {
     for text in profile::fault_hints(rule) {
-        add(all, text, "", AdviceSource::General);
+        add_step(all, text, "", AdviceSource::General);
     }
 }
 
@@ -91,9 +91,9 @@ mod tests {
 
     #[test]
     fn sentences_become_clauses() {
-        assert_eq!(clause("Measure the supply at the device."), "measure the supply at the device");
-        assert_eq!(clause("Check the outputs."), "the outputs");
-        assert_eq!(clause("EMCY 8305 first."), "EMCY 8305 first");
-        assert_eq!(clause(""), "");
+        assert_eq!(to_clause("Measure the supply at the device."), "measure the supply at the device");
+        assert_eq!(to_clause("Check the outputs."), "the outputs");
+        assert_eq!(to_clause("EMCY 8305 first."), "EMCY 8305 first");
+        assert_eq!(to_clause(""), "");
     }
 }

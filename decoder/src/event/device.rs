@@ -5,7 +5,7 @@ use std::sync::Arc;
 use strum::IntoStaticStr;
 
 use crate::profile::device::ProcedureStatus;
-use crate::profile::{Carrier, Effect, Persistence};
+use crate::profile::{Persistence, ValueCarrier, WriteEffect};
 use crate::wire::canopen::ObjectAddress;
 
 /// Source of a device assignment.
@@ -108,12 +108,12 @@ pub struct DeviceState {
     /// Control word that commanded the state.
     pub control: Option<u64>,
     /// Intermediate states and control words, if the command took several steps.
-    pub path: Option<Box<Path>>,
+    pub path: Option<Box<StatePath>>,
 }
 
 /// Steps to a commanded state.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Path {
+pub struct StatePath {
     /// States from the first to the current one.
     pub states: Vec<String>,
     /// Frames of the control words.
@@ -142,7 +142,7 @@ pub struct BitsChanged {
 
 /// Whether the device acts on a set point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Effective {
+pub enum EffectiveState {
     /// All gates are open.
     Yes,
     /// At least one gate is closed.
@@ -151,7 +151,7 @@ pub enum Effective {
     Unknown,
 }
 
-impl Effective {
+impl EffectiveState {
     /// The name used in all output.
     pub const fn name(self) -> &'static str {
         match self {
@@ -175,7 +175,7 @@ pub struct SetPoint {
     /// Output of the device.
     pub channel: Option<u8>,
     /// PDO or message that carried it.
-    pub carrier: Carrier,
+    pub carrier: ValueCarrier,
     /// Previous value, formatted.
     pub from: Option<Quantity>,
     /// New value, formatted.
@@ -185,7 +185,7 @@ pub struct SetPoint {
     /// The value depends on an assumed scale or mapping.
     pub assumed: bool,
     /// Whether the device acts on the set point.
-    pub effective: Effective,
+    pub effective: EffectiveState,
     /// Names of the closed gates, or of the gates in unknown state.
     pub gates: Vec<String>,
     /// Time to the SYNC that makes it effective, in ns.
@@ -275,7 +275,7 @@ pub struct ProcedureEvent {
 /// Two sources contradict each other about an object.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Conflict {
+pub struct SourceConflict {
     /// Address of the object.
     pub object: ObjectAddress,
     /// Name of the object.
@@ -318,7 +318,7 @@ pub struct ObjectChange {
     /// Reason for the change.
     pub origin: ChangeOrigin,
     /// Time of effect, if known.
-    pub effect: Option<Effect>,
+    pub effect: Option<WriteEffect>,
     /// Whether the value survives a restart, if known.
     pub persists: Option<Persistence>,
 }

@@ -1,6 +1,6 @@
 //! What events of several kinds have in common: figures of transfers (SDO, J1939 transport, ISO-TP, UDS), and errors.
 
-use super::{DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, MessageOutcome, Outcome};
+use super::{DtcAction, EmcyAction, Event, EventKind, ExchangeOutcome, MessageOutcome, SdoOutcome};
 
 /// Duration, size and outcome of a transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -17,7 +17,7 @@ pub struct TransferFigures {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TransferOutcome {
     /// Outcome of an SDO or J1939 transfer.
-    Transfer(Outcome),
+    Transfer(SdoOutcome),
     /// Outcome of an ISO-TP message.
     Message(MessageOutcome),
     /// Outcome of a UDS exchange.
@@ -50,18 +50,18 @@ impl TransferOutcome {
     /// Group of the outcome.
     pub const fn group(self) -> OutcomeGroup {
         match self {
-            Self::Transfer(Outcome::Complete)
+            Self::Transfer(SdoOutcome::Complete)
             | Self::Message(MessageOutcome::Complete)
             | Self::Exchange(
                 ExchangeOutcome::Positive | ExchangeOutcome::Suppressed | ExchangeOutcome::Unsolicited,
             ) => OutcomeGroup::Complete,
-            Self::Transfer(Outcome::Aborted)
+            Self::Transfer(SdoOutcome::Aborted)
             | Self::Message(MessageOutcome::Overflow)
             | Self::Exchange(ExchangeOutcome::Negative) => OutcomeGroup::Refused,
-            Self::Transfer(Outcome::Timeout)
+            Self::Transfer(SdoOutcome::Timeout)
             | Self::Message(MessageOutcome::Timeout | MessageOutcome::NoFlowControl)
             | Self::Exchange(ExchangeOutcome::NoAnswer) => OutcomeGroup::TimedOut,
-            Self::Transfer(Outcome::Superseded | Outcome::Incomplete | Outcome::Unfinished)
+            Self::Transfer(SdoOutcome::Superseded | SdoOutcome::Incomplete | SdoOutcome::Unfinished)
             | Self::Message(
                 MessageOutcome::Superseded | MessageOutcome::Incomplete | MessageOutcome::Unfinished,
             )
@@ -103,10 +103,10 @@ impl Event {
             | EventKind::MessageGap(_) => true,
             EventKind::DeviceState(state) => state.fault,
             EventKind::SdoTransfer(transfer) => {
-                matches!(transfer.outcome, Outcome::Aborted | Outcome::Timeout)
+                matches!(transfer.outcome, SdoOutcome::Aborted | SdoOutcome::Timeout)
             }
             EventKind::J1939Transfer(transfer) => {
-                !matches!(transfer.outcome, Outcome::Complete | Outcome::Unfinished)
+                !matches!(transfer.outcome, SdoOutcome::Complete | SdoOutcome::Unfinished)
             }
             EventKind::UdsExchange(exchange) => {
                 matches!(exchange.outcome, ExchangeOutcome::Negative | ExchangeOutcome::NoAnswer)

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use super::Outcome;
+use super::SdoOutcome;
 use crate::frame::{CanId, MAX_DATA};
-use crate::profile::Layout;
-use crate::wire::j1939::{self, J1939Id, Name, Pgn};
+use crate::profile::PayloadLayout;
+use crate::wire::j1939::{self, J1939Id, J1939Name, Pgn};
 
 /// A single-frame message; signals are decoded on demand.
 #[derive(Debug, Clone)]
@@ -22,7 +22,7 @@ pub struct J1939Message {
     /// Payload, padded; see `length`.
     pub bytes: [u8; MAX_DATA],
     /// Layout of the signals, if known.
-    pub layout: Option<Arc<Layout>>,
+    pub layout: Option<Arc<PayloadLayout>>,
 }
 
 impl J1939Message {
@@ -59,7 +59,7 @@ impl TransportMode {
 
 /// Time-out of a transport protocol.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Timer {
+pub enum TransportTimer {
     /// 750 ms: next packet (J1939-21 §5.10.2.4; also T2 to Th).
     T1,
     /// 1,250 ms: first packet after a clear to send.
@@ -78,7 +78,7 @@ pub enum Timer {
     NCr,
 }
 
-impl Timer {
+impl TransportTimer {
     /// The name used in all output.
     pub const fn name(self) -> &'static str {
         match self {
@@ -136,13 +136,13 @@ pub struct J1939Transfer {
     /// `data` is incomplete: over the limit, or packets are missing.
     pub truncated: bool,
     /// Layout of the signals, if known and the data is complete.
-    pub layout: Option<Arc<Layout>>,
+    pub layout: Option<Arc<PayloadLayout>>,
     /// Time from first to last frame, in ns.
     pub duration: Option<i64>,
     /// Result of the transfer.
-    pub outcome: Outcome,
+    pub outcome: SdoOutcome,
     /// Time-out that ended it.
-    pub timer: Option<Timer>,
+    pub timer: Option<TransportTimer>,
     /// Abort that ended it.
     pub abort: Option<TransportAbort>,
     /// The first frames are not in the capture.
@@ -185,7 +185,7 @@ impl IrregularityKind {
 /// An irregularity within a transfer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Irregularity {
+pub struct TransferIrregularity {
     /// Kind of irregularity.
     pub what: IrregularityKind,
     /// Name of the message: `TP.CM_CTS`, `consecutive frame`.
@@ -201,7 +201,7 @@ pub struct Irregularity {
     /// Number of the packet expected.
     pub expected: Option<u32>,
     /// Expired time-out.
-    pub timer: Option<Timer>,
+    pub timer: Option<TransportTimer>,
     /// Actual time in ns.
     pub delay: Option<i64>,
 }
@@ -275,11 +275,11 @@ impl ClaimAction {
 
 /// Two devices claim the same address.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Contention {
+pub struct AddressConflict {
     /// NAME of the other device.
-    pub other: Name,
+    pub other: J1939Name,
     /// Lower of the two NAMEs.
-    pub winner: Name,
+    pub winner: J1939Name,
 }
 
 /// An address claim (J1939-81 §4.2.2).
@@ -289,13 +289,13 @@ pub struct AddressClaim {
     /// Result of the claim.
     pub action: ClaimAction,
     /// NAME of the claiming device.
-    pub name: Name,
+    pub name: J1939Name,
     /// Claimed address; 254 for cannot claim.
     pub source: u8,
     /// Previous address of the device.
     pub from: Option<u8>,
     /// Contention with another device for the address.
-    pub contention: Option<Contention>,
+    pub contention: Option<AddressConflict>,
     /// Frame of the commanded address that caused the claim; 0 if none.
     pub commanded: u64,
 }
@@ -305,7 +305,7 @@ pub struct AddressClaim {
 #[non_exhaustive]
 pub struct CommandedAddress {
     /// NAME of the commanded device.
-    pub name: Name,
+    pub name: J1939Name,
     /// New address.
     pub address: u8,
     /// Address of the commander.

@@ -5,25 +5,26 @@ use std::sync::Arc;
 use strum::{EnumCount, EnumDiscriminants, EnumMessage, EnumProperty, IntoStaticStr, VariantArray};
 
 use super::device::{
-    BitsChanged, Conflict, DeviceState, ModeChange, NodeIdentified, ObjectChange, ProcedureEvent, SetPoint,
+    BitsChanged, DeviceState, ModeChange, NodeIdentified, ObjectChange, ProcedureEvent, SetPoint,
+    SourceConflict,
 };
 use super::evicted::EvictedState;
 use super::finding::FindingNews;
 use super::j1939::{
-    AddressClaim, CommandedAddress, Dtc, Irregularity, J1939Acknowledgement, J1939Message, J1939Request,
-    J1939Transfer, MessageGap,
+    AddressClaim, CommandedAddress, Dtc, J1939Acknowledgement, J1939Message, J1939Request, J1939Transfer,
+    MessageGap, TransferIrregularity,
 };
-use super::node::{BootCause, Emergency, NodeIdSource, Silence, StateChange};
-use super::transfer::{Pdo, SdoTransfer};
+use super::node::{BootCause, Emergency, NodeIdSource, NodeSilence, StateChange};
+use super::transfer::{DecodedPdo, SdoTransfer};
 use super::uds::{IsoTpTransfer, UdsExchange};
-use super::undecoded::Undecoded;
+use super::undecoded::UndecodedFrame;
 use crate::frame::LinkState;
-use crate::wire::Malformed;
+use crate::wire::MalformedPayload;
 use crate::wire::canopen::NmtState;
-use crate::wire::canopen::lss::Content;
+use crate::wire::canopen::lss::LssContent;
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::canopen::test_marker::TestMarker;
-use crate::wire::error_frame::ErrorFrame;
+use crate::wire::error_frame::ErrorFrameFields;
 
 /// Kind of an event with its data.
 ///
@@ -59,9 +60,9 @@ pub enum EventKind {
     #[strum_discriminants(strum(props(single_frame = true)))]
     GuardReply { state: Option<NmtState>, code: u8, toggle: bool, toggle_error: bool },
     /// A monitored node fell silent.
-    NodeLost(Silence),
+    NodeLost(NodeSilence),
     /// A lost node was received again.
-    NodeBack(Silence),
+    NodeBack(NodeSilence),
     /// A SYNC message.
     #[strum_discriminants(strum(props(single_frame = true)))]
     Sync { counter: Option<u8>, expected: Option<u8> },
@@ -73,12 +74,12 @@ pub enum EventKind {
     Emcy(Emergency),
     /// A PDO, or a remote request for one.
     #[strum_discriminants(strum(props(single_frame = true)))]
-    Pdo(Pdo),
+    Pdo(DecodedPdo),
     /// A complete SDO transfer.
     SdoTransfer(Box<SdoTransfer>),
     /// An LSS message.
     #[strum_discriminants(strum(props(single_frame = true)))]
-    Lss { command: u8, from_master: bool, content: Content },
+    Lss { command: u8, from_master: bool, content: LssContent },
     /// A node changed its node-ID.
     NodeIdChange { from: Option<u8>, to: u8, by: NodeIdSource },
     /// The device of a node was identified.
@@ -94,18 +95,18 @@ pub enum EventKind {
     /// A procedure of a device started, advanced or ended.
     Procedure(Box<ProcedureEvent>),
     /// Two sources contradict each other about an object.
-    Conflict(Box<Conflict>),
+    Conflict(Box<SourceConflict>),
     /// A value in the object store changed.
     ObjectChange(Box<ObjectChange>),
     /// An error reported by the CAN controller.
     #[strum_discriminants(strum(props(single_frame = true)))]
-    CanError(ErrorFrame),
+    CanError(ErrorFrameFields),
     /// A frame that belongs to no known protocol.
     #[strum_discriminants(strum(props(single_frame = true)))]
-    Frame(Undecoded),
+    Frame(UndecodedFrame),
     /// A message too short for its service, or with an undefined command.
     #[strum_discriminants(strum(props(single_frame = true)))]
-    Malformed { error: Malformed, reason: &'static str },
+    Malformed { error: MalformedPayload, reason: &'static str },
     /// State was evicted to keep memory bounded.
     Evicted { what: EvictedState, count: u64 },
     /// Timestamps went backwards, or the clock was set forward during a live capture.
@@ -140,7 +141,7 @@ pub enum EventKind {
     /// A message was later than the device manual permits.
     MessageGap(Box<MessageGap>),
     /// An irregularity that does not end a transfer: a gap, a duplicate, a late response.
-    TransportIrregularity(Box<Irregularity>),
+    TransportIrregularity(Box<TransferIrregularity>),
     /// A complete ISO-TP message, single-frame or multi-frame.
     #[strum_discriminants(strum(serialize = "isotp-transfer"))]
     IsoTpTransfer(Box<IsoTpTransfer>),

@@ -18,29 +18,31 @@ mod uds;
 mod undecoded;
 
 pub use device::{
-    AssignedBy, BitsChanged, ChangeOrigin, Conflict, DeviceCause, DeviceState, Effective, ModeChange,
-    NodeIdentified, ObjectChange, Path, ProcedureEvent, ProcedurePhase, Quantity, SetPoint,
+    AssignedBy, BitsChanged, ChangeOrigin, DeviceCause, DeviceState, EffectiveState, ModeChange,
+    NodeIdentified, ObjectChange, ProcedureEvent, ProcedurePhase, Quantity, SetPoint, SourceConflict,
+    StatePath,
 };
 pub use evicted::EvictedState;
 pub use figures::{OutcomeGroup, TransferFigures, TransferOutcome};
 pub use finding::FindingNews;
 pub use frame_range::FrameRange;
 pub use j1939::{
-    AddressClaim, ClaimAction, CommandedAddress, Contention, Dtc, DtcAction, Irregularity, IrregularityKind,
-    J1939Acknowledgement, J1939Message, J1939Request, J1939Transfer, MessageGap, Timer, TransportAbort,
-    TransportMode,
+    AddressClaim, AddressConflict, ClaimAction, CommandedAddress, Dtc, DtcAction, IrregularityKind,
+    J1939Acknowledgement, J1939Message, J1939Request, J1939Transfer, MessageGap, TransferIrregularity,
+    TransportAbort, TransportMode, TransportTimer,
 };
 pub use kind::{EventKind, Kind};
 pub use kind_set::KindSet;
 pub use node::{
-    BootCause, ByteOrderSource, Certainty, EmcyAction, Emergency, NodeIdSource, PowerSign, Silence,
-    StateCause, StateChange,
+    BootCause, ByteOrderSource, EmcyAction, Emergency, NodeIdSource, NodeSilence, PowerSign, StateCause,
+    StateCertainty, StateChange,
 };
 pub use transfer::{
-    Abort, Crc, DataRange, Direction, Mode, Outcome, Pdo, SdoIrregularity, SdoIrregularityKind, SdoTransfer,
+    CrcCheck, DataRange, DecodedPdo, SdoAbort, SdoDirection, SdoIrregularity, SdoIrregularityKind, SdoMode,
+    SdoOutcome, SdoTransfer,
 };
-pub use uds::{Endpoints, ExchangeOutcome, IsoTpTransfer, Message, MessageOutcome, UdsExchange};
-pub use undecoded::Undecoded;
+pub use uds::{ExchangeOutcome, IsoTpTransfer, MessageOutcome, UdsEndpoints, UdsExchange, UdsMessage};
+pub use undecoded::UndecodedFrame;
 
 pub use crate::profile::device::MonitoringMethod;
 
@@ -50,7 +52,7 @@ use crate::wire::NodeId;
 /// Protocol of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Protocol {
+pub enum EventProtocol {
     /// The CAN bus itself: errors, silence, clocks, frames of no known protocol.
     Can,
     /// CiA 301 and CiA 305.
@@ -74,7 +76,7 @@ pub struct Event {
     /// Frames of the event.
     pub frames: FrameRange,
     /// Protocol of the event.
-    pub protocol: Protocol,
+    pub protocol: EventProtocol,
     /// Node of the event, if any.
     pub node: Option<NodeId>,
     /// Decoded as CANopen without evidence that the bus uses it.
@@ -92,7 +94,7 @@ impl Event {
             time: None,
             bus,
             frames,
-            protocol: Protocol::Can,
+            protocol: EventProtocol::Can,
             node: None,
             presumed: false,
             routine: false,
@@ -102,7 +104,7 @@ impl Event {
 
     /// Creates the event of a frame that no protocol explains.
     pub fn undecoded(frame: &Frame) -> Self {
-        let kind = EventKind::Frame(Undecoded { frame: *frame, name: None, message: None });
+        let kind = EventKind::Frame(UndecodedFrame { frame: *frame, name: None, message: None });
         Self { time: frame.time, ..Self::new(frame.bus, FrameRange::one(frame.number), kind) }
     }
 }

@@ -5,7 +5,7 @@ use strum::IntoStaticStr;
 use crate::frame::CanId;
 use crate::profile::device::MonitoringMethod;
 use crate::wire::canopen::NmtState;
-use crate::wire::canopen::emcy::ByteOrder;
+use crate::wire::canopen::emcy::EmcyByteOrder;
 
 /// Evidence for the NMT state of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,7 +49,7 @@ impl StateCause {
 
 /// Certainty of a state; NMT commands are never acknowledged (CiA 301).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Certainty {
+pub enum StateCertainty {
     /// Follows from a command only.
     Presumed,
     /// Reported or shown by the node itself.
@@ -71,7 +71,7 @@ pub struct StateChange {
     /// Time since the command that this confirms, in ns.
     pub after: Option<i64>,
     /// Certainty of the new state.
-    pub certainty: Certainty,
+    pub certainty: StateCertainty,
 }
 
 /// Reason for a boot-up.
@@ -120,7 +120,7 @@ impl PowerSign {
 /// Silence of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Silence {
+pub struct NodeSilence {
     /// Last frame received from the node.
     pub last_frame: u64,
     /// Last state of the node.
@@ -236,7 +236,7 @@ pub struct Emergency {
     /// Number of active errors after the message.
     pub active: u16,
     /// Active byte order.
-    pub byte_order: ByteOrder,
+    pub byte_order: EmcyByteOrder,
     /// Source of the byte order.
     pub byte_order_by: ByteOrderSource,
     /// Code in the other byte order, if only that one is a code of the device.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::{Event, EventKind};
-use crate::profile::{Layout, Signal};
+use crate::profile::{DecodedSignal, PayloadLayout};
 
 impl Event {
     /// Values of a PDO, of a J1939 message, or of a frame that a database describes. Empty for all other
@@ -24,12 +24,12 @@ impl Event {
     /// # let _ = lines;
     /// # Ok::<(), cobscope_decoder::ReadingError>(())
     /// ```
-    pub fn signals(&self) -> impl Iterator<Item = Signal<'_>> {
-        self.laid_out().into_iter().flat_map(|(layout, payload)| layout.signals(payload))
+    pub fn decode_signals(&self) -> impl Iterator<Item = DecodedSignal<'_>> {
+        self.laid_out().into_iter().flat_map(|(layout, payload)| layout.decode_signals(payload))
     }
 
     /// Layout and payload of the values in the event.
-    pub(crate) fn laid_out(&self) -> Option<(&Arc<Layout>, &[u8])> {
+    pub(crate) fn laid_out(&self) -> Option<(&Arc<PayloadLayout>, &[u8])> {
         match &self.kind {
             EventKind::Pdo(pdo) if !pdo.is_request => Some((pdo.layout.as_ref()?, pdo.payload())),
             EventKind::J1939Message(message) => Some((message.layout.as_ref()?, message.payload())),

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use crate::frame::{CanId, MAX_DATA};
-use crate::profile::{Effect, Layout, Meaning, PdoName, Persistence};
+use crate::profile::{ObjectMeaning, PayloadLayout, PdoName, Persistence, WriteEffect};
 use crate::wire::canopen::ObjectAddress;
 
 /// A PDO with layout and payload; signals are decoded on demand.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
-pub struct Pdo {
+pub struct DecodedPdo {
     /// Direction and number of the PDO.
     pub name: PdoName,
     /// COB-ID of the PDO.
@@ -21,10 +21,10 @@ pub struct Pdo {
     /// Payload, padded; see `length`.
     pub bytes: [u8; MAX_DATA],
     /// Layout of the signals, if known.
-    pub layout: Option<Arc<Layout>>,
+    pub layout: Option<Arc<PayloadLayout>>,
 }
 
-impl Pdo {
+impl DecodedPdo {
     /// Payload without padding; empty for a request.
     pub fn payload(&self) -> &[u8] {
         let length = if self.is_request { 0 } else { usize::from(self.length) };
@@ -33,14 +33,14 @@ impl Pdo {
 
     /// First eight bytes as a number, least significant byte first; bytes beyond the payload are 0.
     #[inline]
-    pub fn word(&self) -> u64 {
+    pub fn first_word(&self) -> u64 {
         self.bytes.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes))
     }
 }
 
 /// Direction of an SDO transfer, as defined in CiA 301.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Direction {
+pub enum SdoDirection {
     /// The client reads.
     Upload,
     /// The client writes.
@@ -49,7 +49,7 @@ pub enum Direction {
 
 /// Kind of SDO transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mode {
+pub enum SdoMode {
     /// Data in the initiate message.
     Expedited,
     /// Confirmed segments.
@@ -61,7 +61,7 @@ pub enum Mode {
 /// Result of a transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Outcome {
+pub enum SdoOutcome {
     /// Completed correctly.
     Complete,
     /// Ended by an abort message.
@@ -76,7 +76,7 @@ pub enum Outcome {
     Unfinished,
 }
 
-impl Outcome {
+impl SdoOutcome {
     /// The name used in all output.
     pub const fn name(self) -> &'static str {
         match self {
@@ -92,7 +92,7 @@ impl Outcome {
 
 /// CRC check of a block transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Crc {
+pub enum CrcCheck {
     /// Offered by client and server, and equal to that of the data.
     Correct,
     /// Offered by client and server, but different from that of the data.
@@ -103,7 +103,7 @@ pub enum Crc {
     Unchecked,
 }
 
-impl Crc {
+impl CrcCheck {
     /// The name used in all output.
     pub const fn name(self) -> &'static str {
         match self {
@@ -117,7 +117,7 @@ impl Crc {
 
 /// An abort message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Abort {
+pub struct SdoAbort {
     /// Abort code.
     pub code: u32,
     /// Sent by the client, not by the server.
@@ -186,9 +186,9 @@ pub struct SdoTransfer {
     /// Node-ID of the client, if configured.
     pub client: Option<u8>,
     /// Upload or download; None if the start is not in the capture.
-    pub direction: Option<Direction>,
+    pub direction: Option<SdoDirection>,
     /// Kind of transfer; None if the start is not in the capture.
-    pub mode: Option<Mode>,
+    pub mode: Option<SdoMode>,
     /// Address of the object; None if the start is not in the capture.
     pub object: Option<ObjectAddress>,
     /// Number of bytes transferred; in a failed transfer, up to the last one seen.
@@ -196,9 +196,9 @@ pub struct SdoTransfer {
     /// Bytes of `size` that are missing in the capture.
     pub unseen: u64,
     /// Meaning of the value, if known.
-    pub meaning: Option<Arc<Meaning>>,
+    pub meaning: Option<Arc<ObjectMeaning>>,
     /// Time of effect of a write, if known.
-    pub effect: Option<Effect>,
+    pub effect: Option<WriteEffect>,
     /// Whether a written value survives a restart, if known.
     pub persists: Option<Persistence>,
     /// Announced size in bytes, if any.
@@ -225,11 +225,11 @@ pub struct SdoTransfer {
     /// without timestamps.
     pub waited: Option<i64>,
     /// Result of the transfer.
-    pub outcome: Outcome,
+    pub outcome: SdoOutcome,
     /// Abort message, if any.
-    pub abort: Option<Abort>,
+    pub abort: Option<SdoAbort>,
     /// CRC of a block transfer.
-    pub crc: Option<Crc>,
+    pub crc: Option<CrcCheck>,
     /// First protocol violation, if any.
     pub irregularity: Option<SdoIrregularity>,
     /// Time in ns from the request to the next one of the client, which did not wait for the response.
@@ -258,7 +258,7 @@ impl SdoTransfer {
     }
 
     /// Bytes captured.
-    pub fn seen(&self) -> u64 {
+    pub fn captured_bytes(&self) -> u64 {
         self.size.saturating_sub(self.unseen)
     }
 
@@ -267,6 +267,6 @@ impl SdoTransfer {
         let announced = self.announced.map_or(0, u64::from);
         let whole = self.size.max(announced);
         let is_partial = self.missing_segments > 0 || self.unseen > 0 || self.cut_end && !self.cut_start;
-        Some((self.seen(), whole)).filter(|(seen, whole)| is_partial && seen < whole && *whole > 0)
+        Some((self.captured_bytes(), whole)).filter(|(seen, whole)| is_partial && seen < whole && *whole > 0)
     }
 }

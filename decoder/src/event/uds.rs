@@ -2,15 +2,15 @@
 
 use std::sync::Arc;
 
-use super::{FrameRange, Timer};
+use super::{FrameRange, TransportTimer};
 use crate::frame::CanId;
-use crate::profile::{DataType, Effect, Meaning, Value, ValueIn, uds};
-use crate::wire::canopen::emcy::ByteOrder;
-use crate::wire::uds::SubFunction;
+use crate::profile::{DataType, DecodedValue, ObjectMeaning, ValueIn, WriteEffect, uds_names};
+use crate::wire::canopen::emcy::EmcyByteOrder;
+use crate::wire::uds::UdsSubFunction;
 
 /// Addresses of sender and receiver.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Endpoints {
+pub struct UdsEndpoints {
     /// Address of the sender, with its net in bits 10..8; None for identifiers of the bus file.
     pub source: Option<u16>,
     /// Address of the receiver, in the same form.
@@ -55,10 +55,10 @@ impl MessageOutcome {
     }
 
     /// Time-out that ended the message.
-    pub const fn timer(self) -> Option<Timer> {
+    pub const fn timer(self) -> Option<TransportTimer> {
         match self {
-            Self::NoFlowControl => Some(Timer::NBs),
-            Self::Timeout => Some(Timer::NCr),
+            Self::NoFlowControl => Some(TransportTimer::NBs),
+            Self::Timeout => Some(TransportTimer::NCr),
             _ => None,
         }
     }
@@ -69,7 +69,7 @@ impl MessageOutcome {
 #[non_exhaustive]
 pub struct IsoTpTransfer {
     /// Sender and receiver.
-    pub ends: Endpoints,
+    pub ends: UdsEndpoints,
     /// Identifier of the data frames.
     pub id: CanId,
     /// Identifier of the flow control frames, if any were seen.
@@ -130,7 +130,7 @@ impl ExchangeOutcome {
 
 /// A UDS message with its service identifier.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Message {
+pub struct UdsMessage {
     /// Identifier of the frames.
     pub id: CanId,
     /// Message bytes, up to the storage limit.
@@ -148,23 +148,23 @@ pub struct Message {
 #[non_exhaustive]
 pub struct UdsExchange {
     /// Client (source) and server (target).
-    pub ends: Endpoints,
+    pub ends: UdsEndpoints,
     /// Service identifier of the request.
     pub service: u8,
     /// Sub-function.
-    pub sub_function: Option<SubFunction>,
+    pub sub_function: Option<UdsSubFunction>,
     /// Data or routine identifier.
     pub identifier: Option<u16>,
     /// Meaning of the identifier in the device profile.
-    pub meaning: Option<Arc<Meaning>>,
+    pub meaning: Option<Arc<ObjectMeaning>>,
     /// Time of effect of a write according to the profile.
-    pub effect: Option<Effect>,
+    pub effect: Option<WriteEffect>,
     /// Byte order of numbers and identifiers.
-    pub order: ByteOrder,
+    pub order: EmcyByteOrder,
     /// The request, if it was seen.
-    pub request: Option<Message>,
+    pub request: Option<UdsMessage>,
     /// Final response, if any.
-    pub response: Option<Message>,
+    pub response: Option<UdsMessage>,
     /// Result of the request.
     pub outcome: ExchangeOutcome,
     /// Negative response code.
@@ -181,8 +181,8 @@ impl UdsExchange {
     /// Bytes of the value that is read or written. None if the service has no value, or several values
     /// without visible boundaries.
     pub fn value(&self) -> Option<&[u8]> {
-        let service = uds().service(self.service)?;
-        let whole = |message: &Option<Message>| message.as_ref().is_some_and(|it| !it.truncated);
+        let service = uds_names().service_by_id(self.service)?;
+        let whole = |message: &Option<UdsMessage>| message.as_ref().is_some_and(|it| !it.truncated);
         let (message, shape) = match service.value_in()? {
             ValueIn::Request if whole(&self.request) => (self.request.as_ref()?, service.request()),
             ValueIn::Response if self.outcome == ExchangeOutcome::Positive && whole(&self.response) => {
@@ -201,29 +201,29 @@ impl UdsExchange {
     pub fn name(&self) -> Option<&str> {
         match &self.meaning {
             Some(meaning) => Some(&meaning.name),
-            None => self.identifier.and_then(|id| uds().identifier(id)),
+            None => self.identifier.and_then(|id| uds_names().identifier_name(id)),
         }
     }
 
     /// Value as described in the profile, else text if all bytes are printable.
-    pub fn decoded(&self) -> Option<Value> {
+    pub fn decoded_value(&self) -> Option<DecodedValue> {
         let value = self.value()?;
         match self.meaning.as_deref() {
             Some(meaning) if meaning.data_type.is_some_and(DataType::is_integer) => {
                 let mut bytes = value.to_vec();
-                if self.order == ByteOrder::MsbFirst {
+                if self.order == EmcyByteOrder::MsbFirst {
                     bytes.reverse();
                 }
                 Some(meaning.decode(&bytes))
             }
             Some(meaning) if meaning.data_type.is_some() => Some(meaning.decode(value)),
-            _ => text(value),
+            _ => printable_text(value),
         }
     }
 }
 
 /// Bytes as text, if all are printable except for padding at the end.
-fn text(value: &[u8]) -> Option<Value> {
+fn printable_text(value: &[u8]) -> Option<DecodedValue> {
     let end = value.iter().rposition(|byte| !matches!(byte, 0 | 0xFF))?;
     let characters = value.get(..=end)?;
     let printable = characters.iter().all(|byte| byte.is_ascii_graphic() || *byte == b' ');
@@ -234,10 +234,10 @@ fn text(value: &[u8]) -> Option<Value> {
 mod tests {
     use super::*;
 
-    fn message(data: &[u8]) -> Message {
+    fn message(data: &[u8]) -> UdsMessage {
         let frames = FrameRange::one(1);
-        Message {
-            id: CanId::standard(1),
+        UdsMessage {
+            id: CanId::from_standard(1),
             data: data.into(),
             size: data.len() as u64,
             truncated: false,
@@ -246,7 +246,7 @@ mod tests {
     }
 
     fn exchange(request: &[u8], response: &[u8]) -> UdsExchange {
-        let ends = Endpoints { source: None, target: None, functional: false, server: None };
+        let ends = UdsEndpoints { source: None, target: None, functional: false, server: None };
         UdsExchange {
             ends,
             service: request[0],
@@ -254,7 +254,7 @@ mod tests {
             identifier: Some(0xF190),
             meaning: None,
             effect: None,
-            order: ByteOrder::MsbFirst,
+            order: EmcyByteOrder::MsbFirst,
             request: Some(message(request)),
             response: Some(message(response)),
             outcome: ExchangeOutcome::Positive,
@@ -269,10 +269,10 @@ mod tests {
     fn a_value_is_in_the_request_or_in_the_response() {
         let read = exchange(&[0x22, 0xF1, 0x90], b"\x62\xF1\x90WAUZ\0");
         assert_eq!(read.value(), Some(&b"WAUZ\0"[..]));
-        assert_eq!(read.decoded(), Some(Value::Text("WAUZ".into())));
+        assert_eq!(read.decoded_value(), Some(DecodedValue::Text("WAUZ".into())));
         assert_eq!(read.name(), Some("VIN"));
         let written = exchange(&[0x2E, 0xF1, 0x90, 7, 8], &[0x6E, 0xF1, 0x90]);
-        assert_eq!((written.value(), written.decoded()), (Some(&[7, 8][..]), None));
+        assert_eq!((written.value(), written.decoded_value()), (Some(&[7, 8][..]), None));
         // Two identifiers in one request: the boundary between their values is unknown.
         assert_eq!(exchange(&[0x22, 0xF1, 0x90, 0xF1, 0x8C], &[0x62, 0xF1, 0x90, 1]).value(), None);
         assert_eq!(exchange(&[0x3E, 0], &[0x7E, 0]).value(), None);
@@ -281,10 +281,11 @@ mod tests {
     #[test]
     fn numbers_have_an_order() {
         let mut read = exchange(&[0x22, 0x10, 0x01], &[0x62, 0x10, 0x01, 0x01, 0x02]);
-        let meaning = Meaning { data_type: Some(DataType::unsigned(16)), ..Meaning::default() };
+        let meaning =
+            ObjectMeaning { data_type: Some(DataType::unsigned_of(16)), ..ObjectMeaning::default() };
         read.meaning = Some(Arc::new(meaning));
-        assert_eq!(read.decoded(), Some(Value::Unsigned(0x0102)));
-        read.order = ByteOrder::LsbFirst;
-        assert_eq!(read.decoded(), Some(Value::Unsigned(0x0201)));
+        assert_eq!(read.decoded_value(), Some(DecodedValue::Unsigned(0x0102)));
+        read.order = EmcyByteOrder::LsbFirst;
+        assert_eq!(read.decoded_value(), Some(DecodedValue::Unsigned(0x0201)));
     }
 }

@@ -8,7 +8,7 @@ use crate::profile::dbc::DatabaseMessage;
 /// A frame that does not belong to a message of any known protocol.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
-pub struct Undecoded {
+pub struct UndecodedFrame {
     /// The frame itself.
     pub frame: Frame,
     /// Name of its service, if only that is known.

@@ -1,6 +1,6 @@
 //! Findings: defects reported by rules, and counts of all checks.
 //!
-//! Occurrences with the same rule, bus, node and subject form one [`Group`]. This key is also the fingerprint
+//! Occurrences with the same rule, bus, node and subject form one [`FindingGroup`]. This key is also the fingerprint
 //! in baselines and SARIF.
 
 pub mod phrase;
@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
 use std::sync::Arc;
 
-pub use self::scene::{Advice, AdviceSource, Alive, CommandStream, Scene};
+pub use self::scene::{Advice, AdviceSource, CommandStream, FindingScene, SceneLifeSign};
 pub use crate::profile::device::Severity;
 
 use crate::event::{FindingNews, FrameRange};
@@ -54,7 +54,7 @@ impl RuleOrigin {
 /// Findings of a rule at one node that are printed as one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
-pub enum Merge {
+pub enum MergedFindings {
     /// Each subject is its own finding.
     Subject,
     /// Subindices of one object index.
@@ -76,7 +76,7 @@ pub struct RuleInfo {
     pub title: Arc<str>,
     /// Documentation in Markdown: headings and paragraphs.
     pub explanation: Arc<str>,
-    /// What a capture must contain for a verdict of the rule. In [`Findings`] of a capture without one: what
+    /// What a capture must contain for a verdict of the rule. In [`CaptureFindings`] of a capture without one: what
     /// was missing.
     pub needs: Arc<str>,
     /// Cases of CiA's conformance test plan that the rule checks, such as `9.4`.
@@ -88,7 +88,7 @@ pub struct RuleInfo {
     /// The rule checks times. Skipped if the capture has no usable timestamps.
     pub is_timing: bool,
     /// Which of its findings are printed as one, if they have the same reason.
-    pub merge: Merge,
+    pub merge: MergedFindings,
     /// Whether the rule is active.
     pub is_on: bool,
     /// KIND column of its events in text output.
@@ -103,7 +103,7 @@ pub struct RuleInfo {
 /// Subject of a finding within a node or bus.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
-pub enum About {
+pub enum FindingSubject {
     /// The node or bus as a whole.
     Whole,
     /// An object of the dictionary.
@@ -120,7 +120,7 @@ pub enum About {
     Name(Arc<str>),
 }
 
-impl fmt::Display for About {
+impl fmt::Display for FindingSubject {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Whole => Ok(()),
@@ -136,15 +136,15 @@ impl fmt::Display for About {
 
 /// Key of a group of findings.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Key {
-    /// Index of the rule in [`Findings::rules`].
+pub struct GroupKey {
+    /// Index of the rule in [`CaptureFindings::rules`].
     pub rule: u16,
     /// Index of the bus.
     pub bus: BusIndex,
     /// Node; None for a finding about the bus.
     pub node: Option<NodeId>,
     /// Subject within the node or bus.
-    pub about: About,
+    pub about: FindingSubject,
 }
 
 /// One occurrence of a defect.
@@ -158,7 +158,7 @@ pub struct Occurrence {
 
 /// Cause of a finding.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Cause {
+pub enum FindingCause {
     /// Another group, by its id.
     Group(u64),
     /// A defect of the capture or the bus, as text.
@@ -185,11 +185,11 @@ pub struct FactCause {
 /// Findings with the same rule, bus, node and subject.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
-pub struct Group {
+pub struct FindingGroup {
     /// Number in order of appearance, from 1.
     pub id: u64,
     /// Rule, bus, node and subject.
-    pub key: Key,
+    pub key: GroupKey,
     /// Name of the rule.
     pub rule: Arc<str>,
     /// Name of the bus.
@@ -219,14 +219,14 @@ pub struct Group {
     /// Last occurrences after `first`, oldest first.
     pub last: VecDeque<Occurrence>,
     /// Cause, if one was found.
-    pub cause: Option<Cause>,
+    pub cause: Option<FindingCause>,
     /// The finding reports the same fault as its cause and is not printed.
     pub is_absorbed: bool,
     /// Group that represents this one: the same fault with another subject, printed there. It counts and has
     /// its own fingerprint.
     pub member_of: Option<u64>,
     /// State of node and bus when the finding began; None above a limit of groups.
-    pub scene: Option<Box<Scene>>,
+    pub scene: Option<Box<FindingScene>>,
     /// Reason for a lower severity than that of the rule.
     pub downgraded: Option<String>,
     /// Reason of the suppression in the bus file.
@@ -235,7 +235,7 @@ pub struct Group {
     pub is_open: bool,
 }
 
-impl Group {
+impl FindingGroup {
     /// Reason why the finding starts no story, in words; None if it starts one or joins that of its cause.
     pub fn omission(&self) -> Option<&'static str> {
         match self.severity {
@@ -251,7 +251,7 @@ impl Group {
         let node = self.key.node.map_or_else(String::new, |node| node.to_string());
         let parts = [self.rule.as_ref(), self.bus.as_ref(), node.as_str()];
         let mut text = parts.join("|");
-        if self.key.about != About::Whole {
+        if self.key.about != FindingSubject::Whole {
             text.push('|');
             text.push_str(&self.key.about.to_string());
         }
@@ -259,19 +259,19 @@ impl Group {
     }
 
     /// Content of a finding event with the first text and the total count; `rule` is its rule in
-    /// [`Findings::rules`].
-    pub fn news(&self, rule: &RuleInfo) -> FindingNews {
+    /// [`CaptureFindings::rules`].
+    pub fn opening_news(&self, rule: &RuleInfo) -> FindingNews {
         let (mut object, mut pgn, mut about) = (None, None, None);
         match &self.key.about {
-            About::Whole => {}
-            About::Object(address) => object = Some(*address),
-            About::Pgn(number) => pgn = Some(*number),
+            FindingSubject::Whole => {}
+            FindingSubject::Object(address) => object = Some(*address),
+            FindingSubject::Pgn(number) => pgn = Some(*number),
             other => about = Some(other.to_string()),
         }
         let (cause, cause_frame) = match &self.cause {
-            Some(Cause::Group(id)) => (Some(*id), None),
-            Some(Cause::Fact(fact)) => (None, Some(fact.at.frames.first)),
-            Some(Cause::Quality(_)) | None => (None, None),
+            Some(FindingCause::Group(id)) => (Some(*id), None),
+            Some(FindingCause::Fact(fact)) => (None, Some(fact.at.frames.first)),
+            Some(FindingCause::Quality(_)) | None => (None, None),
         };
         FindingNews {
             id: self.id,
@@ -294,25 +294,25 @@ impl Group {
     }
 
     /// First occurrence.
-    pub fn began(&self) -> Occurrence {
+    pub fn first_occurrence(&self) -> Occurrence {
         let none = Occurrence { time: None, frames: FrameRange::default() };
         self.first.first().copied().unwrap_or(none)
     }
 
     /// Last occurrence.
-    pub fn ended(&self) -> Occurrence {
-        self.last.back().or(self.first.last()).copied().unwrap_or_else(|| self.began())
+    pub fn last_occurrence(&self) -> Occurrence {
+        self.last.back().or(self.first.last()).copied().unwrap_or_else(|| self.first_occurrence())
     }
 
     /// Time of presence in ns: the total for a condition, else the time from the first to the last
     /// occurrence. None for a single occurrence, and without timestamps.
     pub fn duration(&self) -> Option<i64> {
-        let between = || Some(self.ended().time?.since(self.began().time?));
+        let between = || Some(self.last_occurrence().time?.since(self.first_occurrence().time?));
         self.lasted.or_else(|| between().filter(|_| self.count > 1))
     }
 
     /// Whether the group is reported: neither suppressed nor absorbed.
-    pub fn counts(&self) -> bool {
+    pub fn is_reported(&self) -> bool {
         self.suppressed.is_none() && !self.is_absorbed
     }
 }
@@ -320,7 +320,7 @@ impl Group {
 /// Counts of checks by a rule, or for a case of the test plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
-pub struct Tally {
+pub struct CheckTally {
     /// Checks without a defect.
     pub passed: u64,
     /// Checks with a defect.
@@ -332,7 +332,7 @@ pub struct Tally {
 /// Verdict of a rule over a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Verdict {
+pub enum RuleOutcome {
     /// Checked without a defect.
     Pass,
     /// At least one defect.
@@ -341,7 +341,7 @@ pub enum Verdict {
     NotExercised,
 }
 
-impl Verdict {
+impl RuleOutcome {
     /// The name used in all output.
     pub const fn name(self) -> &'static str {
         match self {
@@ -352,13 +352,13 @@ impl Verdict {
     }
 }
 
-impl Tally {
+impl CheckTally {
     /// Verdict for these counts.
-    pub const fn verdict(self) -> Verdict {
+    pub const fn verdict(self) -> RuleOutcome {
         match self {
-            Self { failed: 1.., .. } => Verdict::Fail,
-            Self { passed: 0, waived: 0, .. } => Verdict::NotExercised,
-            _ => Verdict::Pass,
+            Self { failed: 1.., .. } => RuleOutcome::Fail,
+            Self { passed: 0, waived: 0, .. } => RuleOutcome::NotExercised,
+            _ => RuleOutcome::Pass,
         }
     }
 
@@ -373,7 +373,7 @@ impl Tally {
     }
 
     /// Adds the counts of another tally.
-    pub fn add(&mut self, other: Self) {
+    pub fn add_tally(&mut self, other: Self) {
         self.passed += other.passed;
         self.failed += other.failed;
         self.waived += other.waived;
@@ -396,7 +396,7 @@ pub struct SuppressionUse {
 
 impl SuppressionUse {
     /// Reason to review the suppression: it matched no finding, or its end date has passed.
-    pub fn complaint(&self) -> Option<String> {
+    pub fn review_reason(&self) -> Option<String> {
         let Self { what, reason, .. } = self;
         match &self.ended {
             Some(day) => Some(format!("suppression of {what} expired on {day}: {reason}")),
@@ -406,7 +406,7 @@ impl SuppressionUse {
     }
 
     /// Number of suppressed findings with the reason; None if no finding matched.
-    pub fn covered(&self) -> Option<String> {
+    pub fn suppressed_text(&self) -> Option<String> {
         let Self { what, reason, met, .. } = self;
         let findings = if *met == 1 { "finding" } else { "findings" };
         (*met > 0).then(|| format!("suppressed {met} {findings} by {what}: {reason}"))
@@ -424,7 +424,7 @@ pub struct CaseVerdict {
     /// Verdict of the test tool.
     pub tool: TestResult,
     /// Rules that check the case, with their counts within it.
-    pub judged: Vec<(Arc<str>, Tally)>,
+    pub judged: Vec<(Arc<str>, CheckTally)>,
     /// Frames from the first marker to the last.
     pub frames: FrameRange,
     /// The start was marked; otherwise the case starts after the previous marker.
@@ -434,15 +434,15 @@ pub struct CaseVerdict {
 /// All results for one capture.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
-pub struct Findings {
+pub struct CaptureFindings {
     /// All rules.
     pub rules: Vec<RuleInfo>,
     /// Counts of checks by rule, in the same order.
-    pub tallies: Vec<Tally>,
+    pub tallies: Vec<CheckTally>,
     /// Counts of checks by case of the test plan.
-    pub cases: BTreeMap<Arc<str>, Tally>,
+    pub cases: BTreeMap<Arc<str>, CheckTally>,
     /// Defects, in order of appearance.
-    pub groups: Vec<Group>,
+    pub groups: Vec<FindingGroup>,
     /// Number of findings above [`GROUP_LIMIT`] groups.
     pub ungrouped: u64,
     /// Limits of the verdicts, such as made-up timestamps or lost frames.
@@ -455,36 +455,37 @@ pub struct Findings {
     pub error_frames: u64,
 }
 
-impl Findings {
+impl CaptureFindings {
     /// Groups to report: neither suppressed nor absorbed.
-    pub fn counting(&self) -> impl Iterator<Item = &Group> {
-        self.groups.iter().filter(|group| group.counts())
+    pub fn reported_groups(&self) -> impl Iterator<Item = &FindingGroup> {
+        self.groups.iter().filter(|group| group.is_reported())
     }
 
     /// Number of reported groups of a severity; those printed with another group are not counted.
-    pub fn number(&self, severity: Severity) -> usize {
-        self.leading().filter(|group| group.severity == severity).count()
+    pub fn reported_count(&self, severity: Severity) -> usize {
+        self.leading_groups().filter(|group| group.severity == severity).count()
     }
 
     /// Reported groups, without those printed with another group.
-    pub fn leading(&self) -> impl Iterator<Item = &Group> {
-        let is_member =
-            |group: &Group| group.member_of.and_then(|id| self.group(id)).is_some_and(Group::counts);
-        self.counting().filter(move |group| !is_member(group))
+    pub fn leading_groups(&self) -> impl Iterator<Item = &FindingGroup> {
+        let is_member = |group: &FindingGroup| {
+            group.member_of.and_then(|id| self.group_by_id(id)).is_some_and(FindingGroup::is_reported)
+        };
+        self.reported_groups().filter(move |group| !is_member(group))
     }
 
     /// Groups that have this one as their cause.
-    pub fn effects(&self, id: u64) -> impl Iterator<Item = &Group> {
-        self.groups.iter().filter(move |group| group.cause == Some(Cause::Group(id)))
+    pub fn effects_of(&self, id: u64) -> impl Iterator<Item = &FindingGroup> {
+        self.groups.iter().filter(move |group| group.cause == Some(FindingCause::Group(id)))
     }
 
     /// Groups that are the cause of a group, nearest first, at most [`CAUSES`].
-    pub fn causes(&self, group: &Group) -> Vec<&Group> {
-        let mut chain: Vec<&Group> = Vec::new();
+    pub fn causes_of(&self, group: &FindingGroup) -> Vec<&FindingGroup> {
+        let mut chain: Vec<&FindingGroup> = Vec::new();
         let mut next = &group.cause;
-        while let Some(Cause::Group(id)) = next
+        while let Some(FindingCause::Group(id)) = next
             && chain.len() < CAUSES
-            && let Some(cause) = self.group(*id)
+            && let Some(cause) = self.group_by_id(*id)
         {
             chain.push(cause);
             next = &cause.cause;
@@ -493,7 +494,7 @@ impl Findings {
     }
 
     /// Looks up a group by its number.
-    pub fn group(&self, id: u64) -> Option<&Group> {
+    pub fn group_by_id(&self, id: u64) -> Option<&FindingGroup> {
         // Ids follow the order of the groups, from 1; some groups may have been removed.
         let place = self.groups.partition_point(|group| group.id < id);
         self.groups.get(place).filter(|group| group.id == id)

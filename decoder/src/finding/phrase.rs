@@ -2,12 +2,12 @@
 
 use std::fmt::Write as _;
 
-use super::{Cause, FactCause, Group, Occurrence};
+use super::{FactCause, FindingCause, FindingGroup, Occurrence};
 use crate::frame::Timestamp;
 use crate::wire::NodeId;
 
 /// `can0 5/05 pump`.
-pub fn who(group: &Group) -> String {
+pub fn node_phrase(group: &FindingGroup) -> String {
     let node = group.key.node.map(NodeId::label);
     let parts = [Some(group.bus.to_string()), node, group.node_name.as_deref().map(str::to_owned)];
     parts.into_iter().flatten().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
@@ -18,12 +18,12 @@ pub fn fact_text(fact: &FactCause) -> String {
     let parts = [fact.node.map(NodeId::label), fact.node_name.as_deref().map(str::to_owned)];
     let who = parts.into_iter().flatten().collect::<Vec<_>>().join(" ");
     let gap = if who.is_empty() { "" } else { "  " };
-    let frames = moment(Occurrence { time: None, frames: fact.at.frames }, None);
+    let frames = format_moment(Occurrence { time: None, frames: fact.at.frames }, None);
     format!("{who}{gap}{} {frames}", fact.text).trim_end().to_owned()
 }
 
 /// The subject of a finding and its text: `1018:01 Vendor-ID: response after 300 ms`.
-pub fn what(group: &Group) -> String {
+pub fn subject_phrase(group: &FindingGroup) -> String {
     let about = group.key.about.to_string();
     if about.is_empty() || group.text.contains(&about) {
         return group.text.clone();
@@ -36,11 +36,11 @@ pub fn what(group: &Group) -> String {
 
 /// The finding in one sentence: `heartbeat interval 170 ms > 150 ms for 6.6 s, 12 times; check the cycle
 /// time`.
-pub fn sentence(group: &Group) -> String {
-    let mut text = what(group);
+pub fn finding_sentence(group: &FindingGroup) -> String {
+    let mut text = subject_phrase(group);
     if let Some(duration) = group.duration() {
         text.push_str(" for ");
-        text.push_str(&length(duration));
+        text.push_str(&format_duration(duration));
     }
     if group.count > 1 {
         let _ = write!(text, ", {} times", group.count);
@@ -56,7 +56,7 @@ pub fn sentence(group: &Group) -> String {
 }
 
 /// A duration: `312 ms`, `6.6 s`.
-pub(crate) fn length(nanoseconds: i64) -> String {
+pub(crate) fn format_duration(nanoseconds: i64) -> String {
     let milliseconds = nanoseconds.max(0) / 1_000_000;
     if milliseconds < 1_000 {
         return format!("{milliseconds} ms");
@@ -65,13 +65,13 @@ pub(crate) fn length(nanoseconds: i64) -> String {
     format!("{}.{} s", tenths / 10, tenths % 10)
 }
 
-/// A duration as [`length`], rounded: intervals are measured a few microseconds off.
-pub(crate) fn interval(nanoseconds: i64) -> String {
-    length(nanoseconds.saturating_add(500_000))
+/// A duration as [`format_duration`], rounded: intervals are measured a few microseconds off.
+pub(crate) fn format_interval(nanoseconds: i64) -> String {
+    format_duration(nanoseconds.saturating_add(500_000))
 }
 
 /// `1.300 s {12-13}`.
-pub fn moment(at: Occurrence, zero: Option<Timestamp>) -> String {
+pub fn format_moment(at: Occurrence, zero: Option<Timestamp>) -> String {
     let frames = at.frames;
     let frames = match (frames.first, frames.last) {
         (_, 0) => String::new(),
@@ -79,39 +79,39 @@ pub fn moment(at: Occurrence, zero: Option<Timestamp>) -> String {
         (first, last) => format!("{{{first}-{last}}}"),
     };
     match at.time.zip(zero) {
-        Some((time, zero)) => format!("{} {frames}", seconds(time.since(zero))),
+        Some((time, zero)) => format!("{} {frames}", format_seconds(time.since(zero))),
         None => frames,
     }
 }
 
 /// `1.300 s`.
-pub(crate) fn seconds(nanoseconds: i64) -> String {
+pub(crate) fn format_seconds(nanoseconds: i64) -> String {
     let milliseconds = nanoseconds.unsigned_abs() / 1_000_000;
     let sign = if nanoseconds < 0 && milliseconds > 0 { "-" } else { "" };
     format!("{sign}{}.{:03} s", milliseconds / 1_000, milliseconds % 1_000)
 }
 
 /// Lines below a finding: time, worst occurrence, reason for a lowered severity, section of the manual.
-pub fn notes(group: &Group, zero: Option<Timestamp>) -> Vec<String> {
-    notes_of(group, |at| moment(at, zero))
+pub fn finding_notes(group: &FindingGroup, zero: Option<Timestamp>) -> Vec<String> {
+    notes_of(group, |at| format_moment(at, zero))
 }
 
 /// `at 1.300 s {12}`, `first 1.300 s {12}, last 9.100 s {500}`; `moment` writes an occurrence.
-pub(crate) fn when(group: &Group, moment: impl Fn(Occurrence) -> String) -> String {
-    let (began, ended) = (moment(group.began()), moment(group.ended()));
+pub(crate) fn period_phrase(group: &FindingGroup, moment: impl Fn(Occurrence) -> String) -> String {
+    let (began, ended) = (moment(group.first_occurrence()), moment(group.last_occurrence()));
     if group.count == 1 { format!("at {began}") } else { format!("first {began}, last {ended}") }
 }
 
-/// Like [`notes`], with another form of moments.
-pub(crate) fn notes_of(group: &Group, moment: impl Fn(Occurrence) -> String) -> Vec<String> {
-    let mut notes = vec![when(group, &moment)];
+/// Like [`finding_notes`], with another form of moments.
+pub(crate) fn notes_of(group: &FindingGroup, moment: impl Fn(Occurrence) -> String) -> Vec<String> {
+    let mut notes = vec![period_phrase(group, &moment)];
     if let Some((_, text, at)) = &group.worst {
         notes.push(format!("worst {}: {text}", moment(*at)));
     }
     if let Some(reason) = &group.downgraded {
         notes.push(format!("severity lowered: {reason}"));
     }
-    if let Some(Cause::Fact(fact)) = &group.cause {
+    if let Some(FindingCause::Fact(fact)) = &group.cause {
         notes.push(format!("cause: {}", fact_text(fact)));
     }
     notes.extend(group.manual.as_ref().map(|manual| format!("manual: {manual}")));

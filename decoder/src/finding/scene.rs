@@ -9,11 +9,11 @@ use crate::wire::canopen::NmtState;
 /// State of a node and its bus when a finding began.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
-pub struct Scene {
+pub struct FindingScene {
     /// Confirmed NMT state of the node.
     pub nmt: Option<NmtState>,
     /// Sign of life of the node that arrived within its time.
-    pub alive: Option<Alive>,
+    pub alive: Option<SceneLifeSign>,
     /// Periodic commands to the node.
     pub commands: Option<CommandStream>,
     /// What the profile, code tables and closed gates propose, most likely cause first.
@@ -30,7 +30,7 @@ pub struct Scene {
 
 /// Periodic sign of life of a node.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Alive {
+pub struct SceneLifeSign {
     /// Type of the sign of life.
     pub by: MonitoringMethod,
     /// Configured interval in ns.

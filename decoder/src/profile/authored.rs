@@ -9,13 +9,13 @@ use serde::de::{Deserializer, SeqAccess, Visitor};
 use toml::Spanned;
 
 use super::data_type::DataType;
-use super::entry::{Entry, Object};
-use super::names::{BitNames, Names, Shared};
+use super::entry::{ObjectEntry, SubEntry};
+use super::names::{BitNames, SharedDefinition, ValueNames};
 use super::object::{
-    Access, DefaultValue, Effect, Format, Interpretation, ONCE, ObjectCondition, Repeat, Role, Scale,
-    Storage, VariantFilter,
+    DefaultValue, EntryRepetition, NumberFormat, ONCE, ObjectCondition, ObjectRole, RawScale, SdoAccess,
+    ValueInterpretation, ValueStorage, VariantFilter, WriteEffect,
 };
-use super::reference::{ObjectRange, Reference};
+use super::reference::{ObjectRange, ObjectReference};
 
 /// Position in the text, in bytes, and the message.
 pub(super) type TextProblem = (Range<usize>, String);
@@ -25,31 +25,31 @@ pub(super) type TextProblem = (Range<usize>, String);
 #[serde(deny_unknown_fields, default)]
 pub(super) struct AuthoredEntry {
     index: Option<u16>,
-    repeat: Option<Repeat>,
-    sub: Sub,
+    repeat: Option<EntryRepetition>,
+    sub: SubKey,
     to: Option<u8>,
     when: Option<ObjectCondition>,
     name: Option<String>,
     #[serde(rename = "type")]
     data_type: Option<DataType>,
-    access: Option<Access>,
-    format: Option<Format>,
+    access: Option<SdoAccess>,
+    format: Option<NumberFormat>,
     unit: Option<Spanned<String>>,
-    scale: Option<Scale>,
+    scale: Option<RawScale>,
     offset: Option<f64>,
     decimals: Option<u8>,
     range: Option<[i64; 2]>,
     limits: Option<[f64; 2]>,
     default: Option<DefaultValue>,
-    values: Option<Spanned<Shared<Names>>>,
-    special: Option<Spanned<Shared<Names>>>,
-    bits: Option<Spanned<Shared<Vec<super::names::BitName>>>>,
-    role: Option<Role>,
-    of: Option<Reference>,
+    values: Option<Spanned<SharedDefinition<ValueNames>>>,
+    special: Option<Spanned<SharedDefinition<ValueNames>>>,
+    bits: Option<Spanned<SharedDefinition<Vec<super::names::BitName>>>>,
+    role: Option<ObjectRole>,
+    of: Option<ObjectReference>,
     short: Option<String>,
-    storage: Option<Storage>,
-    save: Option<Reference>,
-    effect: Option<Effect>,
+    storage: Option<ValueStorage>,
+    save: Option<ObjectReference>,
+    effect: Option<WriteEffect>,
     invalidates: Vec<ObjectRange>,
     channel: Option<u8>,
     open_loop: Vec<i64>,
@@ -61,35 +61,35 @@ pub(super) struct AuthoredEntry {
 
 /// Key `sub`: a number in a sub-entry, the list of sub-entries in an object.
 #[derive(Debug, Clone, Default)]
-enum Sub {
+enum SubKey {
     #[default]
     None,
     Number(u8),
     List(Vec<Spanned<AuthoredEntry>>),
 }
 
-impl<'de> Deserialize<'de> for Sub {
+impl<'de> Deserialize<'de> for SubKey {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct NumberOrList;
         impl<'de> Visitor<'de> for NumberOrList {
-            type Value = Sub;
+            type Value = SubKey;
 
             fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
                 f.write_str("a sub-index or a list of sub-entries")
             }
 
-            fn visit_i64<E: serde::de::Error>(self, number: i64) -> Result<Sub, E> {
+            fn visit_i64<E: serde::de::Error>(self, number: i64) -> Result<SubKey, E> {
                 u8::try_from(number)
-                    .map(Sub::Number)
+                    .map(SubKey::Number)
                     .map_err(|_| E::custom("sub-index out of range; expected 0 to 255"))
             }
 
-            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Sub, A::Error> {
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<SubKey, A::Error> {
                 let mut all = Vec::new();
                 while let Some(entry) = list.next_element()? {
                     all.push(entry);
                 }
-                Ok(Sub::List(all))
+                Ok(SubKey::List(all))
             }
         }
         deserializer.deserialize_any(NumberOrList)
@@ -98,49 +98,55 @@ impl<'de> Deserialize<'de> for Sub {
 
 /// Shared tables that entries refer to by name.
 #[derive(Debug, Default)]
-pub(super) struct Tables {
-    pub(super) values: BTreeMap<String, Arc<Names>>,
+pub(super) struct SharedTables {
+    pub(super) values: BTreeMap<String, Arc<ValueNames>>,
     pub(super) bits: BTreeMap<String, Arc<BitNames>>,
 }
 
-impl Tables {
-    fn values(&self, shared: &Spanned<Shared<Names>>) -> Result<Arc<Names>, TextProblem> {
+impl SharedTables {
+    fn resolve_values(
+        &self,
+        shared: &Spanned<SharedDefinition<ValueNames>>,
+    ) -> Result<Arc<ValueNames>, TextProblem> {
         match shared.get_ref() {
-            Shared::Here(names) => Ok(Arc::new(names.clone())),
-            Shared::Named(name) => self.values.get(name).cloned().ok_or_else(|| {
-                (shared.span(), format!("unknown table [values.{name}]{}", known(self.values.keys())))
+            SharedDefinition::Here(names) => Ok(Arc::new(names.clone())),
+            SharedDefinition::Named(name) => self.values.get(name).cloned().ok_or_else(|| {
+                (
+                    shared.span(),
+                    format!("unknown table [values.{name}]{}", expected_names(self.values.keys())),
+                )
             }),
         }
     }
 
-    fn bits(
+    fn resolve_bits(
         &self,
-        shared: &Spanned<Shared<Vec<super::names::BitName>>>,
+        shared: &Spanned<SharedDefinition<Vec<super::names::BitName>>>,
     ) -> Result<Arc<BitNames>, TextProblem> {
         match shared.get_ref() {
-            Shared::Here(list) => Ok(Arc::new(BitNames { list: list.clone() })),
-            Shared::Named(name) => self.bits.get(name).cloned().ok_or_else(|| {
-                (shared.span(), format!("unknown table [bits.{name}]{}", known(self.bits.keys())))
+            SharedDefinition::Here(list) => Ok(Arc::new(BitNames { list: list.clone() })),
+            SharedDefinition::Named(name) => self.bits.get(name).cloned().ok_or_else(|| {
+                (shared.span(), format!("unknown table [bits.{name}]{}", expected_names(self.bits.keys())))
             }),
         }
     }
 }
 
 /// Suffix of an error message: `; expected a, b`.
-fn known<'a>(names: impl Iterator<Item = &'a String>) -> String {
+fn expected_names<'a>(names: impl Iterator<Item = &'a String>) -> String {
     let names: Vec<_> = names.map(String::as_str).collect();
     if names.is_empty() { String::new() } else { format!("; expected {}", names.join(", ")) }
 }
 
 /// Converts all objects of a file; adds problems to `wrong`.
-pub(super) fn objects(
+pub(super) fn convert_objects(
     list: Vec<Spanned<AuthoredEntry>>,
-    tables: &Tables,
+    tables: &SharedTables,
     wrong: &mut Vec<TextProblem>,
-) -> Vec<Object> {
+) -> Vec<ObjectEntry> {
     let mut objects = Vec::with_capacity(list.len());
     for authored in list {
-        match object(authored, tables) {
+        match convert_object(authored, tables) {
             Ok(object) => objects.push(object),
             Err(error) => wrong.push(error),
         }
@@ -149,7 +155,10 @@ pub(super) fn objects(
 }
 
 /// Converts one object.
-pub(super) fn object(authored: Spanned<AuthoredEntry>, tables: &Tables) -> Result<Object, TextProblem> {
+pub(super) fn convert_object(
+    authored: Spanned<AuthoredEntry>,
+    tables: &SharedTables,
+) -> Result<ObjectEntry, TextProblem> {
     let span = authored.span();
     let mut authored = authored.into_inner();
     let here = |message: &str| (span.clone(), message.to_owned());
@@ -163,9 +172,11 @@ pub(super) fn object(authored: Spanned<AuthoredEntry>, tables: &Tables) -> Resul
     let only = authored.only.clone();
     let source = authored.source.clone().unwrap_or_default();
     let entries = match std::mem::take(&mut authored.sub) {
-        Sub::Number(_) => return Err(here("sub of an object is a number; expected a list of sub-entries")),
-        Sub::None => vec![entry(authored, span.clone(), 0, &source, tables)?],
-        Sub::List(entries) => {
+        SubKey::Number(_) => {
+            return Err(here("sub of an object is a number; expected a list of sub-entries"));
+        }
+        SubKey::None => vec![convert_entry(authored, span.clone(), 0, &source, tables)?],
+        SubKey::List(entries) => {
             let strange = authored.stray_key();
             if let Some(key) = strange {
                 return Err(here(&format!(
@@ -176,38 +187,38 @@ pub(super) fn object(authored: Spanned<AuthoredEntry>, tables: &Tables) -> Resul
         }
     };
     let is_record = entries.len() > 1 || entries.first().is_some_and(|entry| entry.sub != 0 || entry.to != 0);
-    Ok(Object { index, repeat, name, entries, is_record, only, source, span })
+    Ok(ObjectEntry { index, repeat, name, entries, is_record, only, source, span })
 }
 
 fn sub_entries(
     list: Vec<Spanned<AuthoredEntry>>,
     source: &str,
     note: Option<&str>,
-    tables: &Tables,
-) -> Result<Vec<Entry>, TextProblem> {
+    tables: &SharedTables,
+) -> Result<Vec<SubEntry>, TextProblem> {
     let mut entries = Vec::with_capacity(list.len());
     for authored in list {
         let span = authored.span();
         let mut authored = authored.into_inner();
-        let Sub::Number(sub) = authored.sub else {
+        let SubKey::Number(sub) = authored.sub else {
             return Err((span, "sub is missing; expected a sub-index such as sub = 1".into()));
         };
         if authored.index.is_some() || authored.repeat.is_some() {
             return Err((span, "index or repeat in a sub-entry; move it to the object".into()));
         }
         authored.note = authored.note.or_else(|| note.map(str::to_owned));
-        entries.push(entry(authored, span, sub, source, tables)?);
+        entries.push(convert_entry(authored, span, sub, source, tables)?);
     }
     Ok(entries)
 }
 
-fn entry(
+fn convert_entry(
     mut authored: AuthoredEntry,
     span: Range<usize>,
     sub: u8,
     source: &str,
-    tables: &Tables,
-) -> Result<Entry, TextProblem> {
+    tables: &SharedTables,
+) -> Result<SubEntry, TextProblem> {
     let mut modes = Vec::new();
     for mode in std::mem::take(&mut authored.modes) {
         let span = mode.span();
@@ -218,19 +229,19 @@ fn entry(
         if mode.data_type.is_some() || mode.access.is_some() || mode.default.is_some() {
             return Err((span, "type, access and default cannot depend on the mode".into()));
         }
-        modes.push((when, mode.look(tables)?));
+        modes.push((when, mode.convert_interpretation(tables)?));
     }
     let to = authored.to.unwrap_or(sub);
     if to < sub {
         return Err((span, format!("sub-indexes {sub} to {to}; expected the lower one first")));
     }
-    Ok(Entry {
+    Ok(SubEntry {
         sub,
         to,
         data_type: authored.data_type,
         access: authored.access,
         format: authored.format.unwrap_or_default(),
-        look: authored.look(tables)?,
+        look: authored.convert_interpretation(tables)?,
         modes,
         default: authored.default.clone(),
         storage: authored.storage.unwrap_or_default(),
@@ -248,18 +259,18 @@ fn entry(
 
 impl AuthoredEntry {
     /// Converts the keys that can depend on the mode.
-    fn look(&self, tables: &Tables) -> Result<Interpretation, TextProblem> {
+    fn convert_interpretation(&self, tables: &SharedTables) -> Result<ValueInterpretation, TextProblem> {
         if let Some(unit) = &self.unit
-            && !super::lookup::units().contains(unit.get_ref())
+            && !super::lookup::unit_names().contains(unit.get_ref())
         {
             let message = format!(
                 "unknown unit '{}'; expected one of {}",
                 unit.get_ref(),
-                super::lookup::units().join(" ")
+                super::lookup::unit_names().join(" ")
             );
             return Err((unit.span(), message));
         }
-        Ok(Interpretation {
+        Ok(ValueInterpretation {
             name: self.name.clone(),
             short: self.short.clone(),
             unit: self.unit.as_ref().map(|unit| unit.get_ref().clone()),
@@ -268,9 +279,9 @@ impl AuthoredEntry {
             decimals: self.decimals,
             range: self.range,
             limits: self.limits,
-            values: self.values.as_ref().map(|values| tables.values(values)).transpose()?,
-            special: self.special.as_ref().map(|values| tables.values(values)).transpose()?,
-            bits: self.bits.as_ref().map(|bits| tables.bits(bits)).transpose()?,
+            values: self.values.as_ref().map(|values| tables.resolve_values(values)).transpose()?,
+            special: self.special.as_ref().map(|values| tables.resolve_values(values)).transpose()?,
+            bits: self.bits.as_ref().map(|bits| tables.resolve_bits(bits)).transpose()?,
             role: self.role,
             of: self.of,
         })

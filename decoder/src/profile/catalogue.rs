@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use serde::Deserialize;
 
-use super::device::{Device, Hint, Identity, ProfileFile};
+use super::device::{DeviceIdentity, DeviceProfile, ProfileFile, ProfileHint};
 use super::position::TextError;
 use super::{compiled, embedded};
 
@@ -15,7 +15,7 @@ pub struct Catalogue {
     user: Vec<UserProfile>,
     /// User settings of device rules: profile, rule, key, value.
     tolerances: Vec<(String, String, String, f64)>,
-    read: Mutex<BTreeMap<String, Arc<Device>>>,
+    read: Mutex<BTreeMap<String, Arc<DeviceProfile>>>,
 }
 
 /// A user-supplied profile.
@@ -24,13 +24,13 @@ struct UserProfile {
     id: String,
     origin: String,
     recognition: Recognition,
-    content: Content,
+    content: CatalogueContent,
 }
 
 #[derive(Debug)]
-enum Content {
+enum CatalogueContent {
     Text(String),
-    Device(Arc<Device>),
+    Device(Arc<DeviceProfile>),
     Broken(ProfileError),
 }
 
@@ -40,7 +40,7 @@ impl UserProfile {
     }
 
     fn is_device_file(&self) -> bool {
-        matches!(&self.content, Content::Device(device) if device.is_file_alone())
+        matches!(&self.content, CatalogueContent::Device(device) if device.is_file_alone())
     }
 }
 
@@ -67,7 +67,7 @@ pub enum ProfileError {
         known: String,
     },
     /// The text of the profile is invalid.
-    #[error("{}", shown(file, errors))]
+    #[error("{}", format_errors(file, errors))]
     Broken {
         /// File name or origin of the profile.
         file: String,
@@ -76,8 +76,8 @@ pub enum ProfileError {
     },
 }
 
-fn shown(file: &str, errors: &[TextError]) -> String {
-    errors.iter().map(|error| error.show(file)).collect::<Vec<_>>().join("\n")
+fn format_errors(file: &str, errors: &[TextError]) -> String {
+    errors.iter().map(|error| error.show_in_file(file)).collect::<Vec<_>>().join("\n")
 }
 
 /// Identity data that a node reported.
@@ -95,9 +95,9 @@ pub struct ReportedIdentity {
     pub device_name: Option<String>,
 }
 
-impl Identity {
+impl DeviceIdentity {
     /// Whether the node reported all the required data.
-    pub fn fits(&self, node: &ReportedIdentity) -> bool {
+    pub fn matches_identity(&self, node: &ReportedIdentity) -> bool {
         let same = |wanted: Option<u32>, is: Option<u32>| wanted.is_none() || wanted == is;
         let asks = self.vendor_id.is_some() || self.device_name.is_some() || self.profile_number.is_some();
         let profile = node.device_type.map(|device_type| device_type & 0xFFFF);
@@ -142,8 +142,8 @@ impl Catalogue {
         self.user.push(UserProfile {
             id: id.clone(),
             origin: origin.to_owned(),
-            recognition: recognition(text),
-            content: Content::Text(text.to_owned()),
+            recognition: load_recognition(text),
+            content: CatalogueContent::Text(text.to_owned()),
         });
         Ok(id)
     }
@@ -154,17 +154,17 @@ impl Catalogue {
             id: id.to_owned(),
             origin: String::new(),
             recognition: Recognition::default(),
-            content: Content::Broken(error),
+            content: CatalogueContent::Broken(error),
         });
     }
 
     /// Adds a device from another source: an EDS, DCF or XDD file.
-    pub fn add_device(&mut self, origin: &str, device: Device) {
+    pub fn add_device(&mut self, origin: &str, device: DeviceProfile) {
         self.user.push(UserProfile {
             id: device.id.clone(),
             origin: origin.to_owned(),
             recognition: Recognition { identity: device.identities.clone(), hint: device.hints.clone() },
-            content: Content::Device(Arc::new(device)),
+            content: CatalogueContent::Device(Arc::new(device)),
         });
     }
 
@@ -186,7 +186,7 @@ impl Catalogue {
     }
 
     /// Origin of the profile that the last one added for this id overrides; empty for a built-in profile.
-    pub fn replaced(&self, id: &str) -> Option<&str> {
+    pub fn replaced_origin(&self, id: &str) -> Option<&str> {
         let of_user = self.user.iter().rev().filter(|user| user.id == id).nth(1);
         let is_bundled = || bundled_devices().any(|device| device == id);
         of_user.map(|user| user.origin.as_str()).or_else(|| is_bundled().then_some(""))
@@ -204,30 +204,32 @@ impl Catalogue {
     ///
     /// # Errors
     /// Unknown ids and variants; invalid profiles.
-    pub fn device(&self, assignment: &str) -> Result<Arc<Device>, ProfileError> {
+    pub fn device(&self, assignment: &str) -> Result<Arc<DeviceProfile>, ProfileError> {
         let read = || self.read.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(device) = read().get(assignment) {
             return Ok(Arc::clone(device));
         }
-        let device = self.find(assignment, 0)?;
+        let device = self.find_device(assignment, 0)?;
         read().insert(assignment.to_owned(), Arc::clone(&device));
         Ok(device)
     }
 
-    fn find(&self, assignment: &str, depth: u8) -> Result<Arc<Device>, ProfileError> {
+    fn find_device(&self, assignment: &str, depth: u8) -> Result<Arc<DeviceProfile>, ProfileError> {
         let (id, variant) = match assignment.split_once(':') {
             Some((id, variant)) => (id, Some(variant)),
             None => (assignment, None),
         };
         let user = self.user.iter().rev().find(|user| user.id == id);
         let (origin, text, file) = match user.map(|user| (&user.origin, &user.content)) {
-            Some((_, Content::Device(device))) => return Ok(Arc::clone(device)),
-            Some((_, Content::Broken(error))) => return Err(error.clone()),
-            Some((origin, Content::Text(text))) => (origin.clone(), text.as_str(), ProfileFile::parse(text)),
+            Some((_, CatalogueContent::Device(device))) => return Ok(Arc::clone(device)),
+            Some((_, CatalogueContent::Broken(error))) => return Err(error.clone()),
+            Some((origin, CatalogueContent::Text(text))) => {
+                (origin.clone(), text.as_str(), ProfileFile::parse(text))
+            }
             None => {
-                let found = bundled().find(|(path, ..)| id_of(path).as_deref() == Some(id));
-                let &(path, text, compiled) = found.ok_or_else(|| self.unknown(id))?;
-                (format!("profiles/{path}"), text, ProfileFile::compiled(compiled, text))
+                let found = bundled_profiles().find(|(path, ..)| id_of(path).as_deref() == Some(id));
+                let &(path, text, compiled) = found.ok_or_else(|| self.unknown_profile(id))?;
+                (format!("profiles/{path}"), text, ProfileFile::from_compiled(compiled, text))
             }
         };
         let broken = |errors| ProfileError::Broken { file: origin.clone(), errors };
@@ -241,12 +243,14 @@ impl Catalogue {
             });
         }
         let mut standards = Vec::new();
-        for (name, span) in file.extends() {
-            let standard = if depth < 4 { self.find(name, depth + 1) } else { Err(self.unknown(name)) };
-            let wrong = |error: ProfileError| broken(vec![TextError::at(text, span, error.to_string())]);
+        for (name, span) in file.extended_standards() {
+            let standard =
+                if depth < 4 { self.find_device(name, depth + 1) } else { Err(self.unknown_profile(name)) };
+            let wrong =
+                |error: ProfileError| broken(vec![TextError::at_place(text, span, error.to_string())]);
             standards.push(standard.map_err(wrong)?);
         }
-        let mut device = file.device(variant, &standards);
+        let mut device = file.build_device(variant, &standards);
         for (_, rule, key, value) in self.tolerances.iter().filter(|(profile, ..)| profile == id) {
             device
                 .rules
@@ -257,30 +261,33 @@ impl Catalogue {
         Ok(Arc::new(device))
     }
 
-    fn unknown(&self, id: &str) -> ProfileError {
-        ProfileError::Unknown { id: id.to_owned(), closest: closest(id, self.ids()) }
+    fn unknown_profile(&self, id: &str) -> ProfileError {
+        ProfileError::Unknown { id: id.to_owned(), closest: closest_name(id, self.ids()) }
     }
 
     /// Assignments that match the identity data of a node; ambiguous if more than one. Device files are used
     /// only if no profile matches, profiles of device classes only if no device file matches.
-    pub(crate) fn identify(&self, node: &ReportedIdentity) -> Vec<String> {
+    pub(crate) fn identify_node(&self, node: &ReportedIdentity) -> Vec<String> {
         let own = || {
             let own = bundled_recognition().iter().filter(|own| self.content_of(&own.id).is_none());
             own.map(|own| (own, (own.id.as_str(), own.by.identity.as_slice())))
         };
         let devices = own().filter(|(own, _)| !own.is_generic).map(|(_, identities)| identities);
-        let mut found = fitting(self.users(UserProfile::is_profile).chain(devices), node);
+        let mut found = fitting_profiles(self.user_profiles(UserProfile::is_profile).chain(devices), node);
         if found.is_empty() {
-            found = fitting(self.users(UserProfile::is_device_file), node);
+            found = fitting_profiles(self.user_profiles(UserProfile::is_device_file), node);
         }
         if found.is_empty() {
-            found = fitting(own().filter(|(own, _)| own.is_generic).map(|(_, identities)| identities), node);
+            found = fitting_profiles(
+                own().filter(|(own, _)| own.is_generic).map(|(_, identities)| identities),
+                node,
+            );
         }
         found
     }
 
     /// Ids of the devices that have hints, sorted, with these hints. Only the chosen devices need to be loaded.
-    pub(crate) fn hints(&self) -> BTreeMap<&str, &[Hint]> {
+    pub(crate) fn hints(&self) -> BTreeMap<&str, &[ProfileHint]> {
         let own = bundled_recognition().iter().map(|own| (own.id.as_str(), own.by.hint.as_slice()));
         let users = self.user.iter().map(|user| (user.id.as_str(), user.recognition.hint.as_slice()));
         let mut hints: BTreeMap<_, _> = own.chain(users).collect();
@@ -294,20 +301,23 @@ impl Catalogue {
             && bundled_recognition().iter().any(|own| own.is_generic && own.id == id)
     }
 
-    fn users(&self, counts: fn(&UserProfile) -> bool) -> impl Iterator<Item = (&str, &[Identity])> {
+    fn user_profiles(
+        &self,
+        counts: fn(&UserProfile) -> bool,
+    ) -> impl Iterator<Item = (&str, &[DeviceIdentity])> {
         let user = self.user.iter().filter(move |user| counts(user));
         user.map(|user| (user.id.as_str(), user.recognition.identity.as_slice()))
     }
 }
 
 /// Assignments of the profiles whose identity matches.
-fn fitting<'a>(
-    profiles: impl Iterator<Item = (&'a str, &'a [Identity])>,
+fn fitting_profiles<'a>(
+    profiles: impl Iterator<Item = (&'a str, &'a [DeviceIdentity])>,
     node: &ReportedIdentity,
 ) -> Vec<String> {
     let mut all: Vec<String> = Vec::new();
     for (id, identities) in profiles {
-        for identity in identities.iter().filter(|identity| identity.fits(node)) {
+        for identity in identities.iter().filter(|identity| identity.matches_identity(node)) {
             let assignment = match &identity.variant {
                 Some(variant) => format!("{id}:{variant}"),
                 None => id.to_owned(),
@@ -322,7 +332,7 @@ fn fitting<'a>(
 
 /// Most similar known name: the longest common prefix of words, at least three letters, because shorter
 /// prefixes are too common.
-fn closest(wanted: &str, known: impl IntoIterator<Item = String>) -> Option<String> {
+fn closest_name(wanted: &str, known: impl IntoIterator<Item = String>) -> Option<String> {
     let common = |a: &str, b: &str| a.chars().zip(b.chars()).take_while(|(a, b)| a == b).count();
     let alike = |name: &str| {
         let words = name.split('-').chain([name]);
@@ -337,13 +347,13 @@ fn closest(wanted: &str, known: impl IntoIterator<Item = String>) -> Option<Stri
 }
 
 /// Path, text and compiled form of the built-in profiles.
-fn bundled() -> impl Iterator<Item = &'static (&'static str, &'static str, &'static str)> {
+fn bundled_profiles() -> impl Iterator<Item = &'static (&'static str, &'static str, &'static str)> {
     embedded::FILES.iter()
 }
 
 /// Ids of the built-in devices.
 fn bundled_devices() -> impl Iterator<Item = String> {
-    bundled().filter(|(path, ..)| is_device(path)).filter_map(|(path, ..)| id_of(path))
+    bundled_profiles().filter(|(path, ..)| is_device(path)).filter_map(|(path, ..)| id_of(path))
 }
 
 /// Whether a built-in profile describes a device rather than a standard.
@@ -368,9 +378,9 @@ pub fn is_bus_file(text: &str) -> bool {
 #[serde(default)]
 struct Recognition {
     /// Identity data that assign the profile.
-    identity: Vec<Identity>,
+    identity: Vec<DeviceIdentity>,
     /// Behaviour that suggests the profile.
-    hint: Vec<Hint>,
+    hint: Vec<ProfileHint>,
 }
 
 /// How a built-in device is recognised.
@@ -384,11 +394,11 @@ struct OwnRecognition {
 fn bundled_recognition() -> &'static [OwnRecognition] {
     static ALL: OnceLock<Vec<OwnRecognition>> = OnceLock::new();
     ALL.get_or_init(|| {
-        let devices = bundled().filter(|(path, ..)| is_device(path));
+        let devices = bundled_profiles().filter(|(path, ..)| is_device(path));
         let own = |path: &str, compiled| {
             Some(OwnRecognition {
                 id: id_of(path)?,
-                by: compiled::read(compiled).unwrap_or_default(),
+                by: compiled::read_compiled(compiled).unwrap_or_default(),
                 is_generic: path.starts_with(GENERIC),
             })
         };
@@ -397,7 +407,7 @@ fn bundled_recognition() -> &'static [OwnRecognition] {
 }
 
 /// How the device of a valid profile is recognised.
-fn recognition(text: &str) -> Recognition {
+fn load_recognition(text: &str) -> Recognition {
     toml::from_str(text).unwrap_or_default()
 }
 
@@ -415,7 +425,7 @@ mod tests {
         catalogue.add_text("pump.toml", PUMP).unwrap();
         let device = catalogue.device("acme-pump").unwrap();
         assert_eq!((device.full_id.as_str(), device.object_count()), ("acme-pump:a", 1));
-        assert!(device.dictionary.find("1017:00".parse().unwrap()).is_some());
+        assert!(device.dictionary.find_object("1017:00".parse().unwrap()).is_some());
         assert_eq!(catalogue.device("acme-pump:b").unwrap().variant.as_deref(), Some("b"));
         let error = catalogue.device("acme-pump:c").unwrap_err();
         assert_eq!(error.to_string(), "unknown variant 'c' of profile 'acme-pump'; expected a, b");
@@ -428,9 +438,9 @@ mod tests {
         let mut catalogue = Catalogue::default();
         catalogue.add_text("pump.toml", PUMP).unwrap();
         let mut node = ReportedIdentity { vendor_id: Some(0x19), ..ReportedIdentity::default() };
-        assert!(catalogue.identify(&node).is_empty());
+        assert!(catalogue.identify_node(&node).is_empty());
         node.product_code = Some(7);
-        assert_eq!(catalogue.identify(&node), ["acme-pump:b"]);
+        assert_eq!(catalogue.identify_node(&node), ["acme-pump:b"]);
     }
 
     #[test]

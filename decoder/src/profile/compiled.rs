@@ -22,8 +22,8 @@ use toml::de::Error;
 ///
 /// # Errors
 /// Keys and values unknown to `T`, unexpected end of the data.
-pub(super) fn read<'de, T: Deserialize<'de>>(compiled: &'de str) -> Result<T, Error> {
-    T::deserialize(Text(compiled).value()?)
+pub(super) fn read_compiled<'de, T: Deserialize<'de>>(compiled: &'de str) -> Result<T, Error> {
+    T::deserialize(CompiledText(compiled).take_value()?)
 }
 
 /// As [`read`], without the value of the key `omitted` in the outermost table.
@@ -31,20 +31,23 @@ pub(super) fn read_without<'de, T: Deserialize<'de>>(
     compiled: &'de str,
     omitted: &'static str,
 ) -> Result<T, Error> {
-    let value = Text(compiled).value()?;
-    T::deserialize(MapAccessDeserializer::new(Keys { rest: Text(value.content), omitted: Some(omitted) }))
+    let value = CompiledText(compiled).take_value()?;
+    T::deserialize(MapAccessDeserializer::new(TableKeys {
+        rest: CompiledText(value.content),
+        omitted: Some(omitted),
+    }))
 }
 
 /// Elements of the list that is the value of `key` in the outermost table; empty if the key is missing.
-pub(super) fn elements<'de>(compiled: &'de str, key: &str) -> Result<Vec<CompiledValue<'de>>, Error> {
-    let mut table = Text(Text(compiled).value()?.content);
+pub(super) fn list_elements<'de>(compiled: &'de str, key: &str) -> Result<Vec<CompiledValue<'de>>, Error> {
+    let mut table = CompiledText(CompiledText(compiled).take_value()?.content);
     while !table.0.is_empty() {
-        let (found, value) = (table.text()?, table.value()?);
+        let (found, value) = (table.take_string()?, table.take_value()?);
         if found == key {
-            let Elements { mut rest, count } = Elements::of(value.content)?;
+            let ArrayElements { mut rest, count } = ArrayElements::elements_of(value.content)?;
             let mut elements = Vec::with_capacity(count.min(rest.0.len()));
             while !rest.0.is_empty() {
-                elements.push(CompiledValue(rest.value()?));
+                elements.push(CompiledValue(rest.take_value()?));
             }
             return Ok(elements);
         }
@@ -54,14 +57,14 @@ pub(super) fn elements<'de>(compiled: &'de str, key: &str) -> Result<Vec<Compile
 
 /// A value that is read later.
 #[derive(Debug)]
-pub(super) struct CompiledValue<'de>(Value<'de>);
+pub(super) struct CompiledValue<'de>(BinaryValue<'de>);
 
 impl<'de> CompiledValue<'de> {
     /// Deserializes the value.
     ///
     /// # Errors
     /// As [`read`].
-    pub(super) fn read<T: Deserialize<'de>>(&self) -> Result<T, Error> {
+    pub(super) fn read_value<T: Deserialize<'de>>(&self) -> Result<T, Error> {
         T::deserialize(self.0.clone())
     }
 
@@ -73,30 +76,30 @@ impl<'de> CompiledValue<'de> {
 
 /// Sequence of compiled values.
 #[derive(Debug, Clone, Copy)]
-struct Text<'de>(&'de str);
+struct CompiledText<'de>(&'de str);
 
 /// A compiled value.
 #[derive(Debug, Clone)]
-struct Value<'de> {
+struct BinaryValue<'de> {
     tag: u8,
     /// Position in the text, in the compiled form.
     position: [u8; 6],
     content: &'de str,
 }
 
-impl<'de> Text<'de> {
+impl<'de> CompiledText<'de> {
     #[inline]
-    fn take(&mut self, length: usize) -> Result<&'de str, Error> {
+    fn take_text(&mut self, length: usize) -> Result<&'de str, Error> {
         let (taken, rest) = self.0.split_at_checked(length).ok_or_else(unexpected_end)?;
         self.0 = rest;
         Ok(taken)
     }
 
     #[inline]
-    fn number(&mut self) -> Result<u64, Error> {
+    fn take_number(&mut self) -> Result<u64, Error> {
         match self.0.as_bytes() {
             [byte @ ..0x40, ..] => {
-                self.take(1)?;
+                self.take_text(1)?;
                 Ok(u64::from(*byte))
             }
             _ => self.long_number(),
@@ -106,7 +109,7 @@ impl<'de> Text<'de> {
     fn long_number(&mut self) -> Result<u64, Error> {
         let mut number = 0;
         for shift in (0..u64::BITS).step_by(6) {
-            let byte = self.take(1)?.as_bytes().first().copied().unwrap_or_default();
+            let byte = self.take_text(1)?.as_bytes().first().copied().unwrap_or_default();
             number |= u64::from(byte & 0x3F) << shift;
             if byte < 0x40 {
                 return Ok(number);
@@ -116,17 +119,17 @@ impl<'de> Text<'de> {
     }
 
     #[inline]
-    fn text(&mut self) -> Result<&'de str, Error> {
-        let length = self.number()?;
-        self.take(usize::try_from(length).unwrap_or(usize::MAX))
+    fn take_string(&mut self) -> Result<&'de str, Error> {
+        let length = self.take_number()?;
+        self.take_text(usize::try_from(length).unwrap_or(usize::MAX))
     }
 
     #[inline]
-    fn value(&mut self) -> Result<Value<'de>, Error> {
-        let Some([tag, position @ ..]) = self.take(7)?.as_bytes().first_chunk::<7>() else {
+    fn take_value(&mut self) -> Result<BinaryValue<'de>, Error> {
+        let Some([tag, position @ ..]) = self.take_text(7)?.as_bytes().first_chunk::<7>() else {
             return Err(unexpected_end());
         };
-        Ok(Value { tag: *tag, position: *position, content: self.text()? })
+        Ok(BinaryValue { tag: *tag, position: *position, content: self.take_string()? })
     }
 }
 
@@ -135,9 +138,9 @@ fn unexpected_end() -> Error {
     Error::custom("compiled file: unexpected end")
 }
 
-impl Value<'_> {
-    fn number(&self) -> Result<u64, Error> {
-        Text(self.content).number()
+impl BinaryValue<'_> {
+    fn to_number(&self) -> Result<u64, Error> {
+        CompiledText(self.content).take_number()
     }
 
     /// Position in the text.
@@ -150,17 +153,17 @@ impl Value<'_> {
     }
 }
 
-impl<'de> Deserializer<'de> for Value<'de> {
+impl<'de> Deserializer<'de> for BinaryValue<'de> {
     type Error = Error;
 
     fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Error> {
         match self.tag {
             b's' => visitor.visit_borrowed_str(self.content),
-            b'i' => visitor.visit_i64(self.number()?.rotate_right(1).cast_signed()),
-            b'f' => visitor.visit_f64(f64::from_bits(self.number()?.swap_bytes())),
-            b'b' => visitor.visit_bool(self.number()? == 1),
-            b'a' => visitor.visit_seq(Elements::of(self.content)?),
-            b't' => visitor.visit_map(Keys { rest: Text(self.content), omitted: None }),
+            b'i' => visitor.visit_i64(self.to_number()?.rotate_right(1).cast_signed()),
+            b'f' => visitor.visit_f64(f64::from_bits(self.to_number()?.swap_bytes())),
+            b'b' => visitor.visit_bool(self.to_number()? == 1),
+            b'a' => visitor.visit_seq(ArrayElements::elements_of(self.content)?),
+            b't' => visitor.visit_map(TableKeys { rest: CompiledText(self.content), omitted: None }),
             tag => Err(Error::custom(format!("compiled file: unknown tag {tag}"))),
         }
     }
@@ -200,9 +203,9 @@ impl<'de> Deserializer<'de> for Value<'de> {
         if self.tag != b't' {
             return visitor.visit_enum(self.content.into_deserializer());
         }
-        let mut content = Text(self.content);
-        let (name, value) = (content.text()?, content.value()?);
-        visitor.visit_enum(Variant { name, value })
+        let mut content = CompiledText(self.content);
+        let (name, value) = (content.take_string()?, content.take_value()?);
+        visitor.visit_enum(EnumVariant { name, value })
     }
 
     /// Skips the value.
@@ -216,7 +219,7 @@ impl<'de> Deserializer<'de> for Value<'de> {
     }
 }
 
-impl<'de> IntoDeserializer<'de, Error> for Value<'de> {
+impl<'de> IntoDeserializer<'de, Error> for BinaryValue<'de> {
     type Deserializer = Self;
 
     fn into_deserializer(self) -> Self {
@@ -225,21 +228,21 @@ impl<'de> IntoDeserializer<'de, Error> for Value<'de> {
 }
 
 /// Content of an array.
-struct Elements<'de> {
-    rest: Text<'de>,
+struct ArrayElements<'de> {
+    rest: CompiledText<'de>,
     /// Number of elements in `rest`.
     count: usize,
 }
 
-impl<'de> Elements<'de> {
-    fn of(content: &'de str) -> Result<Self, Error> {
-        let mut rest = Text(content);
-        let count = usize::try_from(rest.number()?).unwrap_or(usize::MAX);
+impl<'de> ArrayElements<'de> {
+    fn elements_of(content: &'de str) -> Result<Self, Error> {
+        let mut rest = CompiledText(content);
+        let count = usize::try_from(rest.take_number()?).unwrap_or(usize::MAX);
         Ok(Self { rest, count })
     }
 }
 
-impl<'de> SeqAccess<'de> for Elements<'de> {
+impl<'de> SeqAccess<'de> for ArrayElements<'de> {
     type Error = Error;
 
     fn next_element_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<Option<T::Value>, Error> {
@@ -247,7 +250,7 @@ impl<'de> SeqAccess<'de> for Elements<'de> {
             return Ok(None);
         }
         self.count = self.count.saturating_sub(1);
-        seed.deserialize(self.rest.value()?).map(Some)
+        seed.deserialize(self.rest.take_value()?).map(Some)
     }
 
     fn size_hint(&self) -> Option<usize> {
@@ -256,53 +259,53 @@ impl<'de> SeqAccess<'de> for Elements<'de> {
 }
 
 /// Content of a table.
-struct Keys<'de> {
-    rest: Text<'de>,
+struct TableKeys<'de> {
+    rest: CompiledText<'de>,
     /// Key that is skipped.
     omitted: Option<&'static str>,
 }
 
-impl<'de> MapAccess<'de> for Keys<'de> {
+impl<'de> MapAccess<'de> for TableKeys<'de> {
     type Error = Error;
 
     fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, Error> {
         if self.rest.0.is_empty() {
             return Ok(None);
         }
-        let mut key = self.rest.text()?;
+        let mut key = self.rest.take_string()?;
         if self.omitted == Some(key) {
-            self.rest.value()?;
+            self.rest.take_value()?;
             if self.rest.0.is_empty() {
                 return Ok(None);
             }
-            key = self.rest.text()?;
+            key = self.rest.take_string()?;
         }
         let key: BorrowedStrDeserializer<'de, Error> = BorrowedStrDeserializer::new(key);
         seed.deserialize(key).map(Some)
     }
 
     fn next_value_seed<V: DeserializeSeed<'de>>(&mut self, seed: V) -> Result<V::Value, Error> {
-        seed.deserialize(self.rest.value()?)
+        seed.deserialize(self.rest.take_value()?)
     }
 }
 
 /// Name and value of an enum variant.
-struct Variant<'de> {
+struct EnumVariant<'de> {
     name: &'de str,
-    value: Value<'de>,
+    value: BinaryValue<'de>,
 }
 
-impl<'de> EnumAccess<'de> for Variant<'de> {
+impl<'de> EnumAccess<'de> for EnumVariant<'de> {
     type Error = Error;
-    type Variant = Value<'de>;
+    type Variant = BinaryValue<'de>;
 
-    fn variant_seed<V: DeserializeSeed<'de>>(self, seed: V) -> Result<(V::Value, Value<'de>), Error> {
+    fn variant_seed<V: DeserializeSeed<'de>>(self, seed: V) -> Result<(V::Value, BinaryValue<'de>), Error> {
         let name: BorrowedStrDeserializer<'de, Error> = BorrowedStrDeserializer::new(self.name);
         Ok((seed.deserialize(name)?, self.value))
     }
 }
 
-impl<'de> VariantAccess<'de> for Value<'de> {
+impl<'de> VariantAccess<'de> for BinaryValue<'de> {
     type Error = Error;
 
     fn unit_variant(self) -> Result<(), Error> {
@@ -358,7 +361,7 @@ mod tests {
 
     #[test]
     fn values_of_every_kind() {
-        let thing: CompiledItem = read(THING).unwrap();
+        let thing: CompiledItem = read_compiled(THING).unwrap();
         assert_eq!((thing.name.get_ref().as_str(), thing.name.span()), ("a", 7..10));
         assert_eq!(thing.shapes, [Shape::Round, Shape::Square(-2)]);
         assert_eq!((thing.weight, thing.light), (Some(0.5), true));
@@ -376,14 +379,14 @@ mod tests {
         let rest: WithoutShapes = read_without(THING, "shapes").unwrap();
         assert_eq!(rest, WithoutShapes { name: "a".into(), weight: 0.5, light: true });
         let shapes: Vec<Shape> =
-            elements(THING, "shapes").unwrap().iter().map(|shape| shape.read().unwrap()).collect();
+            list_elements(THING, "shapes").unwrap().iter().map(|shape| shape.read_value().unwrap()).collect();
         assert_eq!(shapes, [Shape::Round, Shape::Square(-2)]);
-        assert!(elements(THING, "colours").unwrap().is_empty());
+        assert!(list_elements(THING, "colours").unwrap().is_empty());
     }
 
     #[test]
     fn errors_are_reported() {
-        let error = |text: &str| read::<CompiledItem>(text).unwrap_err().to_string();
+        let error = |text: &str| read_compiled::<CompiledItem>(text).unwrap_err().to_string();
         assert!(error(&THING[..40]).contains("unexpected end"), "{}", error(&THING[..40]));
         assert!(error("t\0\0\0\0\0\0\x0b\x01xb\0\0\0\0\0\0\x01\x01").contains("unknown field `x`"));
         assert!(error("?\0\0\0\0\0\0\0").contains("tag 63"));
@@ -396,8 +399,8 @@ mod tests {
         fn no_bytes_are_too_broken(place in 0..THING.len(), byte: u8, rest: Vec<u8>) {
             let mut bytes = THING.as_bytes().to_vec();
             bytes[place] = byte;
-            let _ = read::<CompiledItem>(&String::from_utf8_lossy(&bytes));
-            let _ = read::<toml::Table>(&String::from_utf8_lossy(&rest));
+            let _ = read_compiled::<CompiledItem>(&String::from_utf8_lossy(&bytes));
+            let _ = read_compiled::<toml::Table>(&String::from_utf8_lossy(&rest));
         }
     }
 }

@@ -4,13 +4,13 @@ use std::sync::OnceLock;
 
 use serde::Deserialize;
 
-use super::embedded::parse;
+use super::embedded::parse_embedded;
 use super::layout::{PdoDirection, PdoName};
-use crate::wire::canopen::sdo::Side;
+use crate::wire::canopen::sdo::SdoSide;
 
 /// Service and node of an identifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Owner {
+pub enum IdentifierOwner {
     /// Unknown to the connection set.
     Unclassified,
     /// Service without a decoder: GFC, SRDO, flying master.
@@ -26,7 +26,7 @@ pub enum Owner {
     /// PDO of a node.
     Pdo(PdoName, u8),
     /// Default SDO channel of a node.
-    Sdo(Side, u8),
+    Sdo(SdoSide, u8),
     /// NMT error control of a node: boot-up, heartbeat, guarding.
     ErrorControl(u8),
     /// LSS; `true` for messages of the master.
@@ -35,7 +35,7 @@ pub enum Owner {
     TestMarker,
 }
 
-impl Owner {
+impl IdentifierOwner {
     /// Node-ID of the owner; `None` for a service of the whole network.
     pub const fn node(self) -> Option<u8> {
         match self {
@@ -49,7 +49,7 @@ impl Owner {
 
 /// Owners of all 2,048 identifiers of 11 bits.
 pub struct ConnectionSet {
-    owners: Box<[Owner]>,
+    owners: Box<[IdentifierOwner]>,
     restricted: Vec<(u16, u16, &'static str)>,
 }
 
@@ -62,13 +62,13 @@ struct ConnectionSetFile {
     _title: String,
     #[serde(rename = "source", default)]
     _source: String,
-    cob: Vec<Cob>,
+    cob: Vec<CobEntry>,
     restricted: Vec<RestrictedRange>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Cob {
+struct CobEntry {
     base: u16,
     #[serde(default)]
     to: Option<u16>,
@@ -92,30 +92,32 @@ struct RestrictedRange {
 
 impl ConnectionSet {
     /// Owner of an 11-bit identifier.
-    pub fn owner(&self, id: u16) -> Owner {
-        self.owners.get(usize::from(id)).copied().unwrap_or(Owner::Unclassified)
+    pub fn owner_of(&self, id: u16) -> IdentifierOwner {
+        self.owners.get(usize::from(id)).copied().unwrap_or(IdentifierOwner::Unclassified)
     }
 
     /// Reason why an identifier is restricted (CiA 301 §7.3.5); `None` if configurable.
-    pub fn restriction(&self, id: u16) -> Option<&'static str> {
+    pub fn restriction_reason(&self, id: u16) -> Option<&'static str> {
         self.restricted.iter().find(|(from, to, _)| (*from..=*to).contains(&id)).map(|(_, _, why)| *why)
     }
 }
 
-fn owner(cob: &Cob, node: u8) -> Owner {
-    let pdo = |direction| Owner::Pdo(PdoName { direction, number: cob.number }, node);
+fn entry_owner(cob: &CobEntry, node: u8) -> IdentifierOwner {
+    let pdo = |direction| IdentifierOwner::Pdo(PdoName { direction, number: cob.number }, node);
     match cob.service.as_str() {
-        "nmt" => Owner::Nmt,
-        "sync" => Owner::Sync,
-        "time" => Owner::Time,
-        "emcy" => Owner::Emcy(node),
+        "nmt" => IdentifierOwner::Nmt,
+        "sync" => IdentifierOwner::Sync,
+        "time" => IdentifierOwner::Time,
+        "emcy" => IdentifierOwner::Emcy(node),
         "tpdo" => pdo(PdoDirection::Transmit),
         "rpdo" => pdo(PdoDirection::Receive),
-        "sdo" => Owner::Sdo(if cob.side == "client" { Side::Client } else { Side::Server }, node),
-        "error-control" => Owner::ErrorControl(node),
-        "test-marker" => Owner::TestMarker,
-        "lss" => Owner::Lss(cob.side == "master"),
-        other => Owner::Named(other.to_owned().leak()),
+        "sdo" => {
+            IdentifierOwner::Sdo(if cob.side == "client" { SdoSide::Client } else { SdoSide::Server }, node)
+        }
+        "error-control" => IdentifierOwner::ErrorControl(node),
+        "test-marker" => IdentifierOwner::TestMarker,
+        "lss" => IdentifierOwner::Lss(cob.side == "master"),
+        other => IdentifierOwner::Named(other.to_owned().leak()),
     }
 }
 
@@ -123,15 +125,15 @@ fn owner(cob: &Cob, node: u8) -> Owner {
 pub fn connection_set() -> &'static ConnectionSet {
     static SET: OnceLock<ConnectionSet> = OnceLock::new();
     SET.get_or_init(|| {
-        let file: ConnectionSetFile = parse("standard/predefined.toml");
-        let mut owners = vec![Owner::Unclassified; 2048].into_boxed_slice();
+        let file: ConnectionSetFile = parse_embedded("standard/predefined.toml");
+        let mut owners = vec![IdentifierOwner::Unclassified; 2048].into_boxed_slice();
         for cob in &file.cob {
             let last = if cob.nodes { cob.base + 127 } else { cob.to.unwrap_or(cob.base) };
             let first = if cob.nodes { cob.base + 1 } else { cob.base };
             for id in first..=last {
                 let node = u8::try_from(id - cob.base).unwrap_or(0);
                 if let Some(slot) = owners.get_mut(usize::from(id)) {
-                    *slot = owner(cob, node);
+                    *slot = entry_owner(cob, node);
                 }
             }
         }
@@ -147,24 +149,24 @@ mod tests {
     #[test]
     fn the_defaults_of_node_5() {
         let set = connection_set();
-        assert_eq!(set.owner(0x000), Owner::Nmt);
-        assert_eq!(set.owner(0x080), Owner::Sync);
-        assert_eq!(set.owner(0x085), Owner::Emcy(5));
-        assert_eq!(set.owner(0x100), Owner::Time);
+        assert_eq!(set.owner_of(0x000), IdentifierOwner::Nmt);
+        assert_eq!(set.owner_of(0x080), IdentifierOwner::Sync);
+        assert_eq!(set.owner_of(0x085), IdentifierOwner::Emcy(5));
+        assert_eq!(set.owner_of(0x100), IdentifierOwner::Time);
         let tpdo2 = PdoName { direction: PdoDirection::Transmit, number: 2 };
-        assert_eq!(set.owner(0x285), Owner::Pdo(tpdo2, 5));
-        assert_eq!(set.owner(0x585), Owner::Sdo(Side::Server, 5));
-        assert_eq!(set.owner(0x605), Owner::Sdo(Side::Client, 5));
-        assert_eq!(set.owner(0x705), Owner::ErrorControl(5));
-        assert_eq!(set.owner(0x7E5), Owner::Lss(true));
-        assert_eq!(set.owner(0x001), Owner::Named("gfc"));
-        assert_eq!(set.owner(0x780), Owner::Unclassified);
-        assert_eq!(set.owner(0x600), Owner::Unclassified);
+        assert_eq!(set.owner_of(0x285), IdentifierOwner::Pdo(tpdo2, 5));
+        assert_eq!(set.owner_of(0x585), IdentifierOwner::Sdo(SdoSide::Server, 5));
+        assert_eq!(set.owner_of(0x605), IdentifierOwner::Sdo(SdoSide::Client, 5));
+        assert_eq!(set.owner_of(0x705), IdentifierOwner::ErrorControl(5));
+        assert_eq!(set.owner_of(0x7E5), IdentifierOwner::Lss(true));
+        assert_eq!(set.owner_of(0x001), IdentifierOwner::Named("gfc"));
+        assert_eq!(set.owner_of(0x780), IdentifierOwner::Unclassified);
+        assert_eq!(set.owner_of(0x600), IdentifierOwner::Unclassified);
     }
 
     #[test]
     fn restricted_identifiers() {
-        assert_eq!(connection_set().restriction(0x6E5), Some("reserved"));
-        assert_eq!(connection_set().restriction(0x1A0), None);
+        assert_eq!(connection_set().restriction_reason(0x6E5), Some("reserved"));
+        assert_eq!(connection_set().restriction_reason(0x1A0), None);
     }
 }

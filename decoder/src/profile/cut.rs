@@ -1,7 +1,7 @@
 //! Fast extraction of integers from the first eight bytes of a payload, without the layout.
 
 use super::data_type::DataType;
-use super::layout::{BitOrder, Field};
+use super::layout::{BitOrder, SignalField};
 
 /// Position of an integer within eight bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -17,7 +17,7 @@ pub(crate) struct IntegerPosition {
 
 impl IntegerPosition {
     /// Position of a field; `None` if it is not an integer of up to 64 bits within the first eight bytes.
-    pub fn of(field: &Field) -> Option<Self> {
+    pub fn position_of(field: &SignalField) -> Option<Self> {
         let is_number = !matches!(field.data_type, DataType::Real32 | DataType::Real64);
         let is_signed = field.data_type.is_signed();
         let end = field.end().filter(|end| *end <= 64 && field.order == BitOrder::LittleEndian)?;
@@ -42,7 +42,7 @@ impl IntegerPosition {
 
     /// Raw bits; the payload must be long enough.
     #[inline]
-    pub fn raw(self, word: u64) -> u64 {
+    pub fn raw_bits(self, word: u64) -> u64 {
         (word << self.above) >> self.others
     }
 
@@ -62,7 +62,7 @@ impl IntegerPosition {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::profile::integer;
+    use crate::profile::as_integer;
     use crate::wire::canopen::ObjectAddress;
 
     #[test]
@@ -73,13 +73,13 @@ mod tests {
             .into_iter()
             .flat_map(|of| (0..56_u16).flat_map(move |bit| (1..=16).map(move |bits| (of, bit, bits))))
         {
-            let field = Field::of_object(ObjectAddress::new(0x2000, 0), bit, bits, data_type);
-            let Some(cut) = IntegerPosition::of(&field) else { continue };
+            let field = SignalField::of_object(ObjectAddress::new(0x2000, 0), bit, bits, data_type);
+            let Some(cut) = IntegerPosition::position_of(&field) else { continue };
             for length in 0..=8 {
-                let raw = field.extract(&payload[..length]);
-                let number = raw.and_then(|raw| integer(&field.value(raw)));
+                let raw = field.extract_bits(&payload[..length]);
+                let number = raw.and_then(|raw| as_integer(&field.convert_raw(raw)));
                 assert_eq!(cut.bits(), field.payload_bits());
-                assert!(raw.is_none_or(|raw| cut.raw(u64::from_le_bytes(payload)) == raw));
+                assert!(raw.is_none_or(|raw| cut.raw_bits(u64::from_le_bytes(payload)) == raw));
                 assert_eq!(
                     cut.number(u64::from_le_bytes(payload), length),
                     number,
@@ -87,9 +87,9 @@ mod tests {
                 );
             }
         }
-        let wide = Field::of_object(ObjectAddress::new(0x2000, 0), 0, 64, DataType::Integer64);
-        assert_eq!(IntegerPosition::of(&wide).unwrap().number(u64::MAX, 8), Some(-1));
-        let real = Field::of_object(ObjectAddress::new(0x2000, 0), 0, 32, DataType::Real32);
-        assert_eq!(IntegerPosition::of(&real), None);
+        let wide = SignalField::of_object(ObjectAddress::new(0x2000, 0), 0, 64, DataType::Integer64);
+        assert_eq!(IntegerPosition::position_of(&wide).unwrap().number(u64::MAX, 8), Some(-1));
+        let real = SignalField::of_object(ObjectAddress::new(0x2000, 0), 0, 32, DataType::Real32);
+        assert_eq!(IntegerPosition::position_of(&real), None);
     }
 }

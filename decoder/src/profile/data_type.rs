@@ -38,7 +38,7 @@ pub enum DataType {
 
 /// Decoded value without unit.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Value {
+pub enum DecodedValue {
     /// BOOLEAN or UNSIGNEDn.
     Unsigned(u64),
     /// INTEGERn.
@@ -52,7 +52,7 @@ pub enum Value {
 }
 
 /// Prints integers in full, reals in the shortest form, text escaped, bytes in hex pairs.
-impl fmt::Display for Value {
+impl fmt::Display for DecodedValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Unsigned(value) => write!(f, "{value}"),
@@ -116,7 +116,7 @@ impl DataType {
 
     /// Whether the type is an INTEGERn or UNSIGNEDn.
     pub(crate) fn is_integer(self) -> bool {
-        self.is_signed() || self.bits().is_some_and(|bits| self == Self::unsigned(bits))
+        self.is_signed() || self.bits().is_some_and(|bits| self == Self::unsigned_of(bits))
     }
 
     /// Minimum and maximum of an integer type; `None` for other types and ranges beyond `i64`.
@@ -129,46 +129,46 @@ impl DataType {
         })
     }
 
-    /// Decodes little-endian data. Data of the wrong length become [`Value::Bytes`]; trailing zeros are
+    /// Decodes little-endian data. Data of the wrong length become [`DecodedValue::Bytes`]; trailing zeros are
     /// ignored, as in an expedited transfer without a size.
-    pub fn decode(self, data: &[u8]) -> Value {
+    pub fn decode(self, data: &[u8]) -> DecodedValue {
         match self {
-            Self::VisibleString => return Value::Text(latin1(data)),
-            Self::UnicodeString => return Value::Text(utf16(data)),
+            Self::VisibleString => return DecodedValue::Text(decode_latin1(data)),
+            Self::UnicodeString => return DecodedValue::Text(decode_utf16(data)),
             _ => {}
         }
-        let bytes = || Value::Bytes(data.to_vec());
+        let bytes = || DecodedValue::Bytes(data.to_vec());
         let Some(bits) = self.bits() else { return bytes() };
         let length = usize::from(bits.div_ceil(8));
         let Some((head, padding)) = data.split_at_checked(length) else { return bytes() };
         if padding.iter().any(|byte| *byte != 0) || matches!(self, Self::TimeOfDay | Self::TimeDifference) {
             return bytes();
         }
-        self.number(little_endian(head))
+        self.decode_raw(little_endian(head))
     }
 
     /// Converts extracted bits to a value.
-    pub fn number(self, raw: u64) -> Value {
+    pub fn decode_raw(self, raw: u64) -> DecodedValue {
         match self {
-            Self::Real32 => Value::Real(f64::from(f32::from_bits(u32::try_from(raw).unwrap_or(0)))),
-            Self::Real64 => Value::Real(f64::from_bits(raw)),
-            _ if self.is_signed() => Value::Integer(sign_extend(raw, self.bits().unwrap_or(64))),
-            _ => Value::Unsigned(raw),
+            Self::Real32 => DecodedValue::Real(f64::from(f32::from_bits(u32::try_from(raw).unwrap_or(0)))),
+            Self::Real64 => DecodedValue::Real(f64::from_bits(raw)),
+            _ if self.is_signed() => DecodedValue::Integer(sign_extend(raw, self.bits().unwrap_or(64))),
+            _ => DecodedValue::Unsigned(raw),
         }
     }
 
     /// Integer type for the low `bits` of a wider integer; `None` if no type has that length.
-    pub(crate) fn narrowed(self, bits: u16) -> Option<Self> {
+    pub(crate) fn narrow_to(self, bits: u16) -> Option<Self> {
         self.bits().filter(|width| *width > bits)?;
-        let unsigned = Self::unsigned(bits);
+        let unsigned = Self::unsigned_of(bits);
         if !self.is_integer() || unsigned.bits() != Some(bits) {
             return None;
         }
-        Some(if self.is_signed() { Self::signed(bits) } else { unsigned })
+        Some(if self.is_signed() { Self::signed_of(bits) } else { unsigned })
     }
 
     /// Signed integer type of at least this length.
-    pub const fn signed(bits: u16) -> Self {
+    pub const fn signed_of(bits: u16) -> Self {
         match bits {
             0..=8 => Self::Integer8,
             9..=16 => Self::Integer16,
@@ -182,7 +182,7 @@ impl DataType {
     }
 
     /// Unsigned integer type of at least this length, for objects of unknown type.
-    pub const fn unsigned(bits: u16) -> Self {
+    pub const fn unsigned_of(bits: u16) -> Self {
         match bits {
             0..=8 => Self::Unsigned8,
             9..=16 => Self::Unsigned16,
@@ -208,11 +208,11 @@ pub(crate) const fn sign_extend(raw: u64, bits: u16) -> i64 {
 }
 
 /// Decodes a VISIBLE_STRING as Latin-1: a superset of ISO 646 that some devices send. Ends at a zero byte.
-fn latin1(data: &[u8]) -> String {
+fn decode_latin1(data: &[u8]) -> String {
     data.iter().take_while(|byte| **byte != 0).map(|byte| char::from(*byte)).collect()
 }
 
-fn utf16(data: &[u8]) -> String {
+fn decode_utf16(data: &[u8]) -> String {
     let units = data.chunks_exact(2).map(|pair| match pair {
         [low, high] => u16::from_le_bytes([*low, *high]),
         _ => 0,
@@ -228,11 +228,11 @@ mod tests {
 
     #[test]
     fn numbers_are_little_endian_and_signed_by_type() {
-        assert_eq!(DataType::Unsigned16.decode(&[0xE8, 0x03]), Value::Unsigned(1000));
-        assert_eq!(DataType::Integer16.decode(&[0xB2, 0xFF]), Value::Integer(-78));
-        assert_eq!(DataType::Integer24.decode(&[0xFF, 0xFF, 0xFF]), Value::Integer(-1));
-        assert_eq!(DataType::Real32.decode(&[0, 0, 0xC0, 0x3F]), Value::Real(1.5));
-        assert_eq!(DataType::Unsigned64.decode(&[0xFF; 8]), Value::Unsigned(u64::MAX));
+        assert_eq!(DataType::Unsigned16.decode(&[0xE8, 0x03]), DecodedValue::Unsigned(1000));
+        assert_eq!(DataType::Integer16.decode(&[0xB2, 0xFF]), DecodedValue::Integer(-78));
+        assert_eq!(DataType::Integer24.decode(&[0xFF, 0xFF, 0xFF]), DecodedValue::Integer(-1));
+        assert_eq!(DataType::Real32.decode(&[0, 0, 0xC0, 0x3F]), DecodedValue::Real(1.5));
+        assert_eq!(DataType::Unsigned64.decode(&[0xFF; 8]), DecodedValue::Unsigned(u64::MAX));
     }
 
     #[test]
@@ -247,9 +247,9 @@ mod tests {
 
     #[test]
     fn padding_is_cut_but_a_wrong_length_stays_bytes() {
-        assert_eq!(DataType::Unsigned8.decode(&[5, 0, 0, 0]), Value::Unsigned(5));
-        assert_eq!(DataType::Unsigned8.decode(&[5, 1]), Value::Bytes(vec![5, 1]));
-        assert_eq!(DataType::Unsigned32.decode(&[5]), Value::Bytes(vec![5]));
+        assert_eq!(DataType::Unsigned8.decode(&[5, 0, 0, 0]), DecodedValue::Unsigned(5));
+        assert_eq!(DataType::Unsigned8.decode(&[5, 1]), DecodedValue::Bytes(vec![5, 1]));
+        assert_eq!(DataType::Unsigned32.decode(&[5]), DecodedValue::Bytes(vec![5]));
     }
 
     #[test]
@@ -261,8 +261,8 @@ mod tests {
     #[test]
     fn strings_end_at_zero_and_are_escaped_when_shown() {
         let value = DataType::VisibleString.decode(b"IO\x1b[2J\0xx");
-        assert_eq!(value, Value::Text("IO\x1b[2J".into()));
+        assert_eq!(value, DecodedValue::Text("IO\x1b[2J".into()));
         assert_eq!(value.to_string(), "\"IO\\u{1b}[2J\"");
-        assert_eq!(DataType::UnicodeString.decode(&[0x41, 0, 0xE9, 0]), Value::Text("Aé".into()));
+        assert_eq!(DataType::UnicodeString.decode(&[0x41, 0, 0xE9, 0]), DecodedValue::Text("Aé".into()));
     }
 }

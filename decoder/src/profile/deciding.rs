@@ -4,14 +4,14 @@ use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
 
 use super::dictionary::Dictionary;
-use super::layer::Layer;
+use super::layer::DocumentLayer;
 use crate::wire::canopen::ObjectAddress;
 
 /// Objects that modes, scales and PDO layouts depend on, ascending. Those of the dictionary are collected on
 /// first use, because this reads objects that may never be needed otherwise.
 #[derive(Debug, Clone, Default)]
 pub struct DecidingObjects {
-    layers: Vec<Arc<Layer>>,
+    layers: Vec<Arc<DocumentLayer>>,
     of_pdos: Vec<ObjectAddress>,
     all: OnceLock<Vec<ObjectAddress>>,
 }
@@ -28,7 +28,7 @@ impl Deref for DecidingObjects {
     fn deref(&self) -> &[ObjectAddress] {
         self.all.get_or_init(|| {
             let mut all = self.of_pdos.clone();
-            self.layers.iter().for_each(|layer| layer.deciding(&mut all));
+            self.layers.iter().for_each(|layer| layer.collect_deciding(&mut all));
             all.sort_unstable();
             all.dedup();
             all

@@ -5,9 +5,9 @@ use super::compiled;
 include!(concat!(env!("OUT_DIR"), "/profiles.rs"));
 
 /// Loads an embedded file. The fallback to an empty table is unreachable: a test reads every file.
-pub(super) fn parse<T: serde::de::DeserializeOwned + Default>(path: &str) -> T {
+pub(super) fn parse_embedded<T: serde::de::DeserializeOwned + Default>(path: &str) -> T {
     let file = FILES.iter().find(|(name, ..)| *name == path);
-    file.and_then(|(_, _, compiled)| compiled::read(compiled).ok()).unwrap_or_default()
+    file.and_then(|(_, _, compiled)| compiled::read_compiled(compiled).ok()).unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -19,7 +19,7 @@ mod tests {
         assert!(FILES.len() >= 9);
         for (path, text, compiled) in FILES {
             let table: toml::Table = toml::from_str(text).unwrap();
-            assert_eq!(compiled::read::<toml::Table>(compiled).unwrap(), table, "{path}");
+            assert_eq!(compiled::read_compiled::<toml::Table>(compiled).unwrap(), table, "{path}");
         }
     }
 }

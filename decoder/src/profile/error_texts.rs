@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use serde::Deserialize;
 
-use super::embedded::parse;
+use super::embedded::parse_embedded;
 use super::lookup::emcy_codes;
 
 /// Texts of the EMCY codes of a device, shared by all its meanings.
@@ -13,20 +13,20 @@ pub struct ErrorTexts(Arc<[(u16, String)]>);
 
 impl ErrorTexts {
     /// Texts of a device by code.
-    pub(super) fn of(codes: impl Iterator<Item = (u16, String)>) -> Self {
+    pub(super) fn from_codes(codes: impl Iterator<Item = (u16, String)>) -> Self {
         Self(codes.collect())
     }
 
     /// Text of a code.
     pub fn get(&self, code: u16) -> &str {
         let own = self.0.iter().find(|(own, _)| *own == code).map(|(_, text)| text.as_str());
-        own.unwrap_or_else(|| standard(code))
+        own.unwrap_or_else(|| standard_text(code))
     }
 }
 
 /// Text of a code in CiA 301 (table 26).
-pub(super) fn standard(code: u16) -> &'static str {
-    emcy_codes().find(u32::from(code)).map_or("undefined in CiA 301", |known| &known.text)
+pub(super) fn standard_text(code: u16) -> &'static str {
+    emcy_codes().find_code(u32::from(code)).map_or("undefined in CiA 301", |known| &known.text)
 }
 
 /// Code of a device profile (CiA 4xx).
@@ -55,10 +55,10 @@ struct GenericProfile {
 /// suggestion, since the device may follow another profile. `None` for codes of CiA 301.
 pub fn suggested_error_text(code: u16) -> Option<(&'static str, &'static str)> {
     static PROFILES: OnceLock<Vec<GenericProfile>> = OnceLock::new();
-    if emcy_codes().find(u32::from(code)).is_some() {
+    if emcy_codes().find_code(u32::from(code)).is_some() {
         return None;
     }
-    let profiles = PROFILES.get_or_init(|| GENERIC.iter().map(|path| parse(path)).collect());
+    let profiles = PROFILES.get_or_init(|| GENERIC.iter().map(|path| parse_embedded(path)).collect());
     profiles.iter().find_map(|profile| {
         let known = profile.emcy.code.iter().find(|known| known.code == code)?;
         Some((profile.title.as_str(), known.text.as_str()))
@@ -82,7 +82,7 @@ mod tests {
 
     #[test]
     fn own_texts_override_those_of_the_standard() {
-        let texts = ErrorTexts::of([(0x8130, "own".to_owned())].into_iter());
+        let texts = ErrorTexts::from_codes([(0x8130, "own".to_owned())].into_iter());
         assert_eq!((texts.get(0x8130), texts.get(0x8305)), ("own", "undefined in CiA 301"));
         assert_eq!(ErrorTexts::default().get(0x8130), "heartbeat or life-guard error");
     }

@@ -6,10 +6,10 @@ use serde::Deserialize;
 use toml::Spanned;
 use toml::de::Error;
 
-use super::authored::{self, AuthoredEntry, Tables};
+use super::authored::{self, AuthoredEntry, SharedTables};
 use super::compiled::{self, CompiledValue};
-use super::entry::{MOST_REPEATS, Object};
-use super::object::Repeat;
+use super::entry::{MOST_REPEATS, ObjectEntry};
+use super::object::EntryRepetition;
 use crate::wire::canopen::ObjectAddress;
 
 /// Key of the objects in a profile.
@@ -17,14 +17,14 @@ pub(super) const OBJECTS: &str = "object";
 
 /// Objects of one document.
 #[derive(Debug, Default)]
-pub(super) struct Layer {
-    positions: Positions,
-    content: Content,
+pub(super) struct DocumentLayer {
+    positions: ObjectPositions,
+    content: LayerContent,
 }
 
 /// Indexes of all objects.
 #[derive(Debug, Clone, Default)]
-struct Positions {
+struct ObjectPositions {
     /// First index of each object, and distance from it to the last index.
     spans: Vec<(u16, u16)>,
     /// Number of repeats and distance of their indexes.
@@ -63,7 +63,7 @@ impl IndexRanges {
     }
 
     /// Positions of the objects whose span has this index, in file order.
-    fn at(&self, index: u16) -> &[usize] {
+    fn positions_at(&self, index: u16) -> &[usize] {
         let after = self.starts.partition_point(|start| *start <= index);
         let bounds = after.checked_sub(1).and_then(|range| self.bounds.get(range..=after));
         let places = match bounds {
@@ -74,26 +74,26 @@ impl IndexRanges {
     }
 }
 
-impl Positions {
-    fn push(&mut self, index: u16, Repeat { count, stride, .. }: Repeat) {
+impl ObjectPositions {
+    fn push(&mut self, index: u16, EntryRepetition { count, stride, .. }: EntryRepetition) {
         let distance = count.saturating_sub(1).saturating_mul(stride);
         self.spans.push((index, distance.min(u16::MAX - index)));
         self.repeats.push((count, stride));
     }
 
     /// Positions of the objects that can have this index, in file order.
-    fn at(&self, index: u16) -> impl Iterator<Item = usize> {
-        self.ranges.get_or_init(|| IndexRanges::new(&self.spans)).at(index).iter().copied()
+    fn positions_at(&self, index: u16) -> impl Iterator<Item = usize> {
+        self.ranges.get_or_init(|| IndexRanges::new(&self.spans)).positions_at(index).iter().copied()
     }
 }
 
 #[derive(Debug)]
-enum Content {
-    Read(Vec<Object>),
+enum LayerContent {
+    Read(Vec<ObjectEntry>),
     Compiled(CompiledObjects),
 }
 
-impl Default for Content {
+impl Default for LayerContent {
     fn default() -> Self {
         Self::Read(Vec::new())
     }
@@ -102,19 +102,19 @@ impl Default for Content {
 /// Objects of a built-in profile.
 #[derive(Debug)]
 struct CompiledObjects {
-    source: Arc<Source>,
+    source: Arc<LayerSource>,
     /// Selects the objects and entries of one variant; None for those of all variants.
     variant: Option<String>,
     /// The objects read so far; an object that the variant lacks is None.
-    read: Vec<OnceLock<Option<Box<Object>>>>,
+    read: Vec<OnceLock<Option<Box<ObjectEntry>>>>,
     /// All objects, if they were needed at once.
-    all: OnceLock<Vec<Object>>,
+    all: OnceLock<Vec<ObjectEntry>>,
 }
 
 #[derive(Debug)]
-struct Source {
+struct LayerSource {
     values: Vec<CompiledValue<'static>>,
-    tables: Tables,
+    tables: SharedTables,
 }
 
 /// Keys of an object that determine its position.
@@ -122,45 +122,46 @@ struct Source {
 struct PositionKeys {
     index: u16,
     #[serde(default)]
-    repeat: Repeat,
+    repeat: EntryRepetition,
 }
 
-impl Layer {
-    pub(super) fn new(objects: Vec<Object>) -> Self {
-        let mut positions = Positions::default();
+impl DocumentLayer {
+    pub(super) fn new(objects: Vec<ObjectEntry>) -> Self {
+        let mut positions = ObjectPositions::default();
         for object in &objects {
             positions.push(object.index, object.repeat);
         }
-        Self { positions, content: Content::Read(objects) }
+        Self { positions, content: LayerContent::Read(objects) }
     }
 
     /// The objects of a compiled profile, which refer to its `tables`.
     ///
     /// # Errors
     /// An object without a valid index or repeat.
-    pub(super) fn compiled(profile: &'static str, tables: Tables) -> Result<Self, Error> {
-        let values = compiled::elements(profile, OBJECTS)?;
-        let mut positions = Positions::default();
+    pub(super) fn from_compiled(profile: &'static str, tables: SharedTables) -> Result<Self, Error> {
+        let values = compiled::list_elements(profile, OBJECTS)?;
+        let mut positions = ObjectPositions::default();
         for value in &values {
-            let keys: PositionKeys = value.read()?;
+            let keys: PositionKeys = value.read_value()?;
             positions.push(keys.index, keys.repeat);
         }
-        let source = Arc::new(Source { values, tables });
-        Ok(Self { positions, content: Content::Compiled(CompiledObjects::new(source, None)) })
+        let source = Arc::new(LayerSource { values, tables });
+        Ok(Self { positions, content: LayerContent::Compiled(CompiledObjects::new(source, None)) })
     }
 
     /// The objects and entries of one variant.
     pub(super) fn of_variant(self: &Arc<Self>, variant: &str) -> Arc<Self> {
         let objects = match &self.content {
-            Content::Compiled(objects) => {
+            LayerContent::Compiled(objects) => {
                 let objects = CompiledObjects::new(Arc::clone(&objects.source), Some(variant.to_owned()));
                 let positions = self.positions.clone();
-                return Arc::new(Self { positions, content: Content::Compiled(objects) });
+                return Arc::new(Self { positions, content: LayerContent::Compiled(objects) });
             }
-            Content::Read(objects) => objects,
+            LayerContent::Read(objects) => objects,
         };
-        let complete = |object: &Object| {
-            object.only.allows(variant) && object.entries.iter().all(|entry| entry.only.allows(variant))
+        let complete = |object: &ObjectEntry| {
+            object.only.allows_variant(variant)
+                && object.entries.iter().all(|entry| entry.only.allows_variant(variant))
         };
         if objects.iter().all(complete) {
             return Arc::clone(self);
@@ -170,46 +171,50 @@ impl Layer {
     }
 
     /// All objects.
-    pub(super) fn objects(&self) -> &[Object] {
+    pub(super) fn objects(&self) -> &[ObjectEntry] {
         match &self.content {
-            Content::Read(objects) => objects,
-            Content::Compiled(objects) => objects.all(),
+            LayerContent::Read(objects) => objects,
+            LayerContent::Compiled(objects) => objects.all_objects(),
         }
     }
 
-    fn object(&self, place: usize) -> Option<&Object> {
+    fn object_at(&self, place: usize) -> Option<&ObjectEntry> {
         match &self.content {
-            Content::Read(objects) => objects.get(place),
-            Content::Compiled(objects) => objects.object(place),
+            LayerContent::Read(objects) => objects.get(place),
+            LayerContent::Compiled(objects) => objects.object_at(place),
         }
     }
 
     /// Adds the objects that decide the meaning of others.
-    pub(super) fn deciding(&self, all: &mut Vec<ObjectAddress>) {
+    pub(super) fn collect_deciding(&self, all: &mut Vec<ObjectAddress>) {
         let places = 0..self.positions.spans.len();
         let candidates = places.filter(|place| match &self.content {
-            Content::Read(_) => true,
-            Content::Compiled(objects) => objects.source.may_depend(*place),
+            LayerContent::Read(_) => true,
+            LayerContent::Compiled(objects) => objects.source.may_depend(*place),
         });
-        candidates.filter_map(|place| self.object(place)).for_each(|object| object.deciding(all));
+        candidates.filter_map(|place| self.object_at(place)).for_each(|object| object.collect_deciding(all));
     }
 
     /// Objects with this index, with their repeat number.
-    pub(super) fn at(&self, index: u16) -> impl Iterator<Item = (&Object, u16)> {
-        self.positions.at(index).filter_map(move |place| {
-            let object = self.object(place)?;
-            Some((object, object.nth(index)?))
+    pub(super) fn objects_at(&self, index: u16) -> impl Iterator<Item = (&ObjectEntry, u16)> {
+        self.positions.positions_at(index).filter_map(move |place| {
+            let object = self.object_at(place)?;
+            Some((object, object.repeat_of(index)?))
         })
     }
 
     /// Whether the layer describes this entry.
-    pub(super) fn has(&self, address: ObjectAddress) -> bool {
-        self.at(address.index).any(|(object, _)| object.entry(address.sub).is_some())
+    pub(super) fn has_object(&self, address: ObjectAddress) -> bool {
+        self.objects_at(address.index).any(|(object, _)| object.entry(address.sub).is_some())
     }
 
     /// Adds the addresses with sub-index 0 or 1 that `picks` accepts and that have a default.
-    pub(super) fn defaults(&self, picks: impl Fn(ObjectAddress) -> bool, found: &mut Vec<ObjectAddress>) {
-        let Positions { spans, repeats, .. } = &self.positions;
+    pub(super) fn collect_defaults(
+        &self,
+        picks: impl Fn(ObjectAddress) -> bool,
+        found: &mut Vec<ObjectAddress>,
+    ) {
+        let ObjectPositions { spans, repeats, .. } = &self.positions;
         for (place, ((first, _), (count, stride))) in spans.iter().zip(repeats).enumerate() {
             for sub in [0, 1] {
                 let picked = |nth: u16| {
@@ -217,7 +222,7 @@ impl Layer {
                     picks(address).then_some(address)
                 };
                 let mut addresses = (0..(*count).min(MOST_REPEATS)).filter_map(picked).peekable();
-                let has_default = || self.object(place)?.entry(sub)?.default.as_ref();
+                let has_default = || self.object_at(place)?.entry(sub)?.default.as_ref();
                 if addresses.peek().is_some() && has_default().is_some() {
                     found.extend(addresses);
                 }
@@ -227,25 +232,25 @@ impl Layer {
 }
 
 impl CompiledObjects {
-    fn new(source: Arc<Source>, variant: Option<String>) -> Self {
+    fn new(source: Arc<LayerSource>, variant: Option<String>) -> Self {
         let read = source.values.iter().map(|_| OnceLock::new()).collect();
         Self { source, variant, read, all: OnceLock::new() }
     }
 
-    fn object(&self, place: usize) -> Option<&Object> {
-        let read = || self.source.object(place, self.variant.as_deref()).map(Box::new);
+    fn object_at(&self, place: usize) -> Option<&ObjectEntry> {
+        let read = || self.source.read_object(place, self.variant.as_deref()).map(Box::new);
         self.read.get(place)?.get_or_init(read).as_deref()
     }
 
-    fn all(&self) -> &[Object] {
+    fn all_objects(&self) -> &[ObjectEntry] {
         self.all.get_or_init(|| {
             let places = 0..self.source.values.len();
-            places.filter_map(|place| self.source.object(place, self.variant.as_deref())).collect()
+            places.filter_map(|place| self.source.read_object(place, self.variant.as_deref())).collect()
         })
     }
 }
 
-impl Source {
+impl LayerSource {
     /// Whether the meaning of an object may depend on another object; also true if a text contains the key.
     fn may_depend(&self, place: usize) -> bool {
         let value = self.values.get(place);
@@ -253,9 +258,9 @@ impl Source {
     }
 
     /// Reads an object. Built-in profiles have no errors: a test reads every object.
-    fn object(&self, place: usize, variant: Option<&str>) -> Option<Object> {
-        let authored: Spanned<AuthoredEntry> = self.values.get(place)?.read().ok()?;
-        let object = authored::object(authored, &self.tables).ok()?;
+    fn read_object(&self, place: usize, variant: Option<&str>) -> Option<ObjectEntry> {
+        let authored: Spanned<AuthoredEntry> = self.values.get(place)?.read_value().ok()?;
+        let object = authored::convert_object(authored, &self.tables).ok()?;
         match variant {
             Some(variant) => of_variant(object, variant),
             None => Some(object),
@@ -268,9 +273,9 @@ impl Source {
 const DEPENDENT_KEYS: [&str; 2] = ["modes", "object"];
 
 /// The entries of one variant; None if it lacks the object.
-fn of_variant(mut object: Object, variant: &str) -> Option<Object> {
-    object.entries.retain(|entry| entry.only.allows(variant));
-    object.only.allows(variant).then_some(object)
+fn of_variant(mut object: ObjectEntry, variant: &str) -> Option<ObjectEntry> {
+    object.entries.retain(|entry| entry.only.allows_variant(variant));
+    object.only.allows_variant(variant).then_some(object)
 }
 
 #[cfg(test)]
@@ -280,7 +285,7 @@ mod tests {
     use crate::profile::device::ProfileFile;
     use crate::profile::embedded::FILES;
 
-    fn shown(objects: &[Object]) -> Vec<String> {
+    fn shown(objects: &[ObjectEntry]) -> Vec<String> {
         objects.iter().map(|object| format!("{object:?}")).collect()
     }
 
@@ -302,9 +307,9 @@ mod tests {
             (0xFFFF, &[3]),
         ];
         for (index, places) in expected {
-            assert_eq!(ranges.at(index), places, "{index:04X}");
+            assert_eq!(ranges.positions_at(index), places, "{index:04X}");
         }
-        assert_eq!(IndexRanges::new(&[]).at(0x1000), [0_usize; 0]);
+        assert_eq!(IndexRanges::new(&[]).positions_at(0x1000), [0_usize; 0]);
     }
 
     #[test]
@@ -313,17 +318,18 @@ mod tests {
         for (path, text, compiled) in FILES {
             // The other files are tables of another form.
             let Ok(read) = ProfileFile::parse(text) else { continue };
-            let lazy = ProfileFile::compiled(compiled, text).unwrap();
+            let lazy = ProfileFile::from_compiled(compiled, text).unwrap();
             files += 1;
             assert_eq!(shown(read.objects()), shown(lazy.objects()), "{path}");
             let variants = read.variants().iter().map(|variant| Some(variant.id.as_str())).chain([None]);
             for variant in variants {
-                let [read, lazy] = [&read, &lazy].map(|file| file.device(variant, &[]).dictionary);
+                let [read, lazy] = [&read, &lazy].map(|file| file.build_device(variant, &[]).dictionary);
                 // Single objects first, before all of them are read.
-                for object in read.own() {
+                for object in read.own_objects() {
                     for entry in &object.entries {
                         let address = ObjectAddress::new(object.index, entry.sub);
-                        let [of_text, compiled] = [&read, &lazy].map(|it| format!("{:?}", it.find(address)));
+                        let [of_text, compiled] =
+                            [&read, &lazy].map(|it| format!("{:?}", it.find_object(address)));
                         assert_eq!(of_text, compiled, "{path}");
                         count += 1;
                     }
@@ -332,7 +338,7 @@ mod tests {
                 deciders += deciding[0].len();
                 assert_eq!(deciding[0], deciding[1], "{path} {variant:?}");
                 assert_eq!(read.defaults(|_| true), lazy.defaults(|_| true), "{path}");
-                assert_eq!(shown(read.own()), shown(lazy.own()), "{path} {variant:?}");
+                assert_eq!(shown(read.own_objects()), shown(lazy.own_objects()), "{path} {variant:?}");
             }
         }
         assert!(files >= 9 && count > 1_000 && deciders >= 5, "{count} {deciders}");

@@ -10,8 +10,8 @@ use std::sync::Arc;
 
 use strum::IntoStaticStr;
 
-use super::data_type::{DataType, Value, sign_extend};
-use super::meaning::Meaning;
+use super::data_type::{DataType, DecodedValue, sign_extend};
+use super::meaning::ObjectMeaning;
 use crate::frame::low_bits;
 use crate::wire::canopen::ObjectAddress;
 
@@ -100,7 +100,7 @@ impl<'de> serde::Deserialize<'de> for PdoName {
 
 /// Message that carries values of a node.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Carrier {
+pub enum ValueCarrier {
     /// A PDO by name.
     Pdo(PdoName),
     /// A J1939 message, by its name in the profile.
@@ -108,7 +108,7 @@ pub enum Carrier {
 }
 
 /// Prints `RPDO1`, `AVC`.
-impl fmt::Display for Carrier {
+impl fmt::Display for ValueCarrier {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Pdo(name) => write!(f, "{name}"),
@@ -151,7 +151,7 @@ pub enum BitOrder {
 
 /// Multiplexor of a field; the multiplexor can itself be multiplexed.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Selector {
+pub struct FieldSelector {
     /// Index of the multiplexor in the layout.
     pub field: usize,
     /// Raw values of the multiplexor that select the field.
@@ -160,11 +160,11 @@ pub struct Selector {
 
 /// Definition of a value within a payload.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Field {
+pub struct SignalField {
     /// Object, SPN or name of the value.
     pub id: SignalId,
     /// Meaning of the value, if known.
-    pub meaning: Option<Arc<Meaning>>,
+    pub meaning: Option<Arc<ObjectMeaning>>,
     /// Start bit: bit `n % 8` of byte `n / 8`, where bit 0 is the least significant bit of a byte. It is the
     /// least significant bit of a little-endian field, the most significant bit of a big-endian one.
     pub bit: u16,
@@ -173,7 +173,7 @@ pub struct Field {
     /// Order of the bits.
     pub order: BitOrder,
     /// Multiplexor that selects the field; `None` if the field is always present.
-    pub present: Option<Selector>,
+    pub present: Option<FieldSelector>,
     /// Data type of the bits.
     pub data_type: DataType,
     /// Whether `data_type` is known rather than derived from the length.
@@ -226,9 +226,9 @@ impl LayoutOrigin {
 
 /// Fields of a PDO or message.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Layout {
+pub struct PayloadLayout {
     /// Fields in order of their bits.
-    pub fields: Vec<Field>,
+    pub fields: Vec<SignalField>,
     /// Total length in bits, including gaps.
     pub bits: u16,
     /// Source of the fields.
@@ -253,7 +253,7 @@ pub struct FixedBits {
 
 impl FixedBits {
     /// Adds a field; bits after the first eight bytes are ignored.
-    pub(crate) fn add(&mut self, bit: u16, bits: u16, content: u64) {
+    pub(crate) fn add_field(&mut self, bit: u16, bits: u16, content: u64) {
         let ones = low_bits(u32::from(bits));
         let shifted = |number: u64| number.checked_shl(u32::from(bit)).unwrap_or(0);
         self.mask |= shifted(ones);
@@ -261,7 +261,7 @@ impl FixedBits {
     }
 
     /// Bits of a payload that differ; `bytes` is its length.
-    pub(crate) const fn differing(self, word: u64, bytes: usize) -> u64 {
+    pub(crate) const fn differing_bits(self, word: u64, bytes: usize) -> u64 {
         let sent = if bytes >= 8 { u64::MAX } else { (1 << (8 * bytes)) - 1 };
         (word ^ self.value) & self.mask & sent
     }
@@ -272,50 +272,50 @@ pub(crate) type RawValue = u64;
 
 /// Value of a field in one payload.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Signal<'a> {
+pub struct DecodedSignal<'a> {
     /// Definition of the field.
-    pub field: &'a Field,
+    pub field: &'a SignalField,
     /// Bits as transmitted.
     pub raw: RawValue,
     /// Value decoded with the data type of the field.
-    pub value: Value,
+    pub value: DecodedValue,
 }
 
 /// Max nesting depth of multiplexors. Vector's tools have no limit; files in practice nest up to three.
 pub(super) const DEEPEST_SELECTION: usize = 8;
 
-impl Layout {
+impl PayloadLayout {
     /// Values of all fields that the payload is long enough for and whose multiplexor selects them.
-    pub fn signals<'a>(&'a self, payload: &'a [u8]) -> impl Iterator<Item = Signal<'a>> {
+    pub fn decode_signals<'a>(&'a self, payload: &'a [u8]) -> impl Iterator<Item = DecodedSignal<'a>> {
         let selected = self.fields.iter().filter(move |field| self.is_selected(field, payload));
         selected.filter_map(move |field| {
-            let raw = field.extract(payload)?;
-            Some(Signal { field, raw, value: field.value(raw) })
+            let raw = field.extract_bits(payload)?;
+            Some(DecodedSignal { field, raw, value: field.convert_raw(raw) })
         })
     }
 
     /// Value of one field; `None` if the payload is too short or the multiplexor does not select it.
-    pub fn signal<'a>(&'a self, field: usize, payload: &[u8]) -> Option<Signal<'a>> {
+    pub fn decode_signal<'a>(&'a self, field: usize, payload: &[u8]) -> Option<DecodedSignal<'a>> {
         let field = self.fields.get(field).filter(|field| self.is_selected(field, payload))?;
-        let raw = field.extract(payload)?;
-        Some(Signal { field, raw, value: field.value(raw) })
+        let raw = field.extract_bits(payload)?;
+        Some(DecodedSignal { field, raw, value: field.convert_raw(raw) })
     }
 
     /// Selected fields that the payload is too short for.
-    pub fn missing<'a>(&'a self, payload: &'a [u8]) -> impl Iterator<Item = &'a Field> {
+    pub fn missing_fields<'a>(&'a self, payload: &'a [u8]) -> impl Iterator<Item = &'a SignalField> {
         self.fields
             .iter()
-            .filter(move |field| field.extract(payload).is_none() && self.is_selected(field, payload))
+            .filter(move |field| field.extract_bits(payload).is_none() && self.is_selected(field, payload))
     }
 
     /// Whether all multiplexors in the chain of this field select it. Limited in depth, because a layout from
     /// a file can contain a cycle.
-    fn is_selected(&self, field: &Field, payload: &[u8]) -> bool {
+    fn is_selected(&self, field: &SignalField, payload: &[u8]) -> bool {
         let mut selector = &field.present;
         for _ in 0..DEEPEST_SELECTION {
             let Some(wanted) = selector else { return true };
             let Some(by) = self.fields.get(wanted.field) else { return false };
-            let Some(raw) = by.extract(payload) else { return false };
+            let Some(raw) = by.extract_bits(payload) else { return false };
             if !wanted.values.iter().any(|range| range.contains(&raw)) {
                 return false;
             }
@@ -325,16 +325,16 @@ impl Layout {
     }
 }
 
-impl<'a> Signal<'a> {
-    /// Name, if known; otherwise [`Field::id`] identifies the signal.
+impl<'a> DecodedSignal<'a> {
+    /// Name, if known; otherwise [`SignalField::id`] identifies the signal.
     pub fn name(&self) -> Option<&'a str> {
         self.field.name()
     }
 
     /// Quantity in [`Self::unit`]; `None` if no scale is known, and for special values such as "not
     /// available".
-    pub fn scaled(&self) -> Option<f64> {
-        self.field.meaning.as_deref()?.scaled(&self.value)
+    pub fn scaled_value(&self) -> Option<f64> {
+        self.field.meaning.as_deref()?.scaled_value(&self.value)
     }
 
     /// Unit of the scaled value; empty for plain numbers.
@@ -344,7 +344,7 @@ impl<'a> Signal<'a> {
 
     /// Name of an enumeration value or special value.
     pub fn label(&self) -> Option<&'a str> {
-        self.field.meaning.as_deref()?.label(&self.value)
+        self.field.meaning.as_deref()?.value_label(&self.value)
     }
 
     /// Value for output: `157.5 bar`, `pressure control (2)`, `80000185h`.
@@ -352,11 +352,11 @@ impl<'a> Signal<'a> {
         self.field
             .meaning
             .as_deref()
-            .map_or_else(|| self.value.to_string(), |meaning| meaning.show(&self.value))
+            .map_or_else(|| self.value.to_string(), |meaning| meaning.format_value(&self.value))
     }
 }
 
-impl Field {
+impl SignalField {
     /// Bits of the field in the first eight bytes of a payload, if the field is little-endian; bit 0 is the lowest bit of
     /// byte 0.
     pub fn payload_bits(&self) -> u64 {
@@ -391,7 +391,7 @@ impl Field {
     }
 
     /// Bits of the field in `payload`; `None` if the payload is too short.
-    pub fn extract(&self, payload: &[u8]) -> Option<RawValue> {
+    pub fn extract_bits(&self, payload: &[u8]) -> Option<RawValue> {
         let first = usize::from(self.bit / 8);
         let end = usize::from(self.end()?.div_ceil(8));
         let bytes = payload.get(first..end)?;
@@ -433,11 +433,11 @@ impl Field {
     }
 
     /// Value of the extracted bits; the sign bit of an integer is the top bit of the field.
-    pub fn value(&self, raw: RawValue) -> Value {
+    pub fn convert_raw(&self, raw: RawValue) -> DecodedValue {
         if self.data_type.is_signed() {
-            Value::Integer(sign_extend(raw, self.bits.min(self.data_type.bits().unwrap_or(64))))
+            DecodedValue::Integer(sign_extend(raw, self.bits.min(self.data_type.bits().unwrap_or(64))))
         } else {
-            self.data_type.number(raw)
+            self.data_type.decode_raw(raw)
         }
     }
 }
@@ -446,57 +446,58 @@ impl Field {
 mod tests {
     use super::*;
 
-    fn field(bit: u16, bits: u16, data_type: DataType) -> Field {
-        Field::of_object(ObjectAddress::new(0x6000, 1), bit, bits, data_type)
+    fn field(bit: u16, bits: u16, data_type: DataType) -> SignalField {
+        SignalField::of_object(ObjectAddress::new(0x6000, 1), bit, bits, data_type)
     }
 
     #[test]
     fn fields_at_bytes_bits_and_across() {
         // 0x01 0xFE 0x80: byte field, signed byte, one bit.
         let payload = [0x01, 0xFE, 0x80];
-        assert_eq!(field(0, 16, DataType::Unsigned16).extract(&payload), Some(0xFE01));
-        assert_eq!(field(8, 8, DataType::Integer8).extract(&payload), Some(0xFE));
-        assert_eq!(field(23, 1, DataType::Boolean).extract(&payload), Some(1));
-        assert_eq!(field(4, 12, DataType::Unsigned16).extract(&payload), Some(0xFE0));
-        assert_eq!(field(16, 16, DataType::Unsigned16).extract(&payload), None);
+        assert_eq!(field(0, 16, DataType::Unsigned16).extract_bits(&payload), Some(0xFE01));
+        assert_eq!(field(8, 8, DataType::Integer8).extract_bits(&payload), Some(0xFE));
+        assert_eq!(field(23, 1, DataType::Boolean).extract_bits(&payload), Some(1));
+        assert_eq!(field(4, 12, DataType::Unsigned16).extract_bits(&payload), Some(0xFE0));
+        assert_eq!(field(16, 16, DataType::Unsigned16).extract_bits(&payload), None);
     }
 
     #[test]
     fn sixty_four_bits_off_a_byte_boundary() {
         let payload = [0xF0, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x0F];
-        assert_eq!(field(4, 64, DataType::Unsigned64).extract(&payload), Some(u64::MAX));
+        assert_eq!(field(4, 64, DataType::Unsigned64).extract_bits(&payload), Some(u64::MAX));
     }
 
     #[test]
     fn the_most_significant_bit_first() {
-        let big = |bit, bits, data_type| Field { order: BitOrder::BigEndian, ..field(bit, bits, data_type) };
+        let big =
+            |bit, bits, data_type| SignalField { order: BitOrder::BigEndian, ..field(bit, bits, data_type) };
         // 0001_0010 0011_0100 0101_0110.
         let payload = [0x12, 0x34, 0x56];
-        assert_eq!(big(7, 16, DataType::Unsigned16).extract(&payload), Some(0x1234));
-        assert_eq!(big(3, 12, DataType::Unsigned16).extract(&payload), Some(0x234));
+        assert_eq!(big(7, 16, DataType::Unsigned16).extract_bits(&payload), Some(0x1234));
+        assert_eq!(big(3, 12, DataType::Unsigned16).extract_bits(&payload), Some(0x234));
         // From bit 5 of byte 0 on: 01_0010 0011_0.
-        assert_eq!(big(5, 11, DataType::Unsigned16).extract(&payload), Some(0b010_0100_0110));
-        assert_eq!(big(0, 17, DataType::Unsigned24).extract(&payload), Some(0x3456));
-        assert_eq!(big(16, 1, DataType::Boolean).extract(&payload), Some(0));
-        assert_eq!(big(16, 2, DataType::Unsigned8).extract(&payload), None);
+        assert_eq!(big(5, 11, DataType::Unsigned16).extract_bits(&payload), Some(0b010_0100_0110));
+        assert_eq!(big(0, 17, DataType::Unsigned24).extract_bits(&payload), Some(0x3456));
+        assert_eq!(big(16, 1, DataType::Boolean).extract_bits(&payload), Some(0));
+        assert_eq!(big(16, 2, DataType::Unsigned8).extract_bits(&payload), None);
         let nine = [0x01, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFE];
-        assert_eq!(big(0, 64, DataType::Unsigned64).extract(&nine), Some(u64::MAX));
+        assert_eq!(big(0, 64, DataType::Unsigned64).extract_bits(&nine), Some(u64::MAX));
     }
 
     #[test]
     fn the_sign_is_the_uppermost_bit_of_the_field() {
-        assert_eq!(field(0, 5, DataType::Integer8).value(0x1F), Value::Integer(-1));
-        assert_eq!(field(0, 5, DataType::Integer8).value(0x0F), Value::Integer(15));
-        assert_eq!(field(0, 64, DataType::Integer64).value(u64::MAX), Value::Integer(-1));
+        assert_eq!(field(0, 5, DataType::Integer8).convert_raw(0x1F), DecodedValue::Integer(-1));
+        assert_eq!(field(0, 5, DataType::Integer8).convert_raw(0x0F), DecodedValue::Integer(15));
+        assert_eq!(field(0, 64, DataType::Integer64).convert_raw(u64::MAX), DecodedValue::Integer(-1));
     }
 
     #[test]
     fn a_multiplexed_field_is_there_when_those_before_it_select_it() {
-        let selected = |bit, by, values: &[RangeInclusive<u64>]| Field {
-            present: Some(Selector { field: by, values: values.to_vec() }),
+        let selected = |bit, by, values: &[RangeInclusive<u64>]| SignalField {
+            present: Some(FieldSelector { field: by, values: values.to_vec() }),
             ..field(bit, 8, DataType::Unsigned8)
         };
-        let layout = Layout {
+        let layout = PayloadLayout {
             fields: vec![
                 field(0, 8, DataType::Unsigned8),
                 selected(8, 0, &[1..=1, 4..=6]),
@@ -504,31 +505,34 @@ mod tests {
                 selected(24, 4, &[0..=255]),
                 selected(24, 3, &[0..=255]),
             ],
-            ..Layout::default()
+            ..PayloadLayout::default()
         };
-        let bits = |payload: &[u8]| layout.signals(payload).map(|it| it.field.bit).collect::<Vec<_>>();
+        let bits = |payload: &[u8]| layout.decode_signals(payload).map(|it| it.field.bit).collect::<Vec<_>>();
         assert_eq!(bits(&[5, 9, 7, 0]), [0, 8, 16]);
         assert_eq!(bits(&[1, 8, 7, 0]), [0, 8]);
         // Without the second field, the third is also absent. The last two select each other.
         assert_eq!(bits(&[2, 9, 7, 0]), [0]);
-        assert_eq!(layout.signal(2, &[5, 9, 7, 0]).map(|it| it.raw), Some(7));
-        assert!(layout.signal(2, &[1, 8, 7, 0]).is_none() && layout.signal(5, &[5, 9, 7, 0]).is_none());
-        assert_eq!(layout.missing(&[5, 9]).map(|it| it.bit).collect::<Vec<_>>(), [16]);
-        assert_eq!(layout.missing(&[2]).count(), 0);
+        assert_eq!(layout.decode_signal(2, &[5, 9, 7, 0]).map(|it| it.raw), Some(7));
+        assert!(
+            layout.decode_signal(2, &[1, 8, 7, 0]).is_none()
+                && layout.decode_signal(5, &[5, 9, 7, 0]).is_none()
+        );
+        assert_eq!(layout.missing_fields(&[5, 9]).map(|it| it.bit).collect::<Vec<_>>(), [16]);
+        assert_eq!(layout.missing_fields(&[2]).count(), 0);
     }
 
     #[test]
     fn fixed_bits_are_compared_within_the_payload() {
         let mut fixed = FixedBits::default();
-        fixed.add(32, 16, 0);
-        fixed.add(56, 8, 0xAA);
+        fixed.add_field(32, 16, 0);
+        fixed.add_field(56, 8, 0xAA);
         assert_eq!(fixed, FixedBits { mask: 0xFF00_FFFF_0000_0000, value: 0xAA00_0000_0000_0000 });
         let word = |bytes: [u8; 8]| u64::from_le_bytes(bytes);
-        assert_eq!(fixed.differing(word([7, 0, 0, 16, 0, 0, 9, 0xAA]), 8), 0);
-        assert_eq!(fixed.differing(word([7, 0, 0, 16, 0, 1, 9, 0xAA]), 8), 1 << 40);
+        assert_eq!(fixed.differing_bits(word([7, 0, 0, 16, 0, 0, 9, 0xAA]), 8), 0);
+        assert_eq!(fixed.differing_bits(word([7, 0, 0, 16, 0, 1, 9, 0xAA]), 8), 1 << 40);
         // The last byte is not in the payload.
-        assert_eq!(fixed.differing(word([7, 0, 0, 16, 0, 0, 0, 0]), 6), 0);
-        fixed.add(64, 8, 1);
+        assert_eq!(fixed.differing_bits(word([7, 0, 0, 16, 0, 0, 0, 0]), 6), 0);
+        fixed.add_field(64, 8, 1);
         assert_eq!(fixed.mask, 0xFF00_FFFF_0000_0000);
     }
 

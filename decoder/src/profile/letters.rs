@@ -29,7 +29,7 @@ pub fn bit_letters(bits: &BitNames) -> Vec<BitLetter<'_>> {
     }
     let mut letters: Vec<BitLetter<'_>> = Vec::new();
     for bit in named {
-        let title = bit.title();
+        let title = bit.bit_title();
         let number: String = title.chars().skip_while(|letter| !letter.is_ascii_digit()).collect();
         let number = if number.bytes().all(|digit| digit.is_ascii_digit()) { number } else { String::new() };
         let own = title.chars().filter(char::is_ascii_alphabetic);
@@ -44,8 +44,8 @@ pub fn bit_letters(bits: &BitNames) -> Vec<BitLetter<'_>> {
 
 impl BitLetter<'_> {
     /// The letter for a value of the word: a capital if the bit is set.
-    pub fn of(&self, word: u64) -> String {
-        if self.bit.of(word) == 0 { self.letter.to_ascii_lowercase() } else { self.letter.clone() }
+    pub fn letter_for(&self, word: u64) -> String {
+        if self.bit.bits_of(word) == 0 { self.letter.to_ascii_lowercase() } else { self.letter.clone() }
     }
 }
 
@@ -55,11 +55,11 @@ pub fn word_letters(bits: &BitNames, word: u64) -> Option<String> {
     if letters.is_empty() {
         return None;
     }
-    let mut text: String = letters.iter().map(|letter| letter.of(word)).collect();
+    let mut text: String = letters.iter().map(|letter| letter.letter_for(word)).collect();
     for field in bits.list.iter().filter(|bit| !bit.reserved && bit.width > 1) {
-        let number = field.of(word);
+        let number = field.bits_of(word);
         text.push(' ');
-        text.push_str(&field.word(number).unwrap_or_else(|| format!("{} {number}", field.title())));
+        text.push_str(&field.bit_word(number).unwrap_or_else(|| format!("{} {number}", field.bit_title())));
     }
     Some(text)
 }
@@ -67,8 +67,8 @@ pub fn word_letters(bits: &BitNames, word: u64) -> Option<String> {
 /// Meaning of the letters of a word: `D disabled`, `H hold`.
 pub fn letter_legend(bits: &BitNames) -> Vec<String> {
     let meaning = |letter: &BitLetter<'_>| match &letter.bit.off {
-        Some(off) => format!("{} {}, {} {off}", letter.letter, letter.bit.title(), letter.of(0)),
-        None => format!("{} {}", letter.letter, letter.bit.title()),
+        Some(off) => format!("{} {}, {} {off}", letter.letter, letter.bit.bit_title(), letter.letter_for(0)),
+        None => format!("{} {}", letter.letter, letter.bit.bit_title()),
     };
     bit_letters(bits).iter().map(meaning).collect()
 }

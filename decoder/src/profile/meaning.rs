@@ -6,15 +6,15 @@ use std::sync::Arc;
 
 use strum::IntoStaticStr;
 
-use super::data_type::{DataType, Value};
+use super::data_type::{DataType, DecodedValue};
 use super::error_texts::ErrorTexts;
-use super::names::{BitNames, Names};
-use super::object::{Format, Role};
+use super::names::{BitNames, ValueNames};
+use super::object::{NumberFormat, ObjectRole};
 use crate::wire::canopen::ObjectAddress;
 
 /// Conversion of a raw number to a quantity.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Factor {
+pub struct RawConversion {
     /// Factor in value = raw × factor + offset.
     pub factor: f64,
     /// Offset in value = raw × factor + offset.
@@ -38,7 +38,7 @@ pub struct Factor {
 ///            4, 5, …        largest − 1    largest, signed 16 bits: 7FFF
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Indicators {
+pub struct ParameterIndicators {
     /// Length of the parameter in bits.
     pub bits: u16,
     /// Largest raw value; codes above it have no value.
@@ -78,10 +78,10 @@ impl IndicatorCode {
     }
 }
 
-impl Indicators {
+impl ParameterIndicators {
     /// Meaning of a code; `None` for values and reserved codes.
     pub fn code(self, raw: u64) -> Option<IndicatorCode> {
-        let all = self.greatest()?;
+        let all = self.greatest_number()?;
         if raw <= self.largest || raw > all {
             return None;
         }
@@ -104,7 +104,7 @@ impl Indicators {
     }
 
     /// Largest number of the type.
-    pub(crate) fn greatest(self) -> Option<u64> {
+    pub(crate) fn greatest_number(self) -> Option<u64> {
         let is_signed = self.coding == IndicatorCoding::Nmea2000 { is_signed: true };
         let bits = u32::from(self.bits).checked_sub(u32::from(is_signed))?;
         u64::MAX.checked_shr(64_u32.checked_sub(bits)?)
@@ -113,7 +113,7 @@ impl Indicators {
 
 /// Interpretation of one object.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Meaning {
+pub struct ObjectMeaning {
     /// Address of the object.
     pub object: ObjectAddress,
     /// Full name.
@@ -123,11 +123,11 @@ pub struct Meaning {
     /// Data type, if known.
     pub data_type: Option<DataType>,
     /// Number format in output.
-    pub format: Format,
+    pub format: NumberFormat,
     /// Unit of the scaled value; empty for plain numbers.
     pub unit: String,
     /// Scale; `None` for plain numbers.
-    pub scale: Option<Factor>,
+    pub scale: Option<RawConversion>,
     /// Decimals in output.
     pub decimals: u8,
     /// Max decimals of any value; 0 if unknown.
@@ -137,17 +137,17 @@ pub struct Meaning {
     /// Permitted values in `unit`: minimum and maximum.
     pub limits: Option<[f64; 2]>,
     /// Names of enumeration values.
-    pub values: Option<Arc<Names>>,
+    pub values: Option<Arc<ValueNames>>,
     /// Names of raw values other than quantities.
-    pub special: Option<Arc<Names>>,
+    pub special: Option<Arc<ValueNames>>,
     /// Codes above the largest value, which indicate an error or a missing value (SAE J1939-71).
-    pub indicators: Option<Indicators>,
+    pub indicators: Option<ParameterIndicators>,
     /// Names of bits.
     pub bits: Option<Arc<BitNames>>,
     /// Texts of error codes, for an entry of the error history.
     pub errors: Option<ErrorTexts>,
     /// Function of the object in the device.
-    pub role: Option<Role>,
+    pub role: Option<ObjectRole>,
     /// Set point that an actual value follows.
     pub of: Option<ObjectAddress>,
     /// Channel of the device.
@@ -156,26 +156,29 @@ pub struct Meaning {
     pub assumed: bool,
 }
 
-impl Meaning {
+impl ObjectMeaning {
     /// Decodes data with the data type; bytes if the type is unknown.
-    pub fn decode(&self, data: &[u8]) -> Value {
+    pub fn decode(&self, data: &[u8]) -> DecodedValue {
         match self.data_type {
             // CiA 301 §7.5.2.13 and §7.5.2.14: a write contains a signature, a read returns capability bits.
-            Some(data_type) if self.format == Format::Ascii && !is_signature(data) => data_type.decode(data),
-            _ if self.format == Format::Ascii => DataType::VisibleString.decode(data),
+            Some(data_type) if self.format == NumberFormat::Ascii && !is_signature(data) => {
+                data_type.decode(data)
+            }
+            _ if self.format == NumberFormat::Ascii => DataType::VisibleString.decode(data),
             Some(data_type) => data_type.decode(data),
-            None => Value::Bytes(data.to_vec()),
+            None => DecodedValue::Bytes(data.to_vec()),
         }
     }
 
     /// Converts a raw number to a value of the data type.
-    pub fn number(&self, raw: i64) -> Value {
-        self.data_type.map_or(Value::Integer(raw), |data_type| data_type.number(raw.cast_unsigned()))
+    pub fn convert_raw(&self, raw: i64) -> DecodedValue {
+        self.data_type
+            .map_or(DecodedValue::Integer(raw), |data_type| data_type.decode_raw(raw.cast_unsigned()))
     }
 
     /// Scaled quantity; `None` without a scale, for special values, for codes without a value and for texts. A
     /// value with a name keeps its quantity.
-    pub fn scaled(&self, value: &Value) -> Option<f64> {
+    pub fn scaled_value(&self, value: &DecodedValue) -> Option<f64> {
         let scale = self.scale?;
         if self.is_special(value) || self.has_no_value(value) {
             return None;
@@ -185,14 +188,14 @@ impl Meaning {
                 clippy::cast_precision_loss,
                 reason = "scaled values are for display; raw numbers are exact"
             )]
-            Value::Unsigned(raw) => *raw as f64,
+            DecodedValue::Unsigned(raw) => *raw as f64,
             #[expect(
                 clippy::cast_precision_loss,
                 reason = "scaled values are for display; raw numbers are exact"
             )]
-            Value::Integer(raw) => *raw as f64,
-            Value::Real(raw) => *raw,
-            Value::Text(_) | Value::Bytes(_) => return None,
+            DecodedValue::Integer(raw) => *raw as f64,
+            DecodedValue::Real(raw) => *raw,
+            DecodedValue::Text(_) | DecodedValue::Bytes(_) => return None,
         };
         if scale.is_reciprocal {
             return (raw != 0.0).then(|| scale.factor / raw + scale.offset);
@@ -201,26 +204,26 @@ impl Meaning {
     }
 
     /// Name of an enumeration value or special value.
-    pub fn label(&self, value: &Value) -> Option<&str> {
+    pub fn value_label(&self, value: &DecodedValue) -> Option<&str> {
         let name = |number| {
             let special = self.special.as_deref().and_then(|names| names.get(number));
             special.or_else(|| self.values.as_deref().and_then(|names| names.get(number)))
         };
-        integer(value).and_then(name).or_else(|| self.indicated(value))
+        as_integer(value).and_then(name).or_else(|| self.indicator_text(value))
     }
 
     /// Text that explains a number: its name, the names of its bits, or the parts that it is composed of.
-    pub fn description(&self, value: &Value) -> Option<Cow<'_, str>> {
-        if let Some(label) = self.label(value) {
+    pub fn description(&self, value: &DecodedValue) -> Option<Cow<'_, str>> {
+        if let Some(label) = self.value_label(value) {
             return Some(Cow::Borrowed(label));
         }
-        let parts = self.parts(word(value)?);
+        let parts = self.part_texts(as_word(value)?);
         (!parts.is_empty()).then(|| Cow::Owned(parts.join(", ")))
     }
 
     /// Whether a write of the object contains a signature.
     pub fn is_signature(&self) -> bool {
-        self.format == Format::Ascii
+        self.format == NumberFormat::Ascii
     }
 
     /// Interpretation of written data: the bits of a signature object describe reads only.
@@ -231,18 +234,21 @@ impl Meaning {
 
     /// Whether its numbers are composed of bits or parts.
     pub fn is_composed(&self) -> bool {
-        let is_format = matches!(self.format, Format::Mapping | Format::Emcy | Format::HeartbeatConsumer);
+        let is_format = matches!(
+            self.format,
+            NumberFormat::Mapping | NumberFormat::Emcy | NumberFormat::HeartbeatConsumer
+        );
         is_format || self.bits.is_some()
     }
 
     /// Texts of the parts of a composed number.
-    fn parts(&self, word: u64) -> Vec<String> {
+    fn part_texts(&self, word: u64) -> Vec<String> {
         let word = word & (u64::MAX >> (64 - self.width()));
         let mut parts = match self.format {
-            Format::Mapping if word != 0 => vec![mapping_entry(word)],
-            Format::HeartbeatConsumer => vec![consumer_heartbeat(word)],
+            NumberFormat::Mapping if word != 0 => vec![mapping_entry(word)],
+            NumberFormat::HeartbeatConsumer => vec![consumer_heartbeat(word)],
             // CiA 301 §7.5.2.4: the upper 16 bits are manufacturer-specific.
-            Format::Emcy => {
+            NumberFormat::Emcy => {
                 let code = u16::try_from(word & 0xFFFF).unwrap_or_default();
                 self.errors.iter().map(|errors| errors.get(code).to_owned()).collect()
             }
@@ -258,35 +264,35 @@ impl Meaning {
     }
 
     /// Whether a value has a name other than a quantity.
-    fn is_special(&self, value: &Value) -> bool {
-        let number = integer(value);
+    fn is_special(&self, value: &DecodedValue) -> bool {
+        let number = as_integer(value);
         number.zip(self.special.as_deref()).is_some_and(|(number, names)| names.get(number).is_some())
     }
 
     /// Whether a code indicates a missing or erroneous value: a J1939 indicator, or a code with such a name.
-    pub fn has_no_value(&self, value: &Value) -> bool {
+    pub fn has_no_value(&self, value: &DecodedValue) -> bool {
         /// Names used by SAE J1939-71 §5.1.4 and by databases ("SNA": signal not available).
         const NAMES: [&str; 5] = ["not available", "signal not available", "sna", "error", "error indicator"];
-        if self.indicated(value).is_some() {
+        if self.indicator_text(value).is_some() {
             return true;
         }
-        let name = integer(value).and_then(|number| self.values.as_deref()?.get(number));
+        let name = as_integer(value).and_then(|number| self.values.as_deref()?.get(number));
         name.is_some_and(|name| NAMES.iter().any(|known| name.trim().eq_ignore_ascii_case(known)))
     }
 
     /// Meaning of an indicator code.
-    fn indicated(&self, value: &Value) -> Option<&'static str> {
+    fn indicator_text(&self, value: &DecodedValue) -> Option<&'static str> {
         match value {
-            Value::Unsigned(raw) => self.indicators?.code(*raw),
-            Value::Integer(raw) => self.indicators?.code(u64::try_from(*raw).ok()?),
+            DecodedValue::Unsigned(raw) => self.indicators?.code(*raw),
+            DecodedValue::Integer(raw) => self.indicators?.code(u64::try_from(*raw).ok()?),
             _ => None,
         }
         .map(IndicatorCode::name)
     }
 
     /// Whether a value is outside the range permitted by the manual.
-    pub fn is_outside(&self, value: &Value) -> bool {
-        let Some(number) = integer(value) else { return false };
+    pub fn is_outside(&self, value: &DecodedValue) -> bool {
+        let Some(number) = as_integer(value) else { return false };
         if self.is_special(value) || self.has_no_value(value) {
             return false;
         }
@@ -294,8 +300,8 @@ impl Meaning {
         #[expect(clippy::cast_precision_loss, reason = "compared with limits that have few digits")]
         let quantity = match self.scale {
             // A code with a name may exceed the limits of the quantity.
-            Some(_) if self.label(value).is_some() => None,
-            Some(_) => self.scaled(value),
+            Some(_) if self.value_label(value).is_some() => None,
+            Some(_) => self.scaled_value(value),
             None => Some(number as f64),
         };
         let outside_limits = match (self.limits, quantity) {
@@ -311,7 +317,7 @@ impl Meaning {
     }
 
     /// Raw numbers that are permitted throughout: minimum and maximum; `None` if they form no single range.
-    pub fn inside(&self) -> Option<[i64; 2]> {
+    pub fn permitted_range(&self) -> Option<[i64; 2]> {
         let [mut least, mut most] = self.range.unwrap_or([i64::MIN, i64::MAX]);
         if let Some([low, high]) = self.limits {
             if self.scale.is_some_and(|scale| scale.is_reciprocal) {
@@ -327,33 +333,33 @@ impl Meaning {
             (least, most) = (least.max(low), most.min(high));
         }
         // A quantity is monotonic in its number: if both ends are permitted, so are all numbers between them.
-        let is_right = |number| !self.is_outside(&Value::Integer(number));
+        let is_right = |number| !self.is_outside(&DecodedValue::Integer(number));
         (least <= most && is_right(least) && is_right(most)).then_some([least, most])
     }
 
     /// Value for output: `157.5 bar`, `CAN bus`, `80000185h`, `pressure control`.
-    pub fn show(&self, value: &Value) -> String {
-        if let Some(label) = self.label(value) {
+    pub fn format_value(&self, value: &DecodedValue) -> String {
+        if let Some(label) = self.value_label(value) {
             return match self.values {
                 Some(_) if self.is_special(value) || self.has_no_value(value) => {
-                    format!("{label} ({})", self.plain(value))
+                    format!("{label} ({})", self.format_plain(value))
                 }
-                Some(_) => format!("{label} ({})", self.quantity(value)),
+                Some(_) => format!("{label} ({})", self.format_quantity(value)),
                 None => label.to_owned(),
             };
         }
-        match word(value) {
-            Some(word) if self.is_composed() && self.format != Format::Mapping => self.show_parts(word),
-            _ => self.quantity(value),
+        match as_word(value) {
+            Some(word) if self.is_composed() && self.format != NumberFormat::Mapping => self.show_parts(word),
+            _ => self.format_quantity(value),
         }
     }
 
     /// Number with its unit.
-    fn quantity(&self, value: &Value) -> String {
-        match self.scaled(value) {
+    fn format_quantity(&self, value: &DecodedValue) -> String {
+        match self.scaled_value(value) {
             Some(quantity) => self.with_unit(&format!("{quantity:.*}", usize::from(self.decimals))),
-            None if self.scale.is_some_and(|scale| scale.is_reciprocal) => self.plain(value),
-            None => self.with_unit(&self.plain(value)),
+            None if self.scale.is_some_and(|scale| scale.is_reciprocal) => self.format_plain(value),
+            None => self.with_unit(&self.format_plain(value)),
         }
     }
 
@@ -362,18 +368,18 @@ impl Meaning {
         let digits = usize::from(self.width().div_ceil(4));
         let word = word & (u64::MAX >> (64 - self.width()));
         let mut text = format!("{word:0digits$X}h");
-        for (place, part) in self.parts(word).iter().enumerate() {
+        for (place, part) in self.part_texts(word).iter().enumerate() {
             let separator = if place == 0 { " " } else { ", " };
             let _ = write!(text, "{separator}{part}");
         }
         text
     }
 
-    /// Like [`Self::show`], with a sign if the value can be negative, and a remark if it is outside.
-    pub fn signed(&self, value: &Value) -> String {
-        let text = self.show(value);
+    /// Like [`Self::format_value`], with a sign if the value can be negative, and a remark if it is outside.
+    pub fn format_signed(&self, value: &DecodedValue) -> String {
+        let text = self.format_value(value);
         let shows = 0.5 / 10_f64.powi(i32::from(self.decimals));
-        let is_positive = self.scaled(value).is_some_and(|quantity| quantity >= shows);
+        let is_positive = self.scaled_value(value).is_some_and(|quantity| quantity >= shows);
         let both_ways = self.range.is_some_and(|[least, _]| least < 0)
             || self.limits.is_some_and(|[least, _]| least < 0.0);
         let sign = if is_positive && both_ways { "+" } else { "" };
@@ -390,32 +396,32 @@ impl Meaning {
         if self.unit.is_empty() { number.to_owned() } else { format!("{number} {}", self.unit) }
     }
 
-    fn plain(&self, value: &Value) -> String {
+    fn format_plain(&self, value: &DecodedValue) -> String {
         match (value, self.format) {
-            (Value::Unsigned(number), Format::Hex) => {
+            (DecodedValue::Unsigned(number), NumberFormat::Hex) => {
                 let digits = usize::from(self.data_type.and_then(DataType::bits).unwrap_or(32).div_ceil(4));
                 format!("{number:0digits$X}h")
             }
-            (Value::Unsigned(number), Format::Mapping) if *number != 0 => mapping_entry(*number),
+            (DecodedValue::Unsigned(number), NumberFormat::Mapping) if *number != 0 => mapping_entry(*number),
             _ => value.to_string(),
         }
     }
 }
 
 /// Value as a signed number.
-pub fn integer(value: &Value) -> Option<i64> {
+pub fn as_integer(value: &DecodedValue) -> Option<i64> {
     match value {
-        Value::Unsigned(number) => i64::try_from(*number).ok(),
-        Value::Integer(number) => Some(*number),
+        DecodedValue::Unsigned(number) => i64::try_from(*number).ok(),
+        DecodedValue::Integer(number) => Some(*number),
         _ => None,
     }
 }
 
 /// Value as raw bits.
-pub fn word(value: &Value) -> Option<u64> {
+pub fn as_word(value: &DecodedValue) -> Option<u64> {
     match value {
-        Value::Unsigned(number) => Some(*number),
-        Value::Integer(number) => Some(number.cast_unsigned()),
+        DecodedValue::Unsigned(number) => Some(*number),
+        DecodedValue::Integer(number) => Some(number.cast_unsigned()),
         _ => None,
     }
 }
@@ -442,18 +448,18 @@ fn is_signature(data: &[u8]) -> bool {
 /// Texts for the bits of a word: names of set bits, texts of clear bits if defined, numbers.
 pub fn bit_words(bits: &BitNames, word: u64) -> Vec<String> {
     let named = bits.list.iter().filter(|bit| !bit.reserved);
-    named.filter_map(|bit| bit.word(bit.of(word))).collect()
+    named.filter_map(|bit| bit.bit_word(bit.bits_of(word))).collect()
 }
 
 impl super::names::BitName {
     /// Text of the set bit: that for event lines, else the name.
-    pub fn title(&self) -> &str {
+    pub fn bit_title(&self) -> &str {
         self.text.as_deref().unwrap_or(&self.name)
     }
 
     /// Text for the number in these bits; `None` if nothing is to be shown.
-    pub fn word(&self, number: u64) -> Option<String> {
-        let title = self.title();
+    pub fn bit_word(&self, number: u64) -> Option<String> {
+        let title = self.bit_title();
         if self.width == 1 {
             return if number == 0 { self.off.clone() } else { Some(title.to_owned()) };
         }
@@ -475,13 +481,17 @@ mod tests {
     /// RE 29015-01-Z/09.06 §6.3: 1310 is an integral time of 100 ms, greater values shorten it.
     #[test]
     fn a_reciprocal_scale_has_no_value_at_0() {
-        let scale = Factor { factor: 131_000.0, offset: 0.0, full_scale: None, is_reciprocal: true };
-        let meaning = Meaning { unit: "ms".into(), scale: Some(scale), decimals: 1, ..Meaning::default() };
-        let show = |raw| meaning.show(&Value::Unsigned(raw));
+        let scale = RawConversion { factor: 131_000.0, offset: 0.0, full_scale: None, is_reciprocal: true };
+        let meaning =
+            ObjectMeaning { unit: "ms".into(), scale: Some(scale), decimals: 1, ..ObjectMeaning::default() };
+        let show = |raw| meaning.format_value(&DecodedValue::Unsigned(raw));
         assert_eq!([show(1310), show(2620), show(65535), show(0)], ["100.0 ms", "50.0 ms", "2.0 ms", "0"]);
-        assert_eq!(meaning.scaled(&Value::Unsigned(0)), None);
-        let limited = Meaning { limits: Some([2.0, 100.0]), ..meaning };
-        assert!(limited.is_outside(&Value::Unsigned(1309)) && !limited.is_outside(&Value::Unsigned(1310)));
-        assert_eq!(limited.inside(), None);
+        assert_eq!(meaning.scaled_value(&DecodedValue::Unsigned(0)), None);
+        let limited = ObjectMeaning { limits: Some([2.0, 100.0]), ..meaning };
+        assert!(
+            limited.is_outside(&DecodedValue::Unsigned(1309))
+                && !limited.is_outside(&DecodedValue::Unsigned(1310))
+        );
+        assert_eq!(limited.permitted_range(), None);
     }
 }

@@ -36,33 +36,37 @@ mod resolve;
 mod standards;
 
 pub use catalogue::{Catalogue, ProfileError, ReportedIdentity, is_bus_file};
-pub use check::{check, check_ids};
-pub use connection_set::{ConnectionSet, Owner, connection_set};
+pub use check::{check_device, check_ids};
+pub use connection_set::{ConnectionSet, IdentifierOwner, connection_set};
 pub(crate) use cut::IntegerPosition;
 pub(crate) use data_type::little_endian;
-pub use data_type::{DataType, Value};
-pub use device::Device;
+pub use data_type::{DataType, DecodedValue};
+pub use device::DeviceProfile;
 pub use dictionary::{Dictionary, ResolvedObject};
-pub use entry::{Entry, Object};
+pub use entry::{ObjectEntry, SubEntry};
 pub use error_texts::{ErrorTexts, suggested_error_text};
-pub use formula::formula;
+pub use formula::evaluate_formula;
 pub use layout::{
-    BitOrder, Carrier, Field, FixedBits, Layout, LayoutOrigin, PdoDirection, PdoName, Selector, Signal,
-    SignalId,
+    BitOrder, DecodedSignal, FieldSelector, FixedBits, LayoutOrigin, PayloadLayout, PdoDirection, PdoName,
+    SignalField, SignalId, ValueCarrier,
 };
 
 pub use letters::{BitLetter, bit_letters, letter_legend, word_letters};
 pub use lookup::{
-    Bits, Code, Codes, LssNames, UdsCode, UdsNames, UdsService, abort_codes, emcy_codes, error_register,
-    failure_modes, industry_groups, lamp_names, lss, pgn_name, transport_aborts, uds,
+    CodeEntry, CodeTable, LssNames, NamedBits, UdsCode, UdsNames, UdsService, abort_codes, emcy_codes,
+    error_register, failure_modes, industry_groups, lamp_names, lss_names, pgn_name, transport_aborts,
+    uds_names,
 };
 pub(crate) use lookup::{
     ValueIn, can_errors, fault_hints, is_fast_packet, is_nmea2000_group, is_public_group,
 };
-pub use meaning::{Factor, IndicatorCode, IndicatorCoding, Indicators, Meaning, bit_words, integer, word};
-pub use names::{BitName, BitNames, Names};
-pub use object::{Effect, Persistence, Role, Storage};
+pub use meaning::{
+    IndicatorCode, IndicatorCoding, ObjectMeaning, ParameterIndicators, RawConversion, as_integer, as_word,
+    bit_words,
+};
+pub use names::{BitName, BitNames, ValueNames};
+pub use object::{ObjectRole, Persistence, ValueStorage, WriteEffect};
 pub use position::TextError;
-pub use reference::Reference;
-pub use resolve::{KnownValues, NoValues, Number, Resolver};
+pub use reference::ObjectReference;
+pub use resolve::{DecidingNumber, EntryResolver, KnownValues, NoValues};
 pub use standards::{isobus, plain_device};

@@ -7,26 +7,26 @@ use serde::Deserialize;
 /// Names by raw value.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
 #[serde(try_from = "BTreeMap<String, String>")]
-pub struct Names(pub BTreeMap<i64, String>);
+pub struct ValueNames(pub BTreeMap<i64, String>);
 
-impl Names {
+impl ValueNames {
     /// Name of a value.
     pub fn get(&self, value: i64) -> Option<&str> {
         self.0.get(&value).map(String::as_str)
     }
 }
 
-impl TryFrom<BTreeMap<String, String>> for Names {
+impl TryFrom<BTreeMap<String, String>> for ValueNames {
     type Error = String;
 
     fn try_from(table: BTreeMap<String, String>) -> Result<Self, String> {
-        let entry = |(key, name): (String, String)| integer(&key).map(|key| (key, name));
+        let entry = |(key, name): (String, String)| parse_integer(&key).map(|key| (key, name));
         table.into_iter().map(entry).collect::<Result<_, _>>().map(Self)
     }
 }
 
 /// Parses a key such as `0`, `-3`, `0x1000`.
-fn integer(text: &str) -> Result<i64, String> {
+fn parse_integer(text: &str) -> Result<i64, String> {
     let number = match text.strip_prefix("0x") {
         Some(digits) => i64::from_str_radix(digits, 16),
         None => text.parse(),
@@ -54,7 +54,7 @@ pub struct BitName {
     pub off: Option<String>,
     /// Names of the number in several bits.
     #[serde(default)]
-    pub values: Option<Names>,
+    pub values: Option<ValueNames>,
     /// Whether the bits have no meaning.
     #[serde(default)]
     pub reserved: bool,
@@ -66,7 +66,7 @@ const fn one() -> u8 {
 
 impl BitName {
     /// Number in these bits of `word`.
-    pub fn of(&self, word: u64) -> u64 {
+    pub fn bits_of(&self, word: u64) -> u64 {
         let mask = if self.width >= 64 { u64::MAX } else { (1 << self.width) - 1 };
         word.checked_shr(u32::from(self.bit)).unwrap_or(0) & mask
     }
@@ -83,7 +83,7 @@ pub struct BitNames {
 /// A definition, or the name of a table with a shared definition.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(untagged, expecting = "expected a table or the name of a table")]
-pub enum Shared<T> {
+pub enum SharedDefinition<T> {
     /// Name of the shared table.
     Named(String),
     /// Definition in place.

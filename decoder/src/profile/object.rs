@@ -5,14 +5,14 @@ use std::sync::Arc;
 use serde::Deserialize;
 use strum::IntoStaticStr;
 
-use super::names::{BitNames, Names};
+use super::names::{BitNames, ValueNames};
 use super::one_or_many::OneOrMany;
-use super::reference::Reference;
+use super::reference::ObjectReference;
 
 /// Number format in output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Format {
+pub enum NumberFormat {
     /// Decimal number.
     #[default]
     Decimal,
@@ -31,7 +31,7 @@ pub enum Format {
 /// Access by SDO.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Access {
+pub enum SdoAccess {
     /// Read only.
     Ro,
     /// Read and write.
@@ -42,7 +42,7 @@ pub enum Access {
     Const,
 }
 
-impl Access {
+impl SdoAccess {
     /// Name in output: `ro`, `rw`, `wo`, `const`.
     pub const fn name(self) -> &'static str {
         match self {
@@ -57,7 +57,7 @@ impl Access {
 /// Persistence of a value over a restart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Storage {
+pub enum ValueStorage {
     /// Lost at reset.
     Volatile,
     /// Stored in non-volatile memory by every write.
@@ -71,9 +71,9 @@ pub enum Storage {
     Unknown,
 }
 
-impl Storage {
+impl ValueStorage {
     /// Persistence of a written value; `None` if unknown.
-    pub const fn persists(self) -> Option<Persistence> {
+    pub const fn persistence_text(self) -> Option<Persistence> {
         match self {
             Self::Volatile => Some(Persistence::No),
             Self::EachWrite | Self::Fixed => Some(Persistence::Yes),
@@ -107,7 +107,7 @@ impl Persistence {
 /// Time at which a write takes effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Effect {
+pub enum WriteEffect {
     /// Immediately.
     AtOnce,
     /// At the next SYNC with the identifier configured in the node.
@@ -125,7 +125,7 @@ pub enum Effect {
     Unknown,
 }
 
-impl Effect {
+impl WriteEffect {
     /// Name in all output.
     pub const fn name(self) -> &'static str {
         match self {
@@ -140,7 +140,7 @@ impl Effect {
     }
 
     /// Time as text, to be placed after the description of the effect.
-    pub const fn when(self) -> &'static str {
+    pub const fn time_text(self) -> &'static str {
         match self {
             Self::AtOnce => "at once",
             Self::AtSync => "at the next SYNC",
@@ -153,7 +153,7 @@ impl Effect {
     }
 
     /// Whether the new value takes effect only after a restart.
-    pub const fn waits(self) -> bool {
+    pub const fn needs_restart(self) -> bool {
         matches!(self, Self::ResetCommunication | Self::ResetNode | Self::PowerOn)
     }
 }
@@ -161,7 +161,7 @@ impl Effect {
 /// Function of an object in the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Role {
+pub enum ObjectRole {
     /// Control word or byte.
     Control,
     /// Status word or byte.
@@ -180,7 +180,7 @@ pub enum Role {
     Counter,
 }
 
-impl Role {
+impl ObjectRole {
     /// Name in profiles.
     pub const fn name(self) -> &'static str {
         match self {
@@ -202,7 +202,7 @@ impl Role {
     untagged,
     expecting = "expected a number, { raw = 16383, value = 100 }, { raw = 16383, object = \"5208:02\" } or { reciprocal = 131000 }"
 )]
-pub enum Scale {
+pub enum RawScale {
     /// value = raw × factor.
     Factor(f64),
     /// Proportional, with a known pair of raw number and quantity.
@@ -217,7 +217,7 @@ pub enum Scale {
         /// Raw number of the pair.
         raw: f64,
         /// Object that contains the quantity.
-        object: Reference,
+        object: ObjectReference,
     },
     /// value = numerator / raw.
     Reciprocal {
@@ -229,14 +229,14 @@ pub enum Scale {
 /// One or several numbers.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(untagged, expecting = "expected a number or a list of numbers")]
-pub enum Numbers {
+pub enum NumberList {
     /// A single number.
     One(i64),
     /// Several alternative numbers.
     Any(Vec<i64>),
 }
 
-impl Numbers {
+impl NumberList {
     /// Whether `value` is one of the numbers.
     pub fn contains(&self, value: i64) -> bool {
         match self {
@@ -251,9 +251,9 @@ impl Numbers {
 #[serde(deny_unknown_fields)]
 pub struct ObjectCondition {
     /// Object to compare.
-    pub object: Reference,
+    pub object: ObjectReference,
     /// Raw values to compare with.
-    pub equals: Numbers,
+    pub equals: NumberList,
 }
 
 /// Variants that an entry applies to; all if empty.
@@ -263,7 +263,7 @@ pub struct VariantFilter(pub Vec<String>);
 
 impl VariantFilter {
     /// Whether the entry applies to a variant.
-    pub fn allows(&self, variant: &str) -> bool {
+    pub fn allows_variant(&self, variant: &str) -> bool {
         self.0.is_empty() || self.0.iter().any(|only| only == variant)
     }
 }
@@ -277,7 +277,7 @@ impl From<OneOrMany<String>> for VariantFilter {
 /// Repetition of equal entries at a constant distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Repeat {
+pub struct EntryRepetition {
     /// Number of repeats.
     pub count: u16,
     /// Distance of their indexes.
@@ -295,9 +295,9 @@ const fn first() -> u16 {
 }
 
 /// No repetition: a single entry.
-pub(crate) const ONCE: Repeat = Repeat { count: 1, stride: 0, first: 1, channel: false };
+pub(crate) const ONCE: EntryRepetition = EntryRepetition { count: 1, stride: 0, first: 1, channel: false };
 
-impl Default for Repeat {
+impl Default for EntryRepetition {
     fn default() -> Self {
         ONCE
     }
@@ -317,7 +317,7 @@ pub enum DefaultValue {
 
 /// Interpretation of a value: keys that can depend on the mode.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Interpretation {
+pub struct ValueInterpretation {
     /// Name; `{n}` is replaced by the repeat number.
     pub name: Option<String>,
     /// Short name in event lines.
@@ -325,7 +325,7 @@ pub struct Interpretation {
     /// Unit of the scaled value.
     pub unit: Option<String>,
     /// Conversion of the raw number to a quantity.
-    pub scale: Option<Scale>,
+    pub scale: Option<RawScale>,
     /// Offset of the quantity, added after scaling.
     pub offset: Option<f64>,
     /// Decimals in output.
@@ -335,13 +335,13 @@ pub struct Interpretation {
     /// Permitted values in `unit`: minimum and maximum.
     pub limits: Option<[f64; 2]>,
     /// Names of enumeration values.
-    pub values: Option<Arc<Names>>,
+    pub values: Option<Arc<ValueNames>>,
     /// Names of raw values other than quantities.
-    pub special: Option<Arc<Names>>,
+    pub special: Option<Arc<ValueNames>>,
     /// Names of bits.
     pub bits: Option<Arc<BitNames>>,
     /// Function of the object in the device.
-    pub role: Option<Role>,
+    pub role: Option<ObjectRole>,
     /// Set point that an actual value follows.
-    pub of: Option<Reference>,
+    pub of: Option<ObjectReference>,
 }

@@ -7,7 +7,7 @@ use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-/// A text or a list of texts; [`tables`] reports errors inside tables more precisely.
+/// A text or a list of texts; [`deserialize_tables`] reports errors inside tables more precisely.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(untagged, expecting = "expected a text, or a list of texts")]
 pub(super) enum OneOrMany<T> {
@@ -25,14 +25,14 @@ impl<T> OneOrMany<T> {
 }
 
 /// Deserializes a table or a list of tables, and keeps the errors inside the tables.
-pub(super) fn tables<'de, D, T>(deserializer: D) -> Result<Vec<T>, D::Error>
+pub(super) fn deserialize_tables<'de, D, T>(deserializer: D) -> Result<Vec<T>, D::Error>
 where
     D: Deserializer<'de>,
     T: Deserialize<'de>,
 {
-    struct Tables<T>(PhantomData<T>);
+    struct OneOrManyTables<T>(PhantomData<T>);
 
-    impl<'de, T: Deserialize<'de>> Visitor<'de> for Tables<T> {
+    impl<'de, T: Deserialize<'de>> Visitor<'de> for OneOrManyTables<T> {
         type Value = Vec<T>;
 
         fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -48,7 +48,7 @@ where
         }
     }
 
-    deserializer.deserialize_any(Tables(PhantomData))
+    deserializer.deserialize_any(OneOrManyTables(PhantomData))
 }
 
 #[cfg(test)]

@@ -10,28 +10,28 @@ use crate::wire::canopen::ObjectAddress;
 /// Reference to an object from an entry that can be repeated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Deserialize)]
 #[serde(try_from = "String")]
-pub struct Reference {
+pub struct ObjectReference {
     /// Object for the first repeat.
     pub object: ObjectAddress,
     /// Distance between repeats; `None` for the stride of the entry itself.
     pub step: Option<u16>,
 }
 
-impl Reference {
+impl ObjectReference {
     /// Object for repeat `nth`, from 0, of an entry with this stride.
-    pub fn shifted(self, nth: u16, stride: u16) -> ObjectAddress {
+    pub fn shift_object(self, nth: u16, stride: u16) -> ObjectAddress {
         let distance = self.step.unwrap_or(stride).wrapping_mul(nth);
         ObjectAddress { index: self.object.index.wrapping_add(distance), ..self.object }
     }
 
     /// Fixed reference to the object of repeat `nth`.
     #[must_use]
-    pub(crate) fn pinned(self, nth: u16, stride: u16) -> Self {
-        Self { object: self.shifted(nth, stride), step: Some(0) }
+    pub(crate) fn pin_repeat(self, nth: u16, stride: u16) -> Self {
+        Self { object: self.shift_object(nth, stride), step: Some(0) }
     }
 }
 
-impl FromStr for Reference {
+impl FromStr for ObjectReference {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -54,7 +54,7 @@ impl FromStr for Reference {
     }
 }
 
-impl TryFrom<String> for Reference {
+impl TryFrom<String> for ObjectReference {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
@@ -67,7 +67,7 @@ impl TryFrom<String> for Reference {
 #[serde(try_from = "String")]
 pub struct BitReference {
     /// Object that contains the bit.
-    pub object: Reference,
+    pub object: ObjectReference,
     /// Bit number, from 0.
     pub bit: u8,
 }
@@ -88,25 +88,25 @@ impl TryFrom<String> for BitReference {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct ObjectRange {
-    first: Reference,
-    last: Reference,
+    first: ObjectReference,
+    last: ObjectReference,
 }
 
 impl ObjectRange {
     /// Whether the range for repeat `nth` contains `object`.
     pub fn covers(&self, object: ObjectAddress, nth: u16, stride: u16) -> bool {
-        (self.first.shifted(nth, stride)..=self.last.shifted(nth, stride)).contains(&object)
+        (self.first.shift_object(nth, stride)..=self.last.shift_object(nth, stride)).contains(&object)
     }
 
     /// First and last object for the first repeat.
-    pub const fn ends(&self) -> (ObjectAddress, ObjectAddress) {
+    pub const fn range_ends(&self) -> (ObjectAddress, ObjectAddress) {
         (self.first.object, self.last.object)
     }
 
     /// Fixed range for repeat `nth`.
     #[must_use]
-    pub(crate) fn pinned(self, nth: u16, stride: u16) -> Self {
-        Self { first: self.first.pinned(nth, stride), last: self.last.pinned(nth, stride) }
+    pub(crate) fn pin_repeat(self, nth: u16, stride: u16) -> Self {
+        Self { first: self.first.pin_repeat(nth, stride), last: self.last.pin_repeat(nth, stride) }
     }
 }
 
@@ -115,7 +115,8 @@ impl TryFrom<String> for ObjectRange {
 
     fn try_from(text: String) -> Result<Self, String> {
         let (first, last) = text.split_once("..").unwrap_or((&text, &text));
-        let (mut first, last): (Reference, Reference) = (first.trim().parse()?, last.trim().parse()?);
+        let (mut first, last): (ObjectReference, ObjectReference) =
+            (first.trim().parse()?, last.trim().parse()?);
         // A step after the last object applies to both ends.
         first.step = first.step.or(last.step);
         if last.object < first.object {
@@ -127,7 +128,7 @@ impl TryFrom<String> for ObjectRange {
 
 impl fmt::Display for ObjectRange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (first, last) = self.ends();
+        let (first, last) = self.range_ends();
         if first == last { write!(f, "{first}") } else { write!(f, "{first} to {last}") }
     }
 }
@@ -138,12 +139,13 @@ mod tests {
 
     #[test]
     fn references_move_with_their_entry_unless_they_say_otherwise() {
-        let at = |text: &str, nth| text.parse::<Reference>().unwrap().shifted(nth, 0x700).to_string();
+        let at =
+            |text: &str, nth| text.parse::<ObjectReference>().unwrap().shift_object(nth, 0x700).to_string();
         assert_eq!(at("2200:00", 3), "3700:00");
         assert_eq!(at("6043:00 step 800", 2), "7043:00");
         assert_eq!(at("5208:02 fixed", 2), "5208:02");
-        assert!("6043:00 by 800".parse::<Reference>().is_err());
-        assert!("6043:00 step x".parse::<Reference>().is_err());
+        assert!("6043:00 by 800".parse::<ObjectReference>().is_err());
+        assert!("6043:00 step x".parse::<ObjectReference>().is_err());
     }
 
     #[test]

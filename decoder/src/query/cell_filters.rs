@@ -6,7 +6,7 @@
 //! EMCY    8305                       kind == "emcy"                                      code == 0x8305
 //! ```
 
-use super::record::{FieldValue, Fields, direction, visit};
+use super::record::{FieldConsumer, FieldValue, direction_name, visit_event};
 use crate::event::{Event, EventKind};
 use crate::session::Bus;
 
@@ -16,7 +16,7 @@ const SUBJECTS: [&str; 6] = ["object", "code", "pdo", "spn", "pgn", "service_id"
 /// Filter for the subject of an event: object, code, PDO, trouble code, PGN or service. `None` without one.
 pub fn subject_filter(event: &Event, bus: &Bus) -> Option<String> {
     let mut found = SubjectFields::default();
-    visit(event, bus, None, &mut found);
+    visit_event(event, bus, None, &mut found);
     let (_, field, value) = found.best?;
     Some(format!("{field} == {value}"))
 }
@@ -26,7 +26,7 @@ pub fn kind_filter(event: &Event) -> String {
     let kind = format!("kind == {:?}", event.kind.name());
     match &event.kind {
         EventKind::SdoTransfer(transfer) => match transfer.direction {
-            Some(known) => format!("{kind} && direction == {:?}", direction(known)),
+            Some(known) => format!("{kind} && direction == {:?}", direction_name(known)),
             None => kind,
         },
         _ => kind,
@@ -41,8 +41,8 @@ struct SubjectFields {
     best: Option<(usize, &'static str, String)>,
 }
 
-impl Fields for SubjectFields {
-    fn field(&mut self, key: &'static str, value: FieldValue<'_>) {
+impl FieldConsumer for SubjectFields {
+    fn add_field(&mut self, key: &'static str, value: FieldValue<'_>) {
         let Some(rank) = SUBJECTS.iter().position(|name| *name == key).filter(|_| self.depth == 0) else {
             return;
         };
@@ -58,11 +58,11 @@ impl Fields for SubjectFields {
         }
     }
 
-    fn open(&mut self, _key: &'static str) {
+    fn open_group(&mut self, _key: &'static str) {
         self.depth = self.depth.saturating_add(1);
     }
 
-    fn close(&mut self) {
+    fn close_group(&mut self) {
         self.depth = self.depth.saturating_sub(1);
     }
 
@@ -87,16 +87,16 @@ mod tests {
     #[test]
     fn the_most_specific_field_outside_groups_is_the_subject() {
         let mut found = SubjectFields::default();
-        found.open("cause");
-        found.field("object", FieldValue::Text("nested"));
-        found.close();
-        found.field("code", FieldValue::Null);
-        found.field("pgn", FieldValue::Unsigned(65_226));
-        found.field("spn", FieldValue::Unsigned(110));
-        found.field("service_id", FieldValue::Code(0x22, 2));
-        found.field("name", FieldValue::Text("oil"));
+        found.open_group("cause");
+        found.add_field("object", FieldValue::Text("nested"));
+        found.close_group();
+        found.add_field("code", FieldValue::Null);
+        found.add_field("pgn", FieldValue::Unsigned(65_226));
+        found.add_field("spn", FieldValue::Unsigned(110));
+        found.add_field("service_id", FieldValue::Code(0x22, 2));
+        found.add_field("name", FieldValue::Text("oil"));
         assert_eq!(found.best, Some((3, "spn", "110".to_owned())));
-        found.field("code", FieldValue::Code(0x8305, 4));
+        found.add_field("code", FieldValue::Code(0x8305, 4));
         assert_eq!(found.best, Some((1, "code", "0x8305".to_owned())));
     }
 }

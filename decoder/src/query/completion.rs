@@ -8,8 +8,8 @@
 //! ```
 
 use super::expression::Operand;
-use super::fields::{FieldType, Target, resolve, table};
-use super::lexer::{PositionedToken, Token, tokens};
+use super::fields::{FieldTarget, FieldType, field_table, resolve_name};
+use super::lexer::{FilterToken, PositionedToken, split_tokens};
 
 /// Fields listed before the others.
 const FIRST: [&str; 7] = ["kind", "node", "bus", "severity", "rule", "pdo", "object"];
@@ -20,24 +20,24 @@ pub struct Completion {
     /// Offset of the word to complete, in bytes; the end of the text for a new word.
     pub start: usize,
     /// Meaning of the word.
-    pub expected: Expected,
+    pub expected: ExpectedWord,
 }
 
 /// Meaning of a word in a filter.
 #[derive(Debug, Clone)]
-pub enum Expected {
+pub enum ExpectedWord {
     /// Name of a field.
     Field,
     /// Operator after a field with these definitions.
-    Operator(Vec<Target>),
+    Operator(Vec<FieldTarget>),
     /// Value of a field with these definitions.
-    Value(Vec<Target>),
+    Value(Vec<FieldTarget>),
     /// `&&` or `||`.
     Connective,
 }
 
 /// Position in the grammar after some tokens.
-enum State {
+enum GrammarState {
     Field,
     AfterField(String),
     Value(String),
@@ -46,75 +46,78 @@ enum State {
     AfterTest,
 }
 
-impl State {
-    fn after(self, token: &Token) -> Option<Self> {
+impl GrammarState {
+    fn next_state(self, token: &FilterToken) -> Option<Self> {
         Some(match (self, token) {
-            (Self::Field, Token::Not | Token::Open)
-            | (Self::AfterField(_) | Self::AfterTest, Token::And | Token::Or) => Self::Field,
-            (Self::Field, Token::Word(Operand { text, is_quoted: false, .. })) => {
+            (Self::Field, FilterToken::Not | FilterToken::Open)
+            | (Self::AfterField(_) | Self::AfterTest, FilterToken::And | FilterToken::Or) => Self::Field,
+            (Self::Field, FilterToken::Word(Operand { text, is_quoted: false, .. })) => {
                 Self::AfterField(text.clone())
             }
-            (Self::AfterField(field), Token::Relation(_) | Token::Contains | Token::Matches) => {
-                Self::Value(field)
+            (
+                Self::AfterField(field),
+                FilterToken::Relation(_) | FilterToken::Contains | FilterToken::Matches,
+            ) => Self::Value(field),
+            (Self::AfterField(field), FilterToken::In) => Self::OpenSet(field),
+            (Self::OpenSet(field), FilterToken::OpenSet)
+            | (Self::Set(field), FilterToken::Word(_) | FilterToken::Comma | FilterToken::Range) => {
+                Self::Set(field)
             }
-            (Self::AfterField(field), Token::In) => Self::OpenSet(field),
-            (Self::OpenSet(field), Token::OpenSet)
-            | (Self::Set(field), Token::Word(_) | Token::Comma | Token::Range) => Self::Set(field),
-            (Self::Value(_), Token::Word(_))
-            | (Self::Set(_), Token::CloseSet)
-            | (Self::AfterField(_) | Self::AfterTest, Token::Close) => Self::AfterTest,
+            (Self::Value(_), FilterToken::Word(_))
+            | (Self::Set(_), FilterToken::CloseSet)
+            | (Self::AfterField(_) | Self::AfterTest, FilterToken::Close) => Self::AfterTest,
             _ => return None,
         })
     }
 }
 
 /// The continuation at the end of `text`; `None` inside quotes, after an error and after an unknown field.
-pub fn completion(text: &str) -> Option<Completion> {
-    let mut placed = tokens(text).ok()?;
-    placed.pop_if(|(token, _)| *token == Token::End);
+pub fn complete_filter(text: &str) -> Option<Completion> {
+    let mut placed = split_tokens(text).ok()?;
+    placed.pop_if(|(token, _)| *token == FilterToken::End);
     let is_open = |(token, at): &mut PositionedToken| {
-        at.end == text.len() && matches!(token, Token::Word(word) if !word.is_quoted)
+        at.end == text.len() && matches!(token, FilterToken::Word(word) if !word.is_quoted)
     };
     let start = placed.pop_if(is_open).map_or(text.len(), |(_, at)| at.start);
     let is_reserved = |(token, at): &PositionedToken| {
         let ends_with_letter = text.ends_with(|letter: char| letter.is_alphanumeric() || letter == '"');
-        at.end == text.len() && ends_with_letter && !matches!(token, Token::End)
+        at.end == text.len() && ends_with_letter && !matches!(token, FilterToken::End)
     };
     if start == text.len() && placed.last().is_some_and(is_reserved) {
         return None;
     }
-    let state = placed.iter().try_fold(State::Field, |state, (token, _)| state.after(token))?;
-    let targets = |field: String| Some(resolve(&field)).filter(|targets| !targets.is_empty());
+    let state = placed.iter().try_fold(GrammarState::Field, |state, (token, _)| state.next_state(token))?;
+    let targets = |field: String| Some(resolve_name(&field)).filter(|targets| !targets.is_empty());
     let expected = match state {
-        State::Field => Expected::Field,
-        State::AfterField(field) => Expected::Operator(targets(field)?),
-        State::Value(field) | State::Set(field) => Expected::Value(targets(field)?),
-        State::AfterTest => Expected::Connective,
-        State::OpenSet(_) => return None,
+        GrammarState::Field => ExpectedWord::Field,
+        GrammarState::AfterField(field) => ExpectedWord::Operator(targets(field)?),
+        GrammarState::Value(field) | GrammarState::Set(field) => ExpectedWord::Value(targets(field)?),
+        GrammarState::AfterTest => ExpectedWord::Connective,
+        GrammarState::OpenSet(_) => return None,
     };
     Some(Completion { start, expected })
 }
 
-impl Expected {
+impl ExpectedWord {
     /// All possible words; empty for values that depend on the capture.
-    pub fn words(&self) -> Vec<&'static str> {
+    pub fn possible_words(&self) -> Vec<&'static str> {
         match self {
             Self::Field => field_names(),
-            Self::Operator(targets) => operators(targets),
-            Self::Value(targets) => unique(targets.iter().flat_map(|target| fixed_values(*target))),
+            Self::Operator(targets) => possible_operators(targets),
+            Self::Value(targets) => unique_words(targets.iter().flat_map(|target| fixed_values(*target))),
             Self::Connective => vec!["&&", "||"],
         }
     }
 }
 
 fn field_names() -> Vec<&'static str> {
-    let fields = table().fields.iter().map(|field| field.key.as_str());
-    let parts = table().parts.iter().map(|part| part.key.as_str());
-    unique(FIRST.into_iter().chain(fields).chain(parts))
+    let fields = field_table().fields.iter().map(|field| field.key.as_str());
+    let parts = field_table().parts.iter().map(|part| part.key.as_str());
+    unique_words(FIRST.into_iter().chain(fields).chain(parts))
 }
 
-fn operators(targets: &[Target]) -> Vec<&'static str> {
-    let of = |target: &Target| -> &'static [&'static str] {
+fn possible_operators(targets: &[FieldTarget]) -> Vec<&'static str> {
+    let of = |target: &FieldTarget| -> &'static [&'static str] {
         match target.value() {
             FieldType::Text | FieldType::Any => &["==", "!=", "contains", "matches", "in"],
             FieldType::Bytes => &["==", "!=", "contains"],
@@ -123,10 +126,10 @@ fn operators(targets: &[Target]) -> Vec<&'static str> {
             _ => &["==", "!=", "<", "<=", ">", ">=", "in"],
         }
     };
-    unique(targets.iter().flat_map(of).copied().chain(["&&", "||"]))
+    unique_words(targets.iter().flat_map(of).copied().chain(["&&", "||"]))
 }
 
-fn fixed_values(target: Target) -> Vec<&'static str> {
+fn fixed_values(target: FieldTarget) -> Vec<&'static str> {
     match target.value() {
         FieldType::Bool => vec!["true", "false"],
         _ if target.field.key == "kind" => target.field.kinds.names().collect(),
@@ -134,7 +137,7 @@ fn fixed_values(target: Target) -> Vec<&'static str> {
     }
 }
 
-fn unique(words: impl Iterator<Item = &'static str>) -> Vec<&'static str> {
+fn unique_words(words: impl Iterator<Item = &'static str>) -> Vec<&'static str> {
     let mut found = Vec::new();
     for word in words {
         if !found.contains(&word) {
@@ -151,12 +154,12 @@ mod tests {
 
     /// Kind of word and its start.
     fn expected(text: &str) -> String {
-        let Some(found) = completion(text) else { return "-".to_owned() };
+        let Some(found) = complete_filter(text) else { return "-".to_owned() };
         let name = match &found.expected {
-            Expected::Field => "field",
-            Expected::Operator(_) => "operator",
-            Expected::Value(_) => "value",
-            Expected::Connective => "connective",
+            ExpectedWord::Field => "field",
+            ExpectedWord::Operator(_) => "operator",
+            ExpectedWord::Value(_) => "value",
+            ExpectedWord::Connective => "connective",
         };
         format!("{name} {}", found.start)
     }
@@ -194,16 +197,17 @@ mod tests {
 
     #[test]
     fn each_word_gives_a_valid_filter() {
-        for field in Expected::Field.words() {
+        for field in ExpectedWord::Field.possible_words() {
             assert!(field.parse::<Filter>().is_ok(), "{field}");
-            let Some(found) = completion(&format!("{field} == ")) else { panic!("{field}") };
-            for value in found.expected.words() {
+            let Some(found) = complete_filter(&format!("{field} == ")) else { panic!("{field}") };
+            for value in found.expected.possible_words() {
                 let filter = format!("{field} == {value}");
                 assert!(filter.parse::<Filter>().is_ok(), "{filter}");
             }
         }
-        let kinds = completion("kind == ").map(|found| found.expected.words()).unwrap_or_default();
+        let kinds =
+            complete_filter("kind == ").map(|found| found.expected.possible_words()).unwrap_or_default();
         assert!(kinds.contains(&"emcy") && kinds.len() > 20, "{kinds:?}");
-        assert_eq!(Expected::Operator(resolve("node")).words()[..3], ["==", "!=", "<"]);
+        assert_eq!(ExpectedWord::Operator(resolve_name("node")).possible_words()[..3], ["==", "!=", "<"]);
     }
 }

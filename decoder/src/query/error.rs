@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::Range;
 
-use crate::marked_line::{MarkedLine, visible};
+use crate::marked_line::{MarkedLine, replace_control};
 
 /// Error in a filter. `Display` prints the reason, then the filter with `^` below the position.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -34,8 +34,8 @@ impl std::error::Error for FilterError {}
 
 impl fmt::Display for FilterError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let MarkedLine { shown, carets } = MarkedLine::of(&self.text, self.at());
-        let reason: String = self.reason.chars().map(visible).collect();
+        let MarkedLine { shown, carets } = MarkedLine::mark_place(&self.text, self.at());
+        let reason: String = self.reason.chars().map(replace_control).collect();
         write!(f, "{reason}\n  {shown}\n  {carets}")
     }
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 /// Relational operator of a comparison.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Relation {
+pub(super) enum RelationalOperator {
     Equal,
     NotEqual,
     Less,
@@ -14,7 +14,7 @@ pub(super) enum Relation {
     GreaterOrEqual,
 }
 
-impl Relation {
+impl RelationalOperator {
     const fn sign(self) -> &'static str {
         match self {
             Self::Equal => "==",
@@ -39,11 +39,11 @@ pub(super) struct Operand {
 }
 
 impl Operand {
-    pub(super) fn word(text: &str, at: Range<usize>) -> Self {
+    pub(super) fn from_word(text: &str, at: Range<usize>) -> Self {
         Self { text: text.to_owned(), is_quoted: false, at }
     }
 
-    pub(super) fn quoted(text: String, at: Range<usize>) -> Self {
+    pub(super) fn from_quoted(text: String, at: Range<usize>) -> Self {
         Self { text, is_quoted: true, at }
     }
 }
@@ -57,7 +57,7 @@ impl PartialEq for Operand {
 
 /// Member of a set: a single value, or a range that includes both ends.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Member {
+pub(super) struct SetMember {
     pub(super) from: Operand,
     pub(super) to: Option<Operand>,
 }
@@ -66,8 +66,8 @@ pub(super) struct Member {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum FieldCondition {
     Present,
-    Compare(Relation, Operand),
-    In(Vec<Member>),
+    Compare(RelationalOperator, Operand),
+    In(Vec<SetMember>),
     Contains(Operand),
     Matches(Operand),
 }
@@ -85,9 +85,9 @@ impl FieldCondition {
     /// The only value that fulfils the condition, if there is exactly one.
     fn only_answer(&self) -> Option<&str> {
         match self {
-            Self::Compare(Relation::Equal, value) => Some(&value.text),
+            Self::Compare(RelationalOperator::Equal, value) => Some(&value.text),
             Self::In(members) => match members.as_slice() {
-                [Member { from, to: None }] => Some(&from.text),
+                [SetMember { from, to: None }] => Some(&from.text),
                 _ => None,
             },
             _ => None,
@@ -95,9 +95,11 @@ impl FieldCondition {
     }
 
     /// Values in `==`, `!=` and sets; ranges excluded.
-    fn compared(&self) -> Vec<&str> {
+    fn condition_values(&self) -> Vec<&str> {
         match self {
-            Self::Compare(Relation::Equal | Relation::NotEqual, value) => vec![&value.text],
+            Self::Compare(RelationalOperator::Equal | RelationalOperator::NotEqual, value) => {
+                vec![&value.text]
+            }
             Self::In(members) => {
                 let single = members.iter().filter(|member| member.to.is_none());
                 single.map(|member| member.from.text.as_str()).collect()
@@ -109,9 +111,9 @@ impl FieldCondition {
 
 impl Expression {
     /// Collects values that fields of these names must equal for the filter to match.
-    pub(super) fn required<'a>(&'a self, is_meant: &dyn Fn(&str) -> bool, found: &mut Vec<&'a str>) {
+    pub(super) fn collect_required<'a>(&'a self, is_meant: &dyn Fn(&str) -> bool, found: &mut Vec<&'a str>) {
         match self {
-            Self::And(parts) => parts.iter().for_each(|part| part.required(is_meant, found)),
+            Self::And(parts) => parts.iter().for_each(|part| part.collect_required(is_meant, found)),
             Self::Test { field, question } if is_meant(&field.text) => {
                 if let Some(value) = question.only_answer() {
                     found.push(value);
@@ -122,15 +124,17 @@ impl Expression {
     }
 
     /// Collects all values that fields of these names are compared with, anywhere in the filter.
-    pub(super) fn compared<'a>(&'a self, is_meant: &dyn Fn(&str) -> bool, found: &mut Vec<&'a str>) {
+    pub(super) fn collect_compared<'a>(&'a self, is_meant: &dyn Fn(&str) -> bool, found: &mut Vec<&'a str>) {
         match self {
             Self::And(parts) | Self::Or(parts) => {
                 for part in parts {
-                    part.compared(is_meant, found);
+                    part.collect_compared(is_meant, found);
                 }
             }
-            Self::Not(inner) => inner.compared(is_meant, found),
-            Self::Test { field, question } if is_meant(&field.text) => found.extend(question.compared()),
+            Self::Not(inner) => inner.collect_compared(is_meant, found),
+            Self::Test { field, question } if is_meant(&field.text) => {
+                found.extend(question.condition_values())
+            }
             Self::Test { .. } => {}
         }
     }
@@ -139,8 +143,10 @@ impl Expression {
 impl fmt::Display for Expression {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::And(parts) => joined(parts, " && ", |part| matches!(part, Self::And(_) | Self::Or(_)), f),
-            Self::Or(parts) => joined(parts, " || ", |part| matches!(part, Self::Or(_)), f),
+            Self::And(parts) => {
+                join_parts(parts, " && ", |part| matches!(part, Self::And(_) | Self::Or(_)), f)
+            }
+            Self::Or(parts) => join_parts(parts, " || ", |part| matches!(part, Self::Or(_)), f),
             Self::Not(inner) => match **inner {
                 Self::Not(_) | Self::Test { question: FieldCondition::Present, .. } => write!(f, "!{inner}"),
                 _ => write!(f, "!({inner})"),
@@ -150,7 +156,7 @@ impl fmt::Display for Expression {
     }
 }
 
-fn joined(
+fn join_parts(
     parts: &[Expression],
     sign: &str,
     needs_parentheses: fn(&Expression) -> bool,

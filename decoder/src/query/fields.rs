@@ -60,7 +60,7 @@ impl FieldType {
 /// Definition of one field for some kinds of events.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Field {
+pub struct FieldDefinition {
     /// Key; dotted for nested fields.
     pub key: String,
     /// Data type of the value.
@@ -122,7 +122,7 @@ pub struct NestedField {
 pub struct FieldTable {
     /// All fields in output order.
     #[serde(rename = "field")]
-    pub fields: Vec<Field>,
+    pub fields: Vec<FieldDefinition>,
     /// Parts of object fields.
     #[serde(rename = "part")]
     pub parts: Vec<NestedField>,
@@ -130,14 +130,14 @@ pub struct FieldTable {
 
 /// A field, or part of one, that a name in a filter can refer to.
 #[derive(Debug, Clone, Copy)]
-pub struct Target {
+pub struct FieldTarget {
     /// Definition of the field.
-    pub field: &'static Field,
+    pub field: &'static FieldDefinition,
     /// Part of the object address; `None` for the whole field.
     pub part: Option<ObjectPart>,
 }
 
-impl Target {
+impl FieldTarget {
     /// Data type of the compared value.
     pub fn value(self) -> FieldType {
         if self.part.is_some() { FieldType::Code } else { self.field.value }
@@ -145,30 +145,31 @@ impl Target {
 }
 
 /// Field table, parsed on first use.
-pub fn table() -> &'static FieldTable {
+pub fn field_table() -> &'static FieldTable {
     static TABLE: OnceLock<FieldTable> = OnceLock::new();
     // The fallback is unreachable: a test parses the file.
     TABLE.get_or_init(|| toml::from_str(include_str!("fields.toml")).unwrap_or_default())
 }
 
 /// All fields with this key or Wireshark name; empty for an unknown name.
-pub fn resolve(name: &str) -> Vec<Target> {
+pub fn resolve_name(name: &str) -> Vec<FieldTarget> {
     let is_meant = |key: &str, alias: &[String]| key == name || alias.iter().any(|other| other == name);
-    let fields = table().fields.iter();
+    let fields = field_table().fields.iter();
     let own = fields.filter(|field| is_meant(&field.key, &field.alias)).map(|field| (field, None));
-    let parts = table().parts.iter().filter(|part| is_meant(&part.key, &part.alias));
+    let parts = field_table().parts.iter().filter(|part| is_meant(&part.key, &part.alias));
     let of_parts = parts.flat_map(|part| {
-        let whole = table().fields.iter().filter(|field| field.key == part.of);
+        let whole = field_table().fields.iter().filter(|field| field.key == part.of);
         whole.map(|field| (field, Some(part.part)))
     });
-    own.chain(of_parts).map(|(field, part)| Target { field, part }).collect()
+    own.chain(of_parts).map(|(field, part)| FieldTarget { field, part }).collect()
 }
 
 /// Known name most similar to `name`, for suggestions.
 pub fn nearest_name(name: &str) -> Option<&'static str> {
-    let fields = table().fields.iter().flat_map(|field| std::iter::once(&field.key).chain(&field.alias));
-    let parts = table().parts.iter().flat_map(|part| std::iter::once(&part.key).chain(&part.alias));
-    nearest(name, &fields.chain(parts).map(String::as_str))
+    let fields =
+        field_table().fields.iter().flat_map(|field| std::iter::once(&field.key).chain(&field.alias));
+    let parts = field_table().parts.iter().flat_map(|part| std::iter::once(&part.key).chain(&part.alias));
+    nearest_candidate(name, &fields.chain(parts).map(String::as_str))
 }
 
 /// Max length of a text to find suggestions for, in bytes.
@@ -176,7 +177,7 @@ const LONGEST_GUESS: usize = 60;
 
 /// Most similar candidate: the shortest with this prefix, else one within three edits, else the shortest
 /// with this suffix.
-pub(super) fn nearest<'a>(
+pub(super) fn nearest_candidate<'a>(
     text: &str,
     candidates: &(impl Iterator<Item = &'a str> + Clone),
 ) -> Option<&'a str> {
@@ -189,7 +190,7 @@ pub(super) fn nearest<'a>(
     };
     let by_slip = || {
         let slips =
-            candidates.clone().map(|name| (distance(&text, name), name)).min_by_key(|(slips, _)| *slips);
+            candidates.clone().map(|name| (edit_distance(&text, name), name)).min_by_key(|(slips, _)| *slips);
         slips.filter(|(slips, _)| *slips <= text.chars().count().div_ceil(3).min(3)).map(|(_, name)| name)
     };
     shortest(&|name| name.starts_with(&text))
@@ -198,7 +199,7 @@ pub(super) fn nearest<'a>(
 }
 
 /// Levenshtein distance: letters to insert, remove or replace.
-pub fn distance(from: &str, to: &str) -> usize {
+pub fn edit_distance(from: &str, to: &str) -> usize {
     let mut row: Vec<usize> = (0..=to.chars().count()).collect();
     for (line, letter) in from.chars().enumerate() {
         let mut diagonal = line;
@@ -225,27 +226,28 @@ mod tests {
         if let Err(error) = toml::from_str::<FieldTable>(include_str!("fields.toml")) {
             panic!("{error}");
         }
-        assert!(table().fields.len() > 90);
+        assert!(field_table().fields.len() > 90);
     }
 
     #[test]
     fn a_key_has_one_meaning_a_kind() {
-        for (place, field) in table().fields.iter().enumerate() {
+        for (place, field) in field_table().fields.iter().enumerate() {
             assert!(!field.doc.is_empty() && !field.doc.ends_with('.'), "{}", field.key);
-            for other in table().fields.iter().skip(place + 1).filter(|other| other.key == field.key) {
+            for other in field_table().fields.iter().skip(place + 1).filter(|other| other.key == field.key) {
                 assert_eq!(field.kinds.and(other.kinds), KindSet::NONE, "{}", field.key);
             }
         }
-        for part in &table().parts {
-            let mut whole = table().fields.iter().filter(|field| field.key == part.of);
+        for part in &field_table().parts {
+            let mut whole = field_table().fields.iter().filter(|field| field.key == part.of);
             assert!(whole.all(|field| field.value == FieldType::Object), "{}", part.key);
-            assert!(!resolve(&part.key).is_empty(), "{}", part.key);
+            assert!(!resolve_name(&part.key).is_empty(), "{}", part.key);
         }
     }
 
     #[test]
     fn names_of_wireshark_are_understood() {
-        let keys = |name| resolve(name).iter().map(|target| target.field.key.clone()).collect::<Vec<_>>();
+        let keys =
+            |name| resolve_name(name).iter().map(|target| target.field.key.clone()).collect::<Vec<_>>();
         assert_eq!(keys("canopen.node_id"), ["node"]);
         assert_eq!(keys("can.id"), ["cob_id", "cob_ids", "id", "ids", "ids"]);
         assert_eq!(keys("canopen.sdo.main_idx"), ["object"; 4]);
@@ -259,7 +261,7 @@ mod tests {
         assert_eq!(nearest_name("abort_code"), Some("abort.code"));
         assert_eq!(nearest_name("quite something else"), None);
         assert_eq!(nearest_name(&"n".repeat(4_000)), None);
-        assert_eq!(distance("kitten", "sitting"), 3);
-        assert_eq!(distance("", "abc"), 3);
+        assert_eq!(edit_distance("kitten", "sitting"), 3);
+        assert_eq!(edit_distance("", "abc"), 3);
     }
 }

@@ -14,12 +14,12 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
 
-use super::compile::{CompiledFilter, NameSet, Node, Test, compile};
+use super::compile::{CompiledFilter, FieldTest, FilterNode, NameSet, compile_filter};
 use super::error::FilterError;
 use super::expression::Expression;
-use super::fields::resolve;
-use super::parser::parse;
-use super::record::{self, FieldValue, Fields};
+use super::fields::resolve_name;
+use super::parser::parse_filter;
+use super::record::{self, FieldConsumer, FieldValue};
 use crate::event::{Event, KindSet};
 use crate::session::Bus;
 
@@ -28,28 +28,28 @@ pub use super::compile::MAX_TESTS;
 /// Max nesting depth of lists and groups.
 const MAX_NESTING: usize = 4;
 
-/// Tests per word of [`Hits`].
+/// Tests per word of [`TestHits`].
 const WORD: usize = 64;
 
 /// A compiled filter; cheap to clone. `Display` prints an equivalent filter.
 #[derive(Debug, Clone)]
-pub struct Filter(Arc<Inner>);
+pub struct Filter(Arc<SharedFilter>);
 
 #[derive(Debug)]
-struct Inner {
+struct SharedFilter {
     written: Expression,
     compiled: CompiledFilter,
 }
 
 impl Filter {
     /// Whether the filter matches the event; `capture` is its name in the output.
-    pub fn matches(&self, event: &Event, bus: &Bus, capture: Option<&str>) -> bool {
+    pub fn matches_event(&self, event: &Event, bus: &Bus, capture: Option<&str>) -> bool {
         let CompiledFilter { tree, tests, may, must, needs_details, needs_signals, names } = &self.0.compiled;
         if !may.contains(&event.kind) || must.contains(&event.kind) {
             return may.contains(&event.kind);
         }
-        let hits = Hits([0; MAX_TESTS / WORD]);
-        let mut search = Search {
+        let hits = TestHits([0; MAX_TESTS / WORD]);
+        let mut search = FieldSearch {
             tests,
             names: *names,
             needs_signals: *needs_signals,
@@ -57,35 +57,35 @@ impl Filter {
             path: [""; MAX_NESTING],
             depth: 0,
         };
-        record::envelope(event, bus, capture, &mut search);
+        record::visit_envelope(event, bus, capture, &mut search);
         // Skips the fields that depend on the kind if the common ones decide.
         if let Some(answer) = search.hits.answer_of_common(tree, tests).filter(|_| *needs_details) {
             return answer;
         }
         if *needs_details {
-            record::details(event, bus, &mut search);
+            record::visit_details(event, bus, &mut search);
         }
-        search.hits.answer(tree)
+        search.hits.is_fulfilled(tree)
     }
 
     /// Whether the filter matches a frame: by the fields of the message that it contains, and by the fields
     /// of the frame itself (`id`, `data`, `size`, `remote` …).
     pub fn matches_frame(&self, message: &Event, frame: &Event, bus: &Bus) -> bool {
         let CompiledFilter { tree, tests, needs_signals, names, .. } = &self.0.compiled;
-        let mut search = Search {
+        let mut search = FieldSearch {
             tests,
             names: *names,
             needs_signals: *needs_signals,
-            hits: Hits([0; MAX_TESTS / WORD]),
+            hits: TestHits([0; MAX_TESTS / WORD]),
             path: [""; MAX_NESTING],
             depth: 0,
         };
-        record::envelope(message, bus, None, &mut search);
-        record::details(message, bus, &mut search);
+        record::visit_envelope(message, bus, None, &mut search);
+        record::visit_details(message, bus, &mut search);
         if message.kind.name() != frame.kind.name() {
-            record::details(frame, bus, &mut search);
+            record::visit_details(frame, bus, &mut search);
         }
-        search.hits.answer(tree)
+        search.hits.is_fulfilled(tree)
     }
 
     /// Event kinds that the filter can match.
@@ -94,28 +94,28 @@ impl Filter {
     }
 
     /// Whether a test uses the field `key`.
-    pub fn asks(&self, key: &str) -> bool {
+    pub fn uses_field(&self, key: &str) -> bool {
         self.0.compiled.tests.iter().any(|test| test.keys().any(|asked| asked == key))
     }
 
     /// Values, as written, that the field must have for the filter to match.
-    pub fn required(&self, key: &str) -> Vec<&str> {
+    pub fn required_values(&self, key: &str) -> Vec<&str> {
         let mut found = Vec::new();
-        self.0.written.required(&|name| is_name_of(name, key), &mut found);
+        self.0.written.collect_required(&|name| is_name_of(name, key), &mut found);
         found
     }
 
     /// Values, as written, that the field is compared with by `==`, `!=` or `in` anywhere in the filter.
-    pub fn compared(&self, key: &str) -> Vec<&str> {
+    pub fn compared_with(&self, key: &str) -> Vec<&str> {
         let mut found = Vec::new();
-        self.0.written.compared(&|name| is_name_of(name, key), &mut found);
+        self.0.written.collect_compared(&|name| is_name_of(name, key), &mut found);
         found
     }
 }
 
 /// Whether `name` in a filter can refer to the field `key`.
 fn is_name_of(name: &str, key: &str) -> bool {
-    resolve(name).iter().any(|target| target.field.key == key)
+    resolve_name(name).iter().any(|target| target.field.key == key)
 }
 
 /// Compares the syntax, not the meaning.
@@ -129,9 +129,9 @@ impl FromStr for Filter {
     type Err = FilterError;
 
     fn from_str(text: &str) -> Result<Self, FilterError> {
-        let written = parse(text)?;
-        let compiled = compile(text, &written)?;
-        Ok(Self(Arc::new(Inner { written, compiled })))
+        let written = parse_filter(text)?;
+        let compiled = compile_filter(text, &written)?;
+        Ok(Self(Arc::new(SharedFilter { written, compiled })))
     }
 }
 
@@ -142,22 +142,22 @@ impl fmt::Display for Filter {
 }
 
 /// Bit set of the tests that succeeded.
-struct Hits([u64; MAX_TESTS / WORD]);
+struct TestHits([u64; MAX_TESTS / WORD]);
 
-impl Hits {
-    fn add(&mut self, test: usize) {
+impl TestHits {
+    fn add_test(&mut self, test: usize) {
         if let Some(word) = self.0.get_mut(test / WORD) {
             *word |= 1 << (test % WORD);
         }
     }
 
-    fn has(&self, test: usize) -> bool {
+    fn has_test(&self, test: usize) -> bool {
         self.0.get(test / WORD).is_some_and(|word| word >> (test % WORD) & 1 == 1)
     }
 
     /// Result, if tests on fields of every kind decide it; `None` if other tests are needed.
-    fn answer_of_common(&self, node: &Node, tests: &[Test]) -> Option<bool> {
-        let parts = |parts: &[Node], decides: bool| {
+    fn answer_of_common(&self, node: &FilterNode, tests: &[FieldTest]) -> Option<bool> {
+        let parts = |parts: &[FilterNode], decides: bool| {
             let mut answers = parts.iter().map(|part| self.answer_of_common(part, tests));
             answers
                 .try_fold(Some(!decides), |all, answer| match answer {
@@ -168,48 +168,48 @@ impl Hits {
                 .unwrap_or(Some(decides))
         };
         match node {
-            Node::And(all) => parts(all, false),
-            Node::Or(any) => parts(any, true),
-            Node::Not(inner) => self.answer_of_common(inner, tests).map(|answer| !answer),
-            Node::Test(test) => tests.get(*test)?.is_common().then(|| self.has(*test)),
+            FilterNode::And(all) => parts(all, false),
+            FilterNode::Or(any) => parts(any, true),
+            FilterNode::Not(inner) => self.answer_of_common(inner, tests).map(|answer| !answer),
+            FilterNode::Test(test) => tests.get(*test)?.is_common().then(|| self.has_test(*test)),
         }
     }
 
-    fn answer(&self, node: &Node) -> bool {
+    fn is_fulfilled(&self, node: &FilterNode) -> bool {
         match node {
-            Node::And(parts) => parts.iter().all(|part| self.answer(part)),
-            Node::Or(parts) => parts.iter().any(|part| self.answer(part)),
-            Node::Not(inner) => !self.answer(inner),
-            Node::Test(test) => self.has(*test),
+            FilterNode::And(parts) => parts.iter().all(|part| self.is_fulfilled(part)),
+            FilterNode::Or(parts) => parts.iter().any(|part| self.is_fulfilled(part)),
+            FilterNode::Not(inner) => !self.is_fulfilled(inner),
+            FilterNode::Test(test) => self.has_test(*test),
         }
     }
 }
 
 /// Compares the fields of an event with the tests.
-struct Search<'a> {
-    tests: &'a [Test],
+struct FieldSearch<'a> {
+    tests: &'a [FieldTest],
     names: NameSet,
     needs_signals: bool,
-    hits: Hits,
+    hits: TestHits,
     path: [&'static str; MAX_NESTING],
     depth: usize,
 }
 
-impl Search<'_> {
-    fn narrow_by(&mut self, key: &'static str, accepts: impl Fn(&Test, &str) -> bool) {
+impl FieldSearch<'_> {
+    fn narrow_by(&mut self, key: &'static str, accepts: impl Fn(&FieldTest, &str) -> bool) {
         if !self.names.may_have(key) {
             return;
         }
         let Some(path) = self.path.get(..self.depth) else { return };
         for (number, test) in self.tests.iter().enumerate() {
             if test.keys().any(|wanted| is_at(wanted, path, key) && accepts(test, wanted)) {
-                self.hits.add(number);
+                self.hits.add_test(number);
             }
         }
     }
 
-    fn enter(&mut self, key: &'static str) {
-        self.narrow_by(key, Test::accepts_group);
+    fn enter_key(&mut self, key: &'static str) {
+        self.narrow_by(key, FieldTest::accepts_group);
         if let Some(slot) = self.path.get_mut(self.depth) {
             *slot = key;
         }
@@ -234,21 +234,21 @@ fn is_same(one: &str, other: &str) -> bool {
     one.len() == other.len() && one.bytes().zip(other.bytes()).all(|(one, other)| one == other)
 }
 
-impl Fields for Search<'_> {
-    fn field(&mut self, key: &'static str, value: FieldValue<'_>) {
-        self.narrow_by(key, |test, wanted| test.accepts(wanted, &value));
+impl FieldConsumer for FieldSearch<'_> {
+    fn add_field(&mut self, key: &'static str, value: FieldValue<'_>) {
+        self.narrow_by(key, |test, wanted| test.accepts_value(wanted, &value));
     }
 
-    fn open(&mut self, key: &'static str) {
-        self.enter(key);
+    fn open_group(&mut self, key: &'static str) {
+        self.enter_key(key);
     }
 
-    fn close(&mut self) {
+    fn close_group(&mut self) {
         self.depth = self.depth.saturating_sub(1);
     }
 
     fn open_list(&mut self, key: &'static str) {
-        self.enter(key);
+        self.enter_key(key);
     }
 
     fn close_list(&mut self) {

@@ -3,7 +3,7 @@
 use std::cmp::Ordering;
 
 use super::expression::Operand;
-use super::fields::{FieldType, Target, nearest};
+use super::fields::{FieldTarget, FieldType, nearest_candidate};
 use super::record::FieldValue;
 use crate::profile::PdoName;
 use crate::wire::canopen::ObjectAddress;
@@ -16,7 +16,7 @@ const SCALE_DIGITS: usize = 9;
 
 /// A number as written: exact with up to nine decimals, otherwise the nearest `f64`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Number {
+struct ExactNumber {
     /// Value multiplied by [`SCALE`]; `None` with more decimals.
     scaled: Option<i128>,
     real: f64,
@@ -25,7 +25,7 @@ struct Number {
 /// A value, parsed in every form that its field can need.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Literal {
-    number: Option<Number>,
+    number: Option<ExactNumber>,
     truth: Option<bool>,
     object: Option<ObjectAddress>,
     bytes: Option<Vec<u8>>,
@@ -37,15 +37,15 @@ impl Literal {
     ///
     /// # Errors
     /// The value does not have the type of the field.
-    pub(super) fn read(operand: &Operand, target: Target) -> Result<Self, String> {
+    pub(super) fn parse_literal(operand: &Operand, target: FieldTarget) -> Result<Self, String> {
         let needed = target.value();
         let is_word = !operand.is_quoted;
         let text = operand.text.as_str();
         let mut literal = Self::default();
         match needed {
             FieldType::Any => {
-                literal.number = if is_word { number(text) } else { None };
-                literal.bytes = data(operand);
+                literal.number = if is_word { parse_number(text) } else { None };
+                literal.bytes = parse_data(operand);
                 literal.text = Some(text.to_owned());
             }
             FieldType::Bool => {
@@ -56,11 +56,11 @@ impl Literal {
                 };
             }
             FieldType::Unsigned | FieldType::Integer | FieldType::Real | FieldType::Seconds => {
-                literal.number = if is_word { number(text) } else { None };
+                literal.number = if is_word { parse_number(text) } else { None };
             }
-            FieldType::Code | FieldType::Id if is_word => literal.number = Some(code(text)?),
-            FieldType::Object if is_word => literal.object = Some(object(text)?),
-            FieldType::Bytes => literal.bytes = data(operand),
+            FieldType::Code | FieldType::Id if is_word => literal.number = Some(parse_code(text)?),
+            FieldType::Object if is_word => literal.object = Some(parse_object(text)?),
+            FieldType::Bytes => literal.bytes = parse_data(operand),
             FieldType::Text => literal.text = Some(text.to_owned()),
             FieldType::Code | FieldType::Id | FieldType::Object | FieldType::Group => {}
         }
@@ -75,12 +75,12 @@ impl Literal {
     ///
     /// # Errors
     /// The field is neither text nor bytes, or the bytes are invalid.
-    pub(super) fn read_part(operand: &Operand, target: Target) -> Result<Self, String> {
+    pub(super) fn read_part(operand: &Operand, target: FieldTarget) -> Result<Self, String> {
         let text = || Some(operand.text.clone());
         match target.value() {
             FieldType::Text => Ok(Self { text: text(), ..Self::default() }),
-            FieldType::Any => Ok(Self { text: text(), bytes: data(operand), ..Self::default() }),
-            FieldType::Bytes => match data(operand) {
+            FieldType::Any => Ok(Self { text: text(), bytes: parse_data(operand), ..Self::default() }),
+            FieldType::Bytes => match parse_data(operand) {
                 Some(bytes) => Ok(Self { bytes: Some(bytes), ..Self::default() }),
                 None => Err(format!("'{}' is not a valid byte string; expected e.g. DE:AD", operand.text)),
             },
@@ -91,7 +91,7 @@ impl Literal {
     }
 
     /// Rejects texts outside the fixed list of values of the field.
-    fn check_values(&self, target: Target) -> Result<(), String> {
+    fn check_values(&self, target: FieldTarget) -> Result<(), String> {
         let key = target.field.key.as_str();
         let values: Vec<&str> = if key == "kind" {
             target.field.kinds.names().collect()
@@ -105,7 +105,7 @@ impl Literal {
         if values.is_empty() || values.contains(&text) || self.number.is_some() {
             return Ok(());
         }
-        let hint = match nearest(text, &values.iter().copied()) {
+        let hint = match nearest_candidate(text, &values.iter().copied()) {
             Some(value) => format!("did you mean {value}?"),
             None => format!("expected {}", values.join(", ")),
         };
@@ -113,16 +113,16 @@ impl Literal {
     }
 
     /// Order of a field value relative to this value; `None` if the types differ.
-    pub(super) fn order(&self, told: &FieldValue<'_>) -> Option<Ordering> {
+    pub(super) fn compare_field(&self, told: &FieldValue<'_>) -> Option<Ordering> {
         match *told {
             FieldValue::Null => None,
             FieldValue::Bool(told) => self.truth.map(|truth| told.cmp(&truth)),
             FieldValue::Unsigned(told) | FieldValue::Code(told, _) => {
-                self.number?.order(i128::from(told) * SCALE)
+                self.number?.compare_number(i128::from(told) * SCALE)
             }
-            FieldValue::Integer(told) => self.number?.order(i128::from(told) * SCALE),
-            FieldValue::Id(id) => self.number?.order(i128::from(id.number()) * SCALE),
-            FieldValue::Seconds(told) => self.number?.order(i128::from(told)),
+            FieldValue::Integer(told) => self.number?.compare_number(i128::from(told) * SCALE),
+            FieldValue::Id(id) => self.number?.compare_number(i128::from(id.number()) * SCALE),
+            FieldValue::Seconds(told) => self.number?.compare_number(i128::from(told)),
             FieldValue::Real(told) => told.partial_cmp(&self.number?.real),
             FieldValue::Text(told) => self.text.as_deref().map(|text| told.cmp(text)),
             FieldValue::Object(told) => self.object.map(|object| told.cmp(&object)),
@@ -149,7 +149,7 @@ fn check_pdo(text: &str) -> Result<(), String> {
         Err(form) => {
             let letters = text.trim_end_matches(|letter: char| letter.is_ascii_digit());
             let number = text.strip_prefix(letters).filter(|number| !number.is_empty());
-            let meant = nearest(letters, &["tpdo", "rpdo"].into_iter()).zip(number);
+            let meant = nearest_candidate(letters, &["tpdo", "rpdo"].into_iter()).zip(number);
             let meant =
                 meant.and_then(|(letters, number)| format!("{letters}{number}").parse::<PdoName>().ok());
             meant.map_or_else(|| form.to_owned(), |name| format!("did you mean {name}?"))
@@ -163,7 +163,7 @@ fn has_within(data: &[u8], part: &[u8]) -> bool {
 }
 
 /// Parses `12`, `-3`, `0x1F`, `1.5`, `2e3`.
-fn number(text: &str) -> Option<Number> {
+fn parse_number(text: &str) -> Option<ExactNumber> {
     let (is_negative, digits) = match text.strip_prefix('-') {
         Some(digits) => (true, digits),
         None => (false, text),
@@ -171,14 +171,14 @@ fn number(text: &str) -> Option<Number> {
     let sign = if is_negative { -1 } else { 1 };
     if let Some(hex) = digits.strip_prefix("0x").or_else(|| digits.strip_prefix("0X")) {
         let value = i128::from(hex_number(hex)?) * sign;
-        return Some(Number::whole(value));
+        return Some(ExactNumber::from_whole(value));
     }
     if !digits.starts_with(|first: char| first.is_ascii_digit()) {
         return None;
     }
     let real: f64 = text.parse().ok()?;
-    let scaled = scaled(digits).map(|value| value * sign);
-    Some(Number { scaled, real })
+    let scaled = scale_digits(digits).map(|value| value * sign);
+    Some(ExactNumber { scaled, real })
 }
 
 fn hex_number(digits: &str) -> Option<u64> {
@@ -187,7 +187,7 @@ fn hex_number(digits: &str) -> Option<u64> {
 }
 
 /// Digits with at most nine decimals, multiplied by [`SCALE`].
-fn scaled(digits: &str) -> Option<i128> {
+fn scale_digits(digits: &str) -> Option<i128> {
     let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
     let is_plain = whole.bytes().chain(fraction.bytes()).all(|digit| digit.is_ascii_digit());
     if !is_plain || fraction.len() > SCALE_DIGITS {
@@ -196,15 +196,15 @@ fn scaled(digits: &str) -> Option<i128> {
     format!("{whole}{fraction:0<SCALE_DIGITS$}").parse().ok()
 }
 
-impl Number {
-    fn whole(value: i128) -> Self {
+impl ExactNumber {
+    fn from_whole(value: i128) -> Self {
         #[expect(clippy::cast_precision_loss, reason = "rounding to the nearest is intended")]
         let real = value as f64;
         Self { scaled: Some(value * SCALE), real }
     }
 
     /// Order of a number multiplied by [`SCALE`] relative to this number.
-    fn order(self, told: i128) -> Option<Ordering> {
+    fn compare_number(self, told: i128) -> Option<Ordering> {
         #[expect(clippy::cast_precision_loss, reason = "used only if the literal is not exact either")]
         let real = || told as f64 / SCALE as f64;
         match self.scaled {
@@ -216,16 +216,16 @@ impl Number {
 
 /// Parses `0x8130` or `8130h`. Digits without a prefix are rejected if decimal and hex differ: output shows
 /// codes and identifiers in hex, so the wrong base would match nothing without an error.
-fn code(text: &str) -> Result<Number, String> {
+fn parse_code(text: &str) -> Result<ExactNumber, String> {
     let by_suffix = || text.strip_suffix(['h', 'H']).and_then(hex_number);
     if let Some(value) = by_suffix() {
-        return Ok(Number::whole(i128::from(value)));
+        return Ok(ExactNumber::from_whole(i128::from(value)));
     }
     let is_marked = text.starts_with("0x") || text.starts_with("0X");
-    match (number(text), hex_number(text)) {
+    match (parse_number(text), hex_number(text)) {
         (Some(number), _) if is_marked => Ok(number),
-        (Some(number), Some(hex)) if number == Number::whole(i128::from(hex)) => Ok(number),
-        (Some(Number { scaled: Some(scaled), .. }), Some(hex)) => {
+        (Some(number), Some(hex)) if number == ExactNumber::from_whole(i128::from(hex)) => Ok(number),
+        (Some(ExactNumber { scaled: Some(scaled), .. }), Some(hex)) => {
             let decimal = scaled / SCALE;
             Err(format!("'{text}' is ambiguous; write 0x{hex:X}, or 0x{decimal:X} for decimal {decimal}"))
         }
@@ -235,7 +235,7 @@ fn code(text: &str) -> Result<Number, String> {
 }
 
 /// Parses `0x1018:01`, `1018:01`, `1018h:01h`, `1018sub1`: always hexadecimal.
-fn object(text: &str) -> Result<ObjectAddress, String> {
+fn parse_object(text: &str) -> Result<ObjectAddress, String> {
     let lower = text.to_ascii_lowercase();
     let hex = |text: &str| {
         let digits = text.strip_prefix("0x").unwrap_or(text);
@@ -255,7 +255,7 @@ fn object(text: &str) -> Result<ObjectAddress, String> {
 }
 
 /// Parses `DEADBEEF`, `de:ad:be:ef` or `0xDEAD`; in quotes the bytes of the text.
-fn data(operand: &Operand) -> Option<Vec<u8>> {
+fn parse_data(operand: &Operand) -> Option<Vec<u8>> {
     if operand.is_quoted {
         return Some(operand.text.clone().into_bytes());
     }
@@ -274,14 +274,14 @@ fn data(operand: &Operand) -> Option<Vec<u8>> {
 mod tests {
     use super::*;
     use crate::frame::CanId;
-    use crate::query::fields::resolve;
+    use crate::query::fields::resolve_name;
 
-    fn read(field: &str, text: &str) -> Result<Literal, String> {
-        Literal::read(&Operand::word(text, 0..0), resolve(field)[0])
+    fn parse_literal(field: &str, text: &str) -> Result<Literal, String> {
+        Literal::parse_literal(&Operand::from_word(text, 0..0), resolve_name(field)[0])
     }
 
     fn order(field: &str, text: &str, told: FieldValue<'_>) -> Option<Ordering> {
-        read(field, text).unwrap().order(&told)
+        parse_literal(field, text).unwrap().compare_field(&told)
     }
 
     #[test]
@@ -300,7 +300,7 @@ mod tests {
         assert_eq!(order("value", "1", FieldValue::Real(f64::NAN)), None);
         assert_eq!(order("value", "5", FieldValue::Text("5")), Some(Equal));
         for text in ["", "-", "x", "0x", "1x", "inf", "nan", "1..2", "--1", "1e", "+1"] {
-            assert_eq!(number(text), None, "{text}");
+            assert_eq!(parse_number(text), None, "{text}");
         }
     }
 
@@ -310,15 +310,15 @@ mod tests {
         for text in ["0x8130", "0X8130", "8130h"] {
             assert_eq!(order("code", text, FieldValue::Code(0x8130, 4)), Some(Equal), "{text}");
         }
-        assert_eq!(order("cob_id", "0x181", FieldValue::Id(CanId::standard(0x181))), Some(Equal));
+        assert_eq!(order("cob_id", "0x181", FieldValue::Id(CanId::from_standard(0x181))), Some(Equal));
         assert_eq!(order("object.sub", "7", FieldValue::Code(7, 2)), Some(Equal));
         assert_eq!(
-            read("code", "8130").unwrap_err(),
+            parse_literal("code", "8130").unwrap_err(),
             "'8130' is ambiguous; write 0x8130, or 0x1FC2 for decimal 8130"
         );
-        assert_eq!(read("code", "FF01").unwrap_err(), "'FF01' needs a prefix; write 0xFF01");
+        assert_eq!(parse_literal("code", "FF01").unwrap_err(), "'FF01' needs a prefix; write 0xFF01");
         assert_eq!(
-            read("code", "raised").unwrap_err(),
+            parse_literal("code", "raised").unwrap_err(),
             "'raised' is not a valid number; expected e.g. 0x8130"
         );
     }
@@ -326,18 +326,18 @@ mod tests {
     #[test]
     fn objects_in_all_four_notations() {
         for text in ["0x1018:01", "1018:01", "1018:1", "1018h:01h", "1018sub1", "1018SUB1", "0x1018:0x01"] {
-            assert_eq!(object(text), Ok(ObjectAddress::new(0x1018, 1)), "{text}");
+            assert_eq!(parse_object(text), Ok(ObjectAddress::new(0x1018, 1)), "{text}");
         }
-        assert_eq!(object("1018subA"), Ok(ObjectAddress::new(0x1018, 10)));
-        assert!(object("1018").unwrap_err().contains("0x1018:00"));
+        assert_eq!(parse_object("1018subA"), Ok(ObjectAddress::new(0x1018, 10)));
+        assert!(parse_object("1018").unwrap_err().contains("0x1018:00"));
         for text in ["", ":", "1018:", "11018:01", "1018:100", "x:1", "1018:01:02", "-1018:01"] {
-            assert!(object(text).is_err(), "{text}");
+            assert!(parse_object(text).is_err(), "{text}");
         }
     }
 
     #[test]
     fn bytes() {
-        let word = |text| data(&Operand::word(text, 0..0));
+        let word = |text| parse_data(&Operand::from_word(text, 0..0));
         assert_eq!(word("dead"), Some(vec![0xDE, 0xAD]));
         assert_eq!(word("de:AD"), Some(vec![0xDE, 0xAD]));
         assert_eq!(word("0x00"), Some(vec![0]));
@@ -345,27 +345,33 @@ mod tests {
         assert_eq!(word("-"), None);
         assert_eq!(word("xy"), None);
         assert_eq!(word("öö"), None);
-        assert_eq!(data(&Operand::quoted("ab".into(), 0..0)), Some(vec![b'a', b'b']));
+        assert_eq!(parse_data(&Operand::from_quoted("ab".into(), 0..0)), Some(vec![b'a', b'b']));
     }
 
     #[test]
     fn texts_that_never_come_are_slips() {
-        assert_eq!(read("kind", "emcyy").unwrap_err(), "unknown kind 'emcyy'; did you mean emcy?");
-        assert_eq!(read("kind", "sdo").unwrap_err(), "unknown kind 'sdo'; did you mean sdo-transfer?");
+        assert_eq!(parse_literal("kind", "emcyy").unwrap_err(), "unknown kind 'emcyy'; did you mean emcy?");
         assert_eq!(
-            read("crc", "broken").unwrap_err(),
+            parse_literal("kind", "sdo").unwrap_err(),
+            "unknown kind 'sdo'; did you mean sdo-transfer?"
+        );
+        assert_eq!(
+            parse_literal("crc", "broken").unwrap_err(),
             "unknown crc 'broken'; expected correct, wrong, not-used, unchecked"
         );
-        assert_eq!(read("pdo", "TPD1").unwrap_err(), "unknown pdo 'TPD1'; did you mean TPDO1?");
-        assert_eq!(read("pdo", "rpdo12").unwrap_err(), "unknown pdo 'rpdo12'; did you mean RPDO12?");
-        assert_eq!(read("pdo", "x").unwrap_err(), "unknown pdo 'x'; expected a PDO such as TPDO1 or RPDO1");
+        assert_eq!(parse_literal("pdo", "TPD1").unwrap_err(), "unknown pdo 'TPD1'; did you mean TPDO1?");
+        assert_eq!(parse_literal("pdo", "rpdo12").unwrap_err(), "unknown pdo 'rpdo12'; did you mean RPDO12?");
         assert_eq!(
-            read("pdo", "TPDO513").unwrap_err(),
+            parse_literal("pdo", "x").unwrap_err(),
+            "unknown pdo 'x'; expected a PDO such as TPDO1 or RPDO1"
+        );
+        assert_eq!(
+            parse_literal("pdo", "TPDO513").unwrap_err(),
             "unknown pdo 'TPDO513'; expected a PDO number 1 to 512"
         );
-        assert!(read("pdo", "TPDO512").is_ok());
-        assert!(read("bus", "whatever").is_ok());
-        assert_eq!(read("node", "master").unwrap_err(), "node is a number; found 'master'");
-        assert!(read("signals", "1").is_err());
+        assert!(parse_literal("pdo", "TPDO512").is_ok());
+        assert!(parse_literal("bus", "whatever").is_ok());
+        assert_eq!(parse_literal("node", "master").unwrap_err(), "node is a number; found 'master'");
+        assert!(parse_literal("signals", "1").is_err());
     }
 }

@@ -17,7 +17,7 @@ mod parser;
 pub mod record;
 
 pub use cell_filters::{kind_filter, subject_filter};
-pub use completion::{Completion, Expected, completion};
+pub use completion::{Completion, ExpectedWord, complete_filter};
 pub use error::FilterError;
 pub use filter::{Filter, MAX_TESTS};
 pub use parser::{MAX_DEPTH, MAX_LENGTH};

@@ -10,8 +10,8 @@
 //! ```
 
 use super::error::FilterError;
-use super::expression::{Expression, FieldCondition, Member, Operand};
-use super::lexer::{PositionedToken, Token, tokens};
+use super::expression::{Expression, FieldCondition, Operand, SetMember};
+use super::lexer::{FilterToken, PositionedToken, split_tokens};
 
 /// Max length of a filter, in bytes.
 pub const MAX_LENGTH: usize = 8 * 1024;
@@ -20,79 +20,79 @@ pub const MAX_LENGTH: usize = 8 * 1024;
 pub const MAX_DEPTH: usize = 64;
 
 /// Parses a filter into a syntax tree.
-pub(super) fn parse(text: &str) -> Result<Expression, FilterError> {
+pub(super) fn parse_filter(text: &str) -> Result<Expression, FilterError> {
     if text.len() > MAX_LENGTH {
         let reason = format!("filter too long (max {MAX_LENGTH} bytes)");
         return Err(FilterError::new(text, text.len()..text.len(), reason));
     }
-    let mut parser = Parser { text, tokens: tokens(text)?, at: 0, depth: 0 };
-    let expression = parser.or()?;
-    match parser.peek() {
-        Token::End => Ok(expression),
-        Token::Close => Err(parser.error("closing parenthesis without an opening one")),
-        _ => Err(parser.error("expected && or ||")),
+    let mut parser = FilterParser { text, tokens: split_tokens(text)?, at: 0, depth: 0 };
+    let expression = parser.parse_or()?;
+    match parser.peek_token() {
+        FilterToken::End => Ok(expression),
+        FilterToken::Close => Err(parser.error_here("closing parenthesis without an opening one")),
+        _ => Err(parser.error_here("expected && or ||")),
     }
 }
 
-struct Parser<'a> {
+struct FilterParser<'a> {
     text: &'a str,
     tokens: Vec<PositionedToken>,
     at: usize,
     depth: usize,
 }
 
-impl Parser<'_> {
-    fn peek(&self) -> &Token {
-        self.tokens.get(self.at).map_or(&Token::End, |(token, _)| token)
+impl FilterParser<'_> {
+    fn peek_token(&self) -> &FilterToken {
+        self.tokens.get(self.at).map_or(&FilterToken::End, |(token, _)| token)
     }
 
     /// Consumes the next token if it equals `token`.
-    fn takes(&mut self, token: &Token) -> bool {
-        let is_next = self.peek() == token && *token != Token::End;
+    fn take_if(&mut self, token: &FilterToken) -> bool {
+        let is_next = self.peek_token() == token && *token != FilterToken::End;
         self.at += usize::from(is_next);
         is_next
     }
 
     /// Error at the next token.
-    fn error(&self, reason: impl Into<String>) -> FilterError {
+    fn error_here(&self, reason: impl Into<String>) -> FilterError {
         let end = self.text.len();
         let at = self.tokens.get(self.at).map_or(end..end, |(_, at)| at.clone());
         FilterError::new(self.text, at, reason)
     }
 
-    fn or(&mut self) -> Result<Expression, FilterError> {
-        let first = self.and()?;
+    fn parse_or(&mut self) -> Result<Expression, FilterError> {
+        let first = self.parse_and()?;
         let mut parts = Vec::new();
-        while self.takes(&Token::Or) {
-            parts.push(self.and()?);
+        while self.take_if(&FilterToken::Or) {
+            parts.push(self.parse_and()?);
         }
         Ok(with_first(first, parts, Expression::Or))
     }
 
-    fn and(&mut self) -> Result<Expression, FilterError> {
-        let first = self.unary()?;
+    fn parse_and(&mut self) -> Result<Expression, FilterError> {
+        let first = self.parse_unary()?;
         let mut parts = Vec::new();
-        while self.takes(&Token::And) {
-            parts.push(self.unary()?);
+        while self.take_if(&FilterToken::And) {
+            parts.push(self.parse_unary()?);
         }
         Ok(with_first(first, parts, Expression::And))
     }
 
-    fn unary(&mut self) -> Result<Expression, FilterError> {
-        if !matches!(self.peek(), Token::Not | Token::Open) {
-            return self.test();
+    fn parse_unary(&mut self) -> Result<Expression, FilterError> {
+        if !matches!(self.peek_token(), FilterToken::Not | FilterToken::Open) {
+            return self.parse_test();
         }
         if self.depth == MAX_DEPTH {
-            return Err(self.error(format!("nested too deep (max {MAX_DEPTH} levels)")));
+            return Err(self.error_here(format!("nested too deep (max {MAX_DEPTH} levels)")));
         }
         self.depth += 1;
-        let expression = if self.takes(&Token::Not) {
-            Expression::Not(Box::new(self.unary()?))
+        let expression = if self.take_if(&FilterToken::Not) {
+            Expression::Not(Box::new(self.parse_unary()?))
         } else {
-            self.takes(&Token::Open);
-            let inner = self.or()?;
-            if !self.takes(&Token::Close) {
-                return Err(self.error("missing closing parenthesis"));
+            self.take_if(&FilterToken::Open);
+            let inner = self.parse_or()?;
+            if !self.take_if(&FilterToken::Close) {
+                return Err(self.error_here("missing closing parenthesis"));
             }
             inner
         };
@@ -100,62 +100,62 @@ impl Parser<'_> {
         Ok(expression)
     }
 
-    fn test(&mut self) -> Result<Expression, FilterError> {
+    fn parse_test(&mut self) -> Result<Expression, FilterError> {
         let nothing = self.tokens.len() == 1;
         let reason = if nothing { "empty filter" } else { "expected a field" };
-        let field = match self.peek() {
-            Token::Word(word) if !word.is_quoted => word.clone(),
-            _ => return Err(self.error(reason)),
+        let field = match self.peek_token() {
+            FilterToken::Word(word) if !word.is_quoted => word.clone(),
+            _ => return Err(self.error_here(reason)),
         };
         self.at += 1;
-        let question = match *self.peek() {
-            Token::Relation(relation) => {
+        let question = match *self.peek_token() {
+            FilterToken::Relation(relation) => {
                 self.at += 1;
-                FieldCondition::Compare(relation, self.value()?)
+                FieldCondition::Compare(relation, self.parse_value()?)
             }
-            Token::Contains => {
+            FilterToken::Contains => {
                 self.at += 1;
-                FieldCondition::Contains(self.value()?)
+                FieldCondition::Contains(self.parse_value()?)
             }
-            Token::Matches => {
+            FilterToken::Matches => {
                 self.at += 1;
-                FieldCondition::Matches(self.value()?)
+                FieldCondition::Matches(self.parse_value()?)
             }
-            Token::In => {
+            FilterToken::In => {
                 self.at += 1;
-                FieldCondition::In(self.set()?)
+                FieldCondition::In(self.parse_set()?)
             }
             _ => FieldCondition::Present,
         };
         Ok(Expression::Test { field, question })
     }
 
-    fn value(&mut self) -> Result<Operand, FilterError> {
-        let Token::Word(operand) = self.peek() else {
-            return Err(self.error("expected a value"));
+    fn parse_value(&mut self) -> Result<Operand, FilterError> {
+        let FilterToken::Word(operand) = self.peek_token() else {
+            return Err(self.error_here("expected a value"));
         };
         let operand = operand.clone();
         self.at += 1;
         Ok(operand)
     }
 
-    fn set(&mut self) -> Result<Vec<Member>, FilterError> {
-        if !self.takes(&Token::OpenSet) {
-            return Err(self.error("expected a set, e.g. {1 2 5..7}"));
+    fn parse_set(&mut self) -> Result<Vec<SetMember>, FilterError> {
+        if !self.take_if(&FilterToken::OpenSet) {
+            return Err(self.error_here("expected a set, e.g. {1 2 5..7}"));
         }
         let mut members = Vec::new();
         loop {
-            let from = self.value()?;
-            let to = if self.takes(&Token::Range) { Some(self.value()?) } else { None };
-            members.push(Member { from, to });
-            let has_comma = self.takes(&Token::Comma);
-            match self.peek() {
-                Token::CloseSet if !has_comma => break,
-                Token::End => return Err(self.error("missing closing brace of the set")),
+            let from = self.parse_value()?;
+            let to = if self.take_if(&FilterToken::Range) { Some(self.parse_value()?) } else { None };
+            members.push(SetMember { from, to });
+            let has_comma = self.take_if(&FilterToken::Comma);
+            match self.peek_token() {
+                FilterToken::CloseSet if !has_comma => break,
+                FilterToken::End => return Err(self.error_here("missing closing brace of the set")),
                 _ => {}
             }
         }
-        self.takes(&Token::CloseSet);
+        self.take_if(&FilterToken::CloseSet);
         Ok(members)
     }
 }
@@ -178,14 +178,15 @@ mod tests {
     use super::*;
 
     fn printed(text: &str) -> String {
-        parse(text).map_or_else(|error| format!("{:?} {}", error.at(), error.reason()), |e| e.to_string())
+        parse_filter(text)
+            .map_or_else(|error| format!("{:?} {}", error.at(), error.reason()), |e| e.to_string())
     }
 
     #[test]
     fn and_binds_more_than_or_and_not_most() {
         assert_eq!(printed("a or b and not c == 1"), "a || b && !(c == 1)");
-        assert_eq!(parse("a || b && c").unwrap(), parse("a || (b && c)").unwrap());
-        assert_ne!(parse("a || b && c").unwrap(), parse("(a || b) && c").unwrap());
+        assert_eq!(parse_filter("a || b && c").unwrap(), parse_filter("a || (b && c)").unwrap());
+        assert_ne!(parse_filter("a || b && c").unwrap(), parse_filter("(a || b) && c").unwrap());
         assert_eq!(printed("((a) || b) && !!c"), "(a || b) && !!c");
     }
 
@@ -221,10 +222,10 @@ mod tests {
     fn hostile_filters_are_refused_not_run_into() {
         let deep = format!("{}a{}", "(".repeat(4_000), ")".repeat(4_000));
         assert_eq!(printed(&deep), "64..65 nested too deep (max 64 levels)");
-        assert!(parse(&format!("{}a", "!".repeat(MAX_DEPTH))).is_ok());
-        assert!(parse(&format!("{}a", "!".repeat(MAX_DEPTH + 1))).is_err());
-        assert!(parse(&"a".repeat(MAX_LENGTH + 1)).is_err());
+        assert!(parse_filter(&format!("{}a", "!".repeat(MAX_DEPTH))).is_ok());
+        assert!(parse_filter(&format!("{}a", "!".repeat(MAX_DEPTH + 1))).is_err());
+        assert!(parse_filter(&"a".repeat(MAX_LENGTH + 1)).is_err());
         let wide = vec!["a"; 1_000].join("||");
-        assert!(parse(&wide).is_ok());
+        assert!(parse_filter(&wide).is_ok());
     }
 }

@@ -9,7 +9,7 @@ use crate::bus_file::BusFile;
 use crate::capture::ReadOptions;
 use crate::profile::dbc::{self, Database};
 use crate::profile::{Catalogue, ProfileError};
-use crate::rules::Setup;
+use crate::rules::RuleSetup;
 use crate::session::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
 use crate::wire::NodeId;
 
@@ -158,8 +158,8 @@ impl ReadingBuilder {
         .collect()
     }
 
-    fn setup(&self, bus_file: &BusFile, catalogue: &Catalogue) -> Result<Setup, ReadingError> {
-        let setup = Setup::new(bus_file, &self.bus_file, self.today.clone());
+    fn setup(&self, bus_file: &BusFile, catalogue: &Catalogue) -> Result<RuleSetup, ReadingError> {
+        let setup = RuleSetup::new(bus_file, &self.bus_file, self.today.clone());
         let setup = setup.map_err(ReadingError::BusFile)?;
         setup.check_devices(bus_file, &self.bus_file, catalogue).map_err(ReadingError::BusFile)?;
         Ok(setup)
@@ -168,7 +168,7 @@ impl ReadingBuilder {
     fn joined_databases(&self) -> Result<Database, ReadingError> {
         let mut joined = Database::default();
         for bytes in &self.databases {
-            joined.add(dbc::parse(bytes).map_err(ReadingError::Database)?);
+            joined.add_file(dbc::parse_database(bytes).map_err(ReadingError::Database)?);
         }
         Ok(joined)
     }

@@ -1,7 +1,7 @@
 //! Errors of a reading.
 
 use crate::capture::CaptureError;
-use crate::profile::dbc::Problem;
+use crate::profile::dbc::DbcProblem;
 use crate::profile::{ProfileError, TextError};
 
 /// Error of building a reading or of reading a capture.
@@ -16,7 +16,7 @@ pub enum ReadingError {
     Profile(#[from] ProfileError),
     /// The database has an unknown format.
     #[error("database: {0}")]
-    Database(Problem),
+    Database(DbcProblem),
     /// The capture cannot be read at all.
     #[error(transparent)]
     Capture(#[from] CaptureError),

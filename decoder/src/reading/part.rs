@@ -4,7 +4,7 @@ use crate::capture::{BusNames, Notice};
 use crate::event::Event;
 use crate::frame::Frame;
 use crate::replay::PlacedEvent;
-use crate::session::{Bus, Buses, Preview};
+use crate::session::{Bus, Buses, MessagePreview};
 
 /// Frames that a [`ReadingPart`] receives in addition to events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -47,12 +47,12 @@ pub trait ReadingPart {
     }
 
     /// Whether the part needs the event of a frame; `bus` is in the state before the frame.
-    fn need(&self, _preview: &Preview, _bus: &Bus) -> bool {
+    fn need(&self, _preview: &MessagePreview, _bus: &Bus) -> bool {
         true
     }
 
     /// Takes note of a frame whose event nobody needs; `bus` is in the state before the frame.
-    fn skip(&mut self, _preview: &Preview, _bus: &Bus) {}
+    fn skip(&mut self, _preview: &MessagePreview, _bus: &Bus) {}
 
     /// Frames that the part receives from now on.
     fn demand(&self) -> FrameDemand {
@@ -99,7 +99,7 @@ pub trait ReadingPart {
 impl ReadingPart for () {
     fn event(&mut self, _event: &Event, _bus: &Bus) {}
 
-    fn need(&self, _preview: &Preview, _bus: &Bus) -> bool {
+    fn need(&self, _preview: &MessagePreview, _bus: &Bus) -> bool {
         false
     }
 }
@@ -134,12 +134,12 @@ macro_rules! forward_to {
         }
 
         #[inline]
-        fn need(&$self, preview: &Preview, bus: &Bus) -> bool {
+        fn need(&$self, preview: &MessagePreview, bus: &Bus) -> bool {
             $($part.need(preview, bus))||+
         }
 
         #[inline]
-        fn skip(&mut $self, preview: &Preview, bus: &Bus) {
+        fn skip(&mut $self, preview: &MessagePreview, bus: &Bus) {
             $($part.skip(preview, bus);)+
         }
 
@@ -203,8 +203,8 @@ impl<P: ReadingPart> ReadingPart for Option<P> {
         finding(self: &mut Self, event: &Event, bus: &Bus);
         placed(self: &mut Self, placed: &PlacedEvent<'_>);
         placed_finding(self: &mut Self, placed: &PlacedEvent<'_>);
-        need(self: &Self, preview: &Preview, bus: &Bus) -> bool;
-        skip(self: &mut Self, preview: &Preview, bus: &Bus);
+        need(self: &Self, preview: &MessagePreview, bus: &Bus) -> bool;
+        skip(self: &mut Self, preview: &MessagePreview, bus: &Bus);
         demand(self: &Self) -> FrameDemand;
         ends_before(self: &mut Self, frame: &Frame) -> bool;
         frame(self: &mut Self, frame: &Frame, names: &BusNames);

@@ -2,28 +2,28 @@
 
 use super::part::{FrameDemand, ReadingPart};
 use crate::capture::BusNames;
-use crate::comparison::Recorder;
+use crate::comparison::BehaviourRecorder;
 use crate::event::Event;
 use crate::frame::Frame;
-use crate::report::Draft;
-use crate::session::{Bus, Buses, Preview};
+use crate::report::ReportDraft;
+use crate::session::{Bus, Buses, MessagePreview};
 use crate::statistics::Statistics;
-use crate::why::Why;
+use crate::why::WhyObserver;
 
 impl ReadingPart for Statistics {
     fn event(&mut self, event: &Event, _bus: &Bus) {
-        Self::event(self, event);
+        Self::count_event(self, event);
     }
 
     fn finding(&mut self, _event: &Event, _bus: &Bus) {}
 
-    fn need(&self, _preview: &Preview, _bus: &Bus) -> bool {
+    fn need(&self, _preview: &MessagePreview, _bus: &Bus) -> bool {
         false
     }
 
     #[inline]
-    fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        Self::skip(self, preview, bus);
+    fn skip(&mut self, preview: &MessagePreview, bus: &Bus) {
+        Self::skip_event(self, preview, bus);
     }
 
     fn demand(&self) -> FrameDemand {
@@ -31,35 +31,35 @@ impl ReadingPart for Statistics {
     }
 
     fn frame(&mut self, frame: &Frame, _names: &BusNames) {
-        Self::frame(self, frame);
+        Self::count_frame(self, frame);
     }
 
     fn frames(&mut self, frames: &[Frame], _names: &BusNames) {
-        Self::frames(self, frames);
+        Self::count_frames(self, frames);
     }
 
     fn finish(&mut self, buses: Buses<'_>) {
-        self.withdraw(buses);
+        self.withdraw_canopen(buses);
     }
 }
 
-impl ReadingPart for Why {
+impl ReadingPart for WhyObserver {
     fn event(&mut self, event: &Event, bus: &Bus) {
-        self.observe(event, bus, true);
+        self.observe_event(event, bus, true);
     }
 
     #[inline]
-    fn need(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.needs(preview, bus)
+    fn need(&self, preview: &MessagePreview, bus: &Bus) -> bool {
+        self.needs_event(preview, bus)
     }
 
     #[inline]
-    fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        Self::skip(self, preview, bus);
+    fn skip(&mut self, preview: &MessagePreview, bus: &Bus) {
+        Self::skip_event(self, preview, bus);
     }
 }
 
-impl ReadingPart for Recorder {
+impl ReadingPart for BehaviourRecorder {
     fn event(&mut self, event: &Event, bus: &Bus) {
         Self::event(self, event, bus);
     }
@@ -67,11 +67,11 @@ impl ReadingPart for Recorder {
     fn finding(&mut self, _event: &Event, _bus: &Bus) {}
 
     #[inline]
-    fn need(&self, preview: &Preview, bus: &Bus) -> bool {
+    fn need(&self, preview: &MessagePreview, bus: &Bus) -> bool {
         self.needs(preview, bus)
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) {
+    fn skip(&mut self, preview: &MessagePreview, bus: &Bus) {
         Self::skip(self, preview, bus);
     }
 
@@ -80,22 +80,22 @@ impl ReadingPart for Recorder {
     }
 
     fn frame(&mut self, frame: &Frame, _names: &BusNames) {
-        Self::frame(self, frame);
+        Self::count_frame(self, frame);
     }
 
     fn finish(&mut self, buses: Buses<'_>) {
-        self.statistics.withdraw(buses);
+        self.statistics.withdraw_canopen(buses);
     }
 }
 
-impl ReadingPart for Draft {
+impl ReadingPart for ReportDraft {
     fn event(&mut self, event: &Event, bus: &Bus) {
         Self::event(self, event, bus);
     }
 
     fn finding(&mut self, _event: &Event, _bus: &Bus) {}
 
-    fn need(&self, preview: &Preview, _bus: &Bus) -> bool {
+    fn need(&self, preview: &MessagePreview, _bus: &Bus) -> bool {
         self.needs(preview)
     }
 
@@ -104,7 +104,7 @@ impl ReadingPart for Draft {
     }
 
     fn frame(&mut self, frame: &Frame, names: &BusNames) {
-        Self::frame(self, frame, names.name_of(frame.bus));
+        Self::take_frame(self, frame, names.name_of(frame.bus));
     }
 
     fn frame_decoded(&mut self, frame: &Frame, bus: &Bus) {
@@ -123,7 +123,7 @@ impl ReadingPart for crate::sink::lake::LakeWriter<'_> {
     }
 
     fn frame(&mut self, frame: &Frame, names: &BusNames) {
-        Self::frame(self, frame, names.name_of(frame.bus));
+        Self::add_frame(self, frame, names.name_of(frame.bus));
     }
 
     fn is_done(&self) -> bool {

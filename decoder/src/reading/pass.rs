@@ -6,11 +6,13 @@ use std::sync::Arc;
 use super::error::ReadingError;
 use super::part::{FrameDemand, ReadingPart};
 use super::short_path::JudgedPart;
-use crate::capture::{Batch, BusNames, CaptureError, Item, Notice, ReadOptions, Reader, decompress};
+use crate::capture::{
+    Batch, BatchItem, BusNames, CaptureError, CaptureReader, Notice, ReadOptions, decompress,
+};
 use crate::decoder::Decoder;
-use crate::finding::Findings;
+use crate::finding::CaptureFindings;
 use crate::frame::{BusIndex, Frame, Timestamp};
-use crate::rules::Setup;
+use crate::rules::RuleSetup;
 use crate::session::{Buses, SessionOptions};
 
 /// Reads, decodes and checks one capture, or the frames of live buses.
@@ -45,7 +47,7 @@ pub struct Reading<P> {
 /// Results of a whole capture, or of all frames that were pushed.
 pub struct Summary<P = ()> {
     /// Findings of all rules; empty without rules.
-    pub findings: Findings,
+    pub findings: CaptureFindings,
     /// The part of the pass, after its end.
     pub part: P,
     /// State after the last frame.
@@ -61,7 +63,7 @@ impl<P: ReadingPart> Reading<P> {
     }
 
     /// A reading with options that were read before, such as device files; without `setup` it has no rules.
-    pub fn of_options(session: SessionOptions, setup: Option<Arc<Setup>>, part: P) -> Self {
+    pub fn of_options(session: SessionOptions, setup: Option<Arc<RuleSetup>>, part: P) -> Self {
         Self {
             decoder: Decoder::new(session),
             judged: JudgedPart::new(setup, part),
@@ -83,7 +85,7 @@ impl<P: ReadingPart> Reading<P> {
     /// not errors; they are `unreadable` events.
     pub fn run(&mut self, source: impl Read + Send) -> Result<(), ReadingError> {
         let source = decompress(BufReader::new(source)).map_err(CaptureError::from)?;
-        let mut reader = Reader::open(source, &self.read)?;
+        let mut reader = CaptureReader::open(source, &self.read)?;
         let mut batch = Batch::new();
         let mut failure = None;
         while !self.is_done() {
@@ -123,7 +125,7 @@ impl<P: ReadingPart> Reading<P> {
         }
         for item in batch.items() {
             match item {
-                Item::Frame(frame) => {
+                BatchItem::Frame(frame) => {
                     if !self.judged.frame(frame, names) {
                         return false;
                     }
@@ -133,9 +135,9 @@ impl<P: ReadingPart> Reading<P> {
                         self.judged.part.frame_decoded(frame, bus);
                     }
                 }
-                Item::Notice(notice) => {
+                BatchItem::Notice(notice) => {
                     self.judged.notice(notice, names);
-                    self.decoder.notice(notice, names, &mut self.judged);
+                    self.decoder.on_notice(notice, names, &mut self.judged);
                 }
             }
         }
@@ -169,7 +171,7 @@ impl<P: ReadingPart> Reading<P> {
     /// Decodes the next frame of a live bus. Frames of all buses must be in order of time; they are numbered
     /// here, from 1. Returns the number.
     pub fn push(&mut self, frame: &Frame) -> u64 {
-        let frame = Frame { number: self.decoder.frames().saturating_add(1), ..*frame };
+        let frame = Frame { number: self.decoder.frame_count().saturating_add(1), ..*frame };
         self.first = self.first.or(Some(frame));
         self.judged.frame(&frame, &self.names);
         self.decoder.push(&frame, &self.names, &mut self.judged);
@@ -179,21 +181,21 @@ impl<P: ReadingPart> Reading<P> {
     /// Handles a notice of a live source, such as a change of a link.
     pub fn notice(&mut self, notice: &Notice) {
         self.judged.notice(notice, &self.names);
-        self.decoder.notice(notice, &self.names, &mut self.judged);
+        self.decoder.on_notice(notice, &self.names, &mut self.judged);
         self.judged.advance(self.decoder.buses());
     }
 
     /// Advances the time of live buses without a frame, so that deadlines expire: to be called several times
     /// per second with the clock of the frames.
     pub fn advance(&mut self, now: Timestamp) {
-        self.decoder.advance(now, &mut self.judged);
+        self.decoder.advance_time(now, &mut self.judged);
         self.judged.advance(self.decoder.buses());
     }
 
     /// Ends the capture: closes open transfers and findings. Later calls have no effect.
     pub fn close(&mut self, names: &BusNames) {
         if !std::mem::replace(&mut self.is_closed, true) {
-            self.decoder.finish(names, &mut self.judged);
+            self.decoder.finish_capture(names, &mut self.judged);
             self.judged.finish(self.decoder.buses());
         }
     }
@@ -261,12 +263,12 @@ impl<P> Summary<P> {
 
     /// Number of frames decoded.
     pub fn frames(&self) -> u64 {
-        self.decoder.frames()
+        self.decoder.frame_count()
     }
 
     /// Number of unreadable lines or records in the capture.
     pub fn unreadable(&self) -> u64 {
-        self.decoder.unreadable()
+        self.decoder.unreadable_count()
     }
 
     /// Time of the first frame, if it has one.
@@ -320,7 +322,7 @@ mod tests {
             (40, 0x80, &[]),
         ] {
             let time = Some(Timestamp(time * 100_000_000));
-            let frame = Frame { time, bus, ..Frame::data_frame(CanId::standard(id), data) };
+            let frame = Frame { time, bus, ..Frame::data_frame(CanId::from_standard(id), data) };
             reading.push(&frame);
         }
         let summary = reading.finish();
@@ -335,10 +337,11 @@ mod tests {
         let note = |event: &Event, _: &Bus| is_timeout |= matches!(event.kind, EventKind::SdoTransfer(_));
         let mut reading = Reading::builder().without_rules().build(note).unwrap();
         let bus = reading.bus("can0").unwrap();
-        let boot = Frame { time: Some(Timestamp(0)), bus, ..Frame::data_frame(CanId::standard(0x705), &[0]) };
+        let boot =
+            Frame { time: Some(Timestamp(0)), bus, ..Frame::data_frame(CanId::from_standard(0x705), &[0]) };
         let request = Frame {
             time: Some(Timestamp(1)),
-            ..Frame::data_frame(CanId::standard(0x605), &[0x40, 0, 0x10, 0, 0, 0, 0, 0])
+            ..Frame::data_frame(CanId::from_standard(0x605), &[0x40, 0, 0x10, 0, 0, 0, 0, 0])
         };
         reading.push(&boot);
         reading.push(&request);

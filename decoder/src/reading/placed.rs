@@ -6,15 +6,15 @@ use std::sync::Arc;
 use super::part::ReadingPart;
 use super::short_path::JudgedPart;
 use crate::capture::CaptureError;
-use crate::finding::Findings;
+use crate::finding::CaptureFindings;
 use crate::frame::Timestamp;
-use crate::replay::{PlacedEvent, ReplayState, Walk};
-use crate::rules::Setup;
+use crate::replay::{CaptureWalk, PlacedEvent, ReplayState};
+use crate::rules::RuleSetup;
 
 /// A walk through captures with rules and a part.
 pub struct PlacedReading<R, P> {
     /// Reader, and state after the last frame.
-    pub walk: Walk<R>,
+    pub walk: CaptureWalk<R>,
     judged: JudgedPart<P>,
     failure: Option<CaptureError>,
 }
@@ -22,7 +22,7 @@ pub struct PlacedReading<R, P> {
 /// Results of a [`PlacedReading`].
 pub struct PlacedSummary<P> {
     /// Findings of all rules.
-    pub findings: Findings,
+    pub findings: CaptureFindings,
     /// The part of the pass, after its end.
     pub part: P,
     /// State after the last frame.
@@ -31,14 +31,14 @@ pub struct PlacedSummary<P> {
 
 impl<R: Read, P: ReadingPart> PlacedReading<R, P> {
     /// Starts where a walk is.
-    pub fn new(walk: Walk<R>, setup: &Arc<Setup>, part: P) -> Self {
+    pub fn new(walk: CaptureWalk<R>, setup: &Arc<RuleSetup>, part: P) -> Self {
         Self { walk, judged: JudgedPart::new(Some(Arc::clone(setup)), part), failure: None }
     }
 
     /// Processes the next frame or notice; `false` at the end, or at an error after which the capture cannot be read.
     pub fn step(&mut self) -> bool {
         let Self { walk, judged, failure } = self;
-        let frame = match walk.peek() {
+        let frame = match walk.peek_frame() {
             Ok(frame) => frame.copied(),
             Err(error) => {
                 failure.get_or_insert(error);
@@ -48,14 +48,14 @@ impl<R: Read, P: ReadingPart> PlacedReading<R, P> {
         if let Some(frame) = &frame {
             judged.frame(frame, walk.buses());
         }
-        let step = walk.step(&mut |placed: PlacedEvent<'_>| judged.placed(&placed));
+        let step = walk.step_item(&mut |placed: PlacedEvent<'_>| judged.placed(&placed));
         if frame.is_none() && matches!(step, Ok(true)) {
             // A notice: time may have advanced without a frame.
             judged.advance(walk.world.buses());
         }
         step.unwrap_or_else(|error| {
             failure.get_or_insert(error);
-            walk.close(&mut |placed: PlacedEvent<'_>| judged.placed(&placed));
+            walk.close_conditions(&mut |placed: PlacedEvent<'_>| judged.placed(&placed));
             false
         })
     }
@@ -76,8 +76,8 @@ impl<R: Read, P: ReadingPart> PlacedReading<R, P> {
     }
 
     /// Findings up to now, as at an end of the capture, and the zero of their times. Costs a copy of all findings.
-    pub fn findings_so_far(&mut self) -> (Findings, Option<Timestamp>) {
-        (self.judged.findings_so_far(self.walk.world.buses()), self.walk.world.zero())
+    pub fn findings_so_far(&mut self) -> (CaptureFindings, Option<Timestamp>) {
+        (self.judged.findings_so_far(self.walk.world.buses()), self.walk.world.first_time())
     }
 
     /// The results.

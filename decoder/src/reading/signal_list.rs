@@ -8,9 +8,9 @@ use serde::Serialize;
 use super::part::ReadingPart;
 use crate::event::Event;
 use crate::frame::{BusIndex, CanId};
-use crate::profile::{Field, Layout};
-use crate::replay::signal::carried;
-use crate::session::{Bus, Preview};
+use crate::profile::{PayloadLayout, SignalField};
+use crate::replay::signal::carried_layout;
+use crate::session::{Bus, MessagePreview};
 
 /// Maximum number of different signals that are listed.
 pub const MOST_SIGNALS: usize = 10_000;
@@ -32,7 +32,7 @@ pub struct ListedSignal {
 
 impl ListedSignal {
     /// The signal of a field of an event.
-    pub fn of(event: &Event, bus: &Bus, field: &Field) -> Self {
+    pub fn of(event: &Event, bus: &Bus, field: &SignalField) -> Self {
         let unit = field.meaning.as_deref().map_or("", |meaning| meaning.unit.as_str());
         Self {
             bus: bus.name().to_owned(),
@@ -49,7 +49,7 @@ impl ListedSignal {
 pub struct SignalList {
     signals: BTreeSet<ListedSignal>,
     /// Last layout of each identifier.
-    layouts: HashMap<(BusIndex, CanId), Arc<Layout>>,
+    layouts: HashMap<(BusIndex, CanId), Arc<PayloadLayout>>,
 }
 
 impl SignalList {
@@ -65,8 +65,8 @@ impl SignalList {
 
 impl ReadingPart for SignalList {
     fn event(&mut self, event: &Event, bus: &Bus) {
-        let Some((id, layout, _)) = carried(event) else {
-            return self.add(event.signals().map(|signal| ListedSignal::of(event, bus, signal.field)));
+        let Some((id, layout, _)) = carried_layout(event) else {
+            return self.add(event.decode_signals().map(|signal| ListedSignal::of(event, bus, signal.field)));
         };
         let known = self.layouts.insert((bus.index(), id), Arc::clone(layout));
         if !known.is_some_and(|known| Arc::ptr_eq(&known, layout)) {
@@ -77,7 +77,7 @@ impl ReadingPart for SignalList {
     fn finding(&mut self, _event: &Event, _bus: &Bus) {}
 
     /// A new layout has an event, so that no signal is missed.
-    fn need(&self, _preview: &Preview, _bus: &Bus) -> bool {
+    fn need(&self, _preview: &MessagePreview, _bus: &Bus) -> bool {
         false
     }
 }

@@ -1,27 +1,27 @@
 //! Stories of the findings of a reading.
 
 use super::pass::Summary;
-use crate::diagnosis::{Diagnosis, Setting};
-use crate::finding::{Findings, Group};
+use crate::diagnosis::{Diagnosis, DiagnosisContext};
+use crate::finding::{CaptureFindings, FindingGroup};
 use crate::frame::Timestamp;
 
 /// Stories of all findings that count in the output.
-pub fn diagnosis(findings: &Findings, setting: Setting) -> Diagnosis {
-    Diagnosis::of(findings, findings.counting(), setting)
+pub fn diagnosis(findings: &CaptureFindings, setting: DiagnosisContext) -> Diagnosis {
+    Diagnosis::diagnose_findings(findings, findings.reported_groups(), setting)
 }
 
 /// Stories of some of the findings.
 pub fn diagnosis_of<'a>(
-    findings: &'a Findings,
-    groups: impl Iterator<Item = &'a Group>,
+    findings: &'a CaptureFindings,
+    groups: impl Iterator<Item = &'a FindingGroup>,
     zero: Option<Timestamp>,
 ) -> Diagnosis {
-    Diagnosis::of(findings, groups, Setting { zero, ..Setting::default() })
+    Diagnosis::diagnose_findings(findings, groups, DiagnosisContext { zero, ..DiagnosisContext::default() })
 }
 
 impl<P> Summary<P> {
     /// Stories of all findings that count in the output.
     pub fn diagnosis(&self) -> Diagnosis {
-        diagnosis(&self.findings, Setting { zero: self.first_time(), ..Setting::default() })
+        diagnosis(&self.findings, DiagnosisContext { zero: self.first_time(), ..DiagnosisContext::default() })
     }
 }

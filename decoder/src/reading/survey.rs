@@ -10,7 +10,7 @@ use crate::query::{kind_filter, subject_filter};
 use crate::replay::{EventPosition, PlacedEvent};
 use crate::session::{Bus, Buses};
 use crate::sink::escape;
-use crate::sink::text::{Line, Tone, TransferWords};
+use crate::sink::text::{EventLine, LineTone, TransferWords};
 use crate::statistics::{LoadOverTime, Statistics};
 use crate::wire::NodeId;
 
@@ -159,7 +159,7 @@ pub struct TransferRow {
     /// Outcome as in filters.
     pub outcome: TransferOutcome,
     /// Tone that decides the colour.
-    pub tone: Tone,
+    pub tone: LineTone,
 }
 
 impl TransferRow {
@@ -167,8 +167,9 @@ impl TransferRow {
     pub fn of(placed: &PlacedEvent<'_>) -> Option<Self> {
         let (event, bus) = (placed.event, placed.bus);
         let TransferFigures { duration, size, outcome } = event.transfer_figures()?;
-        let line = Line::of(event, bus);
-        let news = TransferWords::of(event, bus).map_or_else(|| line.what.clone(), |words| words.news());
+        let line = EventLine::describe_event(event, bus);
+        let news = TransferWords::transfer_words(event, bus)
+            .map_or_else(|| line.what.clone(), |words| words.joined_text());
         Some(Self {
             spot: placed.spot,
             time: event.time,
@@ -226,7 +227,7 @@ impl Survey {
 
 impl ReadingPart for Survey {
     fn event(&mut self, event: &Event, bus: &Bus) {
-        self.statistics.event(event);
+        self.statistics.count_event(event);
         let kind = event.kind.kind() as usize;
         if self.kinds.len() <= kind {
             self.kinds.resize(Kind::ALL.len(), 0);
@@ -267,17 +268,17 @@ impl ReadingPart for Survey {
     }
 
     fn frame(&mut self, frame: &Frame, _names: &BusNames) {
-        self.statistics.frame(frame);
+        self.statistics.count_frame(frame);
         let bus = usize::from(frame.bus.0);
         if self.load.len() <= bus {
             self.load.resize_with(bus.saturating_add(1), LoadOverTime::default);
         }
         if let Some(load) = self.load.get_mut(bus) {
-            load.add(frame);
+            load.count_frame(frame);
         }
     }
 
     fn finish(&mut self, buses: Buses<'_>) {
-        self.statistics.withdraw(buses);
+        self.statistics.withdraw_canopen(buses);
     }
 }

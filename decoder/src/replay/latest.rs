@@ -15,7 +15,7 @@ const MOST: usize = 64;
 
 /// Code of an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Code {
+pub enum ErrorCode {
     /// Error code of an EMCY.
     Emcy(u16),
     /// SPN and FMI of a DTC.
@@ -24,7 +24,7 @@ pub enum Code {
 
 /// A boot-up of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Start {
+pub struct BootOccurrence {
     /// Number of the frame that shows the boot-up.
     pub frame: u64,
     /// Time of the boot-up.
@@ -38,19 +38,19 @@ pub struct Start {
 /// Last occurrences at one node.
 #[derive(Debug, Clone, Default)]
 pub struct LatestOfNode {
-    start: Option<Start>,
-    errors: Vec<(Code, Option<Timestamp>)>,
+    start: Option<BootOccurrence>,
+    errors: Vec<(ErrorCode, Option<Timestamp>)>,
     states: Vec<(Option<u8>, Option<Timestamp>)>,
 }
 
 impl LatestOfNode {
     /// The last boot-up.
-    pub fn start(&self) -> Option<Start> {
+    pub fn last_boot(&self) -> Option<BootOccurrence> {
         self.start
     }
 
     /// Time at which an error was last raised.
-    pub fn raised(&self, code: Code) -> Option<Timestamp> {
+    pub fn raised_at(&self, code: ErrorCode) -> Option<Timestamp> {
         self.errors.iter().find(|(known, _)| *known == code)?.1
     }
 
@@ -61,13 +61,13 @@ impl LatestOfNode {
 
     fn start_now(&mut self, event: &Event, cause: BootCause, lost: u32) {
         let (frame, time) = (event.frames.last, event.time);
-        self.start = Some(Start { frame, time, cause, lost });
+        self.start = Some(BootOccurrence { frame, time, cause, lost });
     }
 }
 
 /// Sets the entry for `key`. A full list drops its last entry; if that error is active, its next message
 /// restores it.
-fn note<K: PartialEq, V>(list: &mut Vec<(K, V)>, key: K, value: V) {
+fn set_entry<K: PartialEq, V>(list: &mut Vec<(K, V)>, key: K, value: V) {
     if let Some(entry) = list.iter_mut().find(|(known, _)| *known == key) {
         entry.1 = value;
         return;
@@ -80,26 +80,26 @@ fn note<K: PartialEq, V>(list: &mut Vec<(K, V)>, key: K, value: V) {
 
 /// Last occurrences at each node.
 #[derive(Debug, Clone, Default)]
-pub struct Latest {
+pub struct LatestOccurrences {
     nodes: BTreeMap<(BusIndex, NodeId), LatestOfNode>,
 }
 
-impl Latest {
+impl LatestOccurrences {
     /// Updates the times from an event.
     #[inline]
-    pub(super) fn event(&mut self, event: &Event) {
+    pub(super) fn on_event(&mut self, event: &Event) {
         match &event.kind {
             EventKind::BootUp { .. }
             | EventKind::Emcy(_)
             | EventKind::Dtc(_)
             | EventKind::DeviceState(_)
-            | EventKind::NodeIdChange { .. } => self.note(event),
+            | EventKind::NodeIdChange { .. } => self.note_event(event),
             _ => {}
         }
     }
 
     #[cold]
-    fn note(&mut self, event: &Event) {
+    fn note_event(&mut self, event: &Event) {
         let Some(id) = event.node else { return };
         if let EventKind::NodeIdChange { from: Some(from), to, .. } = event.kind {
             let moved = self.nodes.remove(&(event.bus, NodeId::Canopen(from)));
@@ -119,28 +119,30 @@ impl Latest {
                     node.start_now(event, cause, 0);
                 }
                 match (emergency.action, emergency.code) {
-                    (EmcyAction::Raised, Some(code)) => note(&mut node.errors, Code::Emcy(code), event.time),
+                    (EmcyAction::Raised, Some(code)) => {
+                        set_entry(&mut node.errors, ErrorCode::Emcy(code), event.time)
+                    }
                     (EmcyAction::AllCleared, _) => node.errors.clear(),
                     _ => {}
                 }
             }
             EventKind::Dtc(dtc) if matches!(dtc.action, DtcAction::Raised | DtcAction::Recurred) => {
-                note(&mut node.errors, Code::Dtc(dtc.spn, dtc.fmi), event.time);
+                set_entry(&mut node.errors, ErrorCode::Dtc(dtc.spn, dtc.fmi), event.time);
             }
-            EventKind::DeviceState(state) => note(&mut node.states, state.channel, event.time),
+            EventKind::DeviceState(state) => set_entry(&mut node.states, state.channel, event.time),
             _ => {}
         }
     }
 
     /// Last occurrences at a node.
-    pub fn of(&self, bus: BusIndex, node: NodeId) -> Option<&LatestOfNode> {
+    pub fn latest_of(&self, bus: BusIndex, node: NodeId) -> Option<&LatestOfNode> {
         self.nodes.get(&(bus, node))
     }
 
     /// Memory used in bytes.
     pub(super) fn footprint(&self) -> usize {
         let lists = |node: &LatestOfNode| {
-            node.errors.capacity() * size_of::<(Code, Option<Timestamp>)>()
+            node.errors.capacity() * size_of::<(ErrorCode, Option<Timestamp>)>()
                 + node.states.capacity() * size_of::<(Option<u8>, Option<Timestamp>)>()
         };
         self.nodes.values().map(|node| size_of::<LatestOfNode>() + lists(node)).sum()
@@ -160,11 +162,11 @@ mod tests {
         let mut world = ReplayState::new(SessionOptions::default());
         let names = BusNames::default();
         for (number, (time, id, data)) in (1..).zip(frames) {
-            let mut frame = Frame::data_frame(CanId::standard(*id), data);
+            let mut frame = Frame::data_frame(CanId::from_standard(*id), data);
             (frame.number, frame.time) = (number, Some(Timestamp(time * 1_000_000)));
             world.push(&frame, &names, &mut |_| ());
         }
-        world.latest().of(BusIndex(0), NodeId::Canopen(5)).cloned().unwrap_or_default()
+        world.latest().latest_of(BusIndex(0), NodeId::Canopen(5)).cloned().unwrap_or_default()
     }
 
     const BOOT: (i64, u16, &[u8]) = (10, 0x705, &[0]);
@@ -173,10 +175,10 @@ mod tests {
     #[test]
     fn a_start_and_an_error_have_their_times() {
         let node = behind(&[BOOT, RAISED]);
-        let start = node.start().unwrap();
+        let start = node.last_boot().unwrap();
         assert_eq!((start.frame, start.time), (1, Some(Timestamp(10_000_000))));
-        assert_eq!(node.raised(Code::Emcy(0x8130)), Some(Timestamp(30_000_000)));
-        assert_eq!(node.raised(Code::Emcy(0x8131)), None);
+        assert_eq!(node.raised_at(ErrorCode::Emcy(0x8130)), Some(Timestamp(30_000_000)));
+        assert_eq!(node.raised_at(ErrorCode::Emcy(0x8131)), None);
     }
 
     #[test]
@@ -184,18 +186,18 @@ mod tests {
         let again = (40, BOOT.1, BOOT.2);
         let gone: (i64, u16, &[u8]) = (40, 0x085, &[0; 8]);
         for last in [again, gone] {
-            assert_eq!(behind(&[BOOT, RAISED, last]).raised(Code::Emcy(0x8130)), None);
+            assert_eq!(behind(&[BOOT, RAISED, last]).raised_at(ErrorCode::Emcy(0x8130)), None);
         }
         // Raised again: the time of the last message.
         let repeated = (50, RAISED.1, RAISED.2);
         let node = behind(&[BOOT, RAISED, repeated]);
-        assert_eq!(node.raised(Code::Emcy(0x8130)), Some(Timestamp(50_000_000)));
+        assert_eq!(node.raised_at(ErrorCode::Emcy(0x8130)), Some(Timestamp(50_000_000)));
     }
 
     #[test]
     fn what_is_kept_is_bounded() {
         let mut list = Vec::new();
-        (0..1_000).for_each(|code| note(&mut list, Code::Emcy(code), ()));
-        assert_eq!((list.len(), list.last()), (MOST, Some(&(Code::Emcy(999), ()))));
+        (0..1_000).for_each(|code| set_entry(&mut list, ErrorCode::Emcy(code), ()));
+        assert_eq!((list.len(), list.last()), (MOST, Some(&(ErrorCode::Emcy(999), ()))));
     }
 }

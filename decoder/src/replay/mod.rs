@@ -17,13 +17,13 @@ pub mod signal;
 mod walk;
 mod world;
 
-pub use latest::{Code, Latest, LatestOfNode, Start};
+pub use latest::{BootOccurrence, ErrorCode, LatestOccurrences, LatestOfNode};
 pub use pattern::RowPattern;
-pub use row::{Row, node_filter};
-pub use sampling::{Bucket, MOST_BUCKETS, Points, Sampler};
+pub use row::{ReplayRow, node_filter};
+pub use sampling::{MOST_BUCKETS, SampleBucket, SignalPoints, SignalSampler};
 pub use signal::SignalKey;
-pub use walk::Walk;
-pub use world::{Counts, EarlierPayloads, EventPosition, PlacedEvent, ReplayState};
+pub use walk::CaptureWalk;
+pub use world::{EarlierPayloads, EventPosition, PlacedEvent, ProblemCounts, ReplayState};
 
 use crate::capture::MergedPosition;
 use crate::frame::Timestamp;
@@ -48,20 +48,20 @@ pub struct Checkpoint {
 }
 
 /// Checkpoints of one capture, in order.
-pub struct Index {
+pub struct CheckpointIndex {
     marks: Vec<Checkpoint>,
     interval: u64,
 }
 
-impl Default for Index {
+impl Default for CheckpointIndex {
     fn default() -> Self {
         Self { marks: Vec::new(), interval: INTERVAL }
     }
 }
 
-impl Index {
+impl CheckpointIndex {
     /// Creates an index with an initial interval of `interval` frames.
-    pub fn every(interval: u64) -> Self {
+    pub fn with_interval(interval: u64) -> Self {
         Self { marks: Vec::new(), interval: interval.max(1) }
     }
 
@@ -72,7 +72,7 @@ impl Index {
     }
 
     /// Adds a mark; marks must be added in order of their frames.
-    pub fn add(&mut self, mark: Checkpoint) {
+    pub fn add_checkpoint(&mut self, mark: Checkpoint) {
         if self.marks.len() >= MOST_MARKS {
             let mut keep = false;
             self.marks.retain(|_| {
@@ -104,7 +104,7 @@ impl Index {
     }
 
     /// The marks, in order.
-    pub fn marks(&self) -> &[Checkpoint] {
+    pub fn checkpoints(&self) -> &[Checkpoint] {
         &self.marks
     }
 }

@@ -4,7 +4,7 @@ use super::{EventPosition, PlacedEvent};
 use crate::escape::escape;
 use crate::event::{Event, EventKind, FrameRange};
 use crate::frame::{BusIndex, CanId, Frame, FrameFlags};
-use crate::sink::text::{Line, MessageChanges, Tone, TransferWords};
+use crate::sink::text::{EventLine, LineTone, MessageChanges, TransferWords};
 use crate::wire::NodeId;
 use crate::wire::j1939::{J1939Id, Pgn};
 
@@ -13,7 +13,7 @@ const SHOWN_BYTES: usize = 8;
 
 /// An event as text.
 #[derive(Debug, Clone)]
-pub struct Row {
+pub struct ReplayRow {
     /// Position of the event.
     pub spot: EventPosition,
     /// The event, for the Detail pane.
@@ -37,17 +37,17 @@ pub struct Row {
     /// Signals that did not change; empty if only changes are shown.
     pub unchanged: String,
     /// Tone that decides the colour.
-    pub tone: Tone,
+    pub tone: LineTone,
     /// The event is a change.
     pub is_news: bool,
 }
 
-impl Row {
+impl ReplayRow {
     /// The row of an event with escaped texts. With `only_news` a message is compared with the last one that
     /// was news, else with the one before it.
     pub fn new(told: &PlacedEvent<'_>, only_news: bool) -> Self {
-        let line = Line::of(told.event, told.bus);
-        let RowTexts { object, value, news, unchanged } = texts(told, &line, only_news);
+        let line = EventLine::describe_event(told.event, told.bus);
+        let RowTexts { object, value, news, unchanged } = row_texts(told, &line, only_news);
         let presumed = if told.event.presumed { "?" } else { "" };
         let news = format!("{}{presumed}", escape(&news));
         let is_message = MessageChanges::is_of(told.event);
@@ -69,7 +69,7 @@ impl Row {
     }
 
     /// A row that states why there are no rows at a position.
-    pub fn unreadable(spot: EventPosition, reason: String) -> Self {
+    pub fn unreadable_row(spot: EventPosition, reason: String) -> Self {
         let value = escape(&reason).into_owned();
         let kind = EventKind::Unreadable { file: None, line: None, offset: None, count: 1, reason };
         Self {
@@ -84,7 +84,7 @@ impl Row {
             what: value.clone(),
             value,
             unchanged: String::new(),
-            tone: Tone::Bad,
+            tone: LineTone::Bad,
             is_news: true,
         }
     }
@@ -116,7 +116,7 @@ impl Row {
             EventKind::J1939Transfer(transfer) => {
                 let CanId::Extended(number) = id else { return false };
                 let ends = (transfer.source, transfer.destination);
-                J1939Id::of(number).is_some_and(|id| {
+                J1939Id::from_identifier(number).is_some_and(|id| {
                     [Pgn::TP_CM, Pgn::TP_DT, Pgn::ETP_CM, Pgn::ETP_DT].contains(&id.pgn)
                         && ((id.source, id.destination) == ends || (id.destination, id.source) == ends)
                 })
@@ -131,7 +131,7 @@ impl Row {
     }
 
     /// Filter expression for events like this one: of its node, and of its kind.
-    pub fn filter(&self) -> String {
+    pub fn filter_expression(&self) -> String {
         let kind = format!("kind == {:?}", self.event.kind.name());
         match self.event.node {
             Some(node) => format!("{} && {kind}", node_filter(node)),
@@ -140,7 +140,7 @@ impl Row {
     }
 
     /// First bytes of the frame.
-    pub fn data(&self) -> String {
+    pub fn data_text(&self) -> String {
         let Some(frame) = &self.frame else { return String::new() };
         if frame.flags.contains(FrameFlags::REMOTE) {
             return "remote".into();
@@ -151,10 +151,10 @@ impl Row {
     }
 
     /// The row as one line, for search and clipboard.
-    pub fn text(&self) -> String {
+    pub fn row_text(&self) -> String {
         let id = self.id().map_or(String::new(), |id| id.to_string());
         let (what, unchanged) = (&self.what, &self.unchanged);
-        format!("{} {id} {} {} {what} {unchanged} {}", self.bus, self.who, self.kind, self.data())
+        format!("{} {id} {} {} {what} {unchanged} {}", self.bus, self.who, self.kind, self.data_text())
     }
 }
 
@@ -184,12 +184,12 @@ impl RowTexts {
     }
 }
 
-fn texts(told: &PlacedEvent<'_>, line: &Line, only_news: bool) -> RowTexts {
+fn row_texts(told: &PlacedEvent<'_>, line: &EventLine, only_news: bool) -> RowTexts {
     let earlier = told.earlier.news.filter(|_| only_news).or(told.earlier.last);
-    if let Some(changes) = MessageChanges::of(told.event, told.bus, earlier) {
+    if let Some(changes) = MessageChanges::changes_in(told.event, told.bus, earlier) {
         return of_message(changes, only_news);
     }
-    if let Some(words) = TransferWords::of(told.event, told.bus) {
+    if let Some(words) = TransferWords::transfer_words(told.event, told.bus) {
         return of_transfer(&words);
     }
     let what = line.what.as_str();
@@ -215,7 +215,7 @@ fn of_message(changes: MessageChanges, only_news: bool) -> RowTexts {
 
 /// Object with its name, and the result of a transfer.
 fn of_transfer(words: &TransferWords) -> RowTexts {
-    let news = words.news();
+    let news = words.joined_text();
     let TransferWords { object, name, result } = words;
     let blank = if name.is_empty() { "" } else { " " };
     let value = result.strip_prefix("= ").unwrap_or(result).to_owned();

@@ -9,10 +9,10 @@
 
 use std::sync::Arc;
 
-use super::signal::{SignalKey, carried, is_assumed};
+use super::signal::{SignalKey, carried_layout, is_assumed};
 use super::{PlacedEvent, ReplayState};
 use crate::frame::{BusIndex, CanId};
-use crate::profile::Layout;
+use crate::profile::PayloadLayout;
 
 /// Maximum number of buckets per signal.
 pub const MOST_BUCKETS: i64 = 4_096;
@@ -22,7 +22,7 @@ const FIRST_WIDTH: i64 = 10_000;
 
 /// Values of a time interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bucket {
+pub struct SampleBucket {
     /// Start, in ns.
     pub t: i64,
     /// Lowest value.
@@ -33,7 +33,7 @@ pub struct Bucket {
     pub last: f64,
 }
 
-impl Bucket {
+impl SampleBucket {
     /// Lowest and highest value; None if all are NaN.
     pub fn bounds(&self) -> Option<(f64, f64)> {
         // `min` and `max` ignore a NaN.
@@ -44,9 +44,9 @@ impl Bucket {
 
 /// Samples of one signal so far.
 #[derive(Clone)]
-pub struct Points {
+pub struct SignalPoints {
     /// Values in time order; the first one may precede the range.
-    pub buckets: Arc<Vec<Bucket>>,
+    pub buckets: Arc<Vec<SampleBucket>>,
     /// Length of a bucket, in ns.
     pub width: i64,
     /// No bucket contains more than one value.
@@ -56,21 +56,21 @@ pub struct Points {
 }
 
 /// Signals while they are sampled over a range of times.
-pub struct Sampler {
-    tracks: Vec<Track>,
+pub struct SignalSampler {
+    tracks: Vec<SampledSignal>,
     /// One bit per identifier modulo 64, to skip most other events.
     identifiers: u64,
 }
 
-impl Sampler {
+impl SignalSampler {
     /// Samples from `from` to `to`, in ns; without `to` up to the end of the capture.
     pub fn new(signals: &[SignalKey], from: i64, to: Option<i64>) -> Self {
-        let identifiers = signals.iter().fold(0, |bits, signal| bits | bit(signal.id));
-        let track = |signal: &SignalKey| Track {
+        let identifiers = signals.iter().fold(0, |bits, signal| bits | identifier_bit(signal.id));
+        let track = |signal: &SignalKey| SampledSignal {
             signal: signal.clone(),
             layout: None,
             place: None,
-            buckets: Buckets::new(from, to),
+            buckets: SignalBuckets::new(from, to),
             is_assumed: false,
         };
         Self { tracks: signals.iter().map(track).collect(), identifiers }
@@ -78,13 +78,13 @@ impl Sampler {
 
     /// Takes the values of an event.
     #[inline]
-    pub fn take(&mut self, told: &PlacedEvent<'_>) {
-        let Some((id, layout, payload)) = carried(told.event) else { return };
-        if self.identifiers & bit(id) == 0 {
+    pub fn take_event(&mut self, told: &PlacedEvent<'_>) {
+        let Some((id, layout, payload)) = carried_layout(told.event) else { return };
+        if self.identifiers & identifier_bit(id) == 0 {
             return;
         }
         if let Some(time) = told.event.time {
-            self.values(told.event.bus, id, layout, payload, time.0);
+            self.take_payload(told.event.bus, id, layout, payload, time.0);
         }
     }
 
@@ -92,41 +92,48 @@ impl Sampler {
     pub fn take_world(&mut self, world: &ReplayState) {
         for row in world.identifiers().rows().iter().filter(|row| !row.is_remote) {
             if let (Some(layout), Some(time)) = (&row.layout, row.last_time) {
-                self.values(row.bus, row.id, layout, row.payload(), time.0);
+                self.take_payload(row.bus, row.id, layout, row.payload(), time.0);
             }
         }
     }
 
-    fn values(&mut self, bus: BusIndex, id: CanId, layout: &Arc<Layout>, payload: &[u8], time: i64) {
+    fn take_payload(
+        &mut self,
+        bus: BusIndex,
+        id: CanId,
+        layout: &Arc<PayloadLayout>,
+        payload: &[u8],
+        time: i64,
+    ) {
         for track in &mut self.tracks {
             if track.signal.id == id && track.signal.bus == bus {
-                track.take(layout, payload, time);
+                track.take_payload(layout, payload, time);
             }
         }
     }
 
     /// Samples of each signal so far, in the order of the signals.
-    pub fn points(&self) -> Vec<Points> {
-        self.tracks.iter().map(Track::points).collect()
+    pub fn sampled_points(&self) -> Vec<SignalPoints> {
+        self.tracks.iter().map(SampledSignal::signal_points).collect()
     }
 }
 
-fn bit(id: CanId) -> u64 {
+fn identifier_bit(id: CanId) -> u64 {
     1 << (id.number() % 64)
 }
 
 /// One signal while it is sampled.
-struct Track {
+struct SampledSignal {
     signal: SignalKey,
     /// The current layout, and the index of the signal in it.
-    layout: Option<Arc<Layout>>,
+    layout: Option<Arc<PayloadLayout>>,
     place: Option<usize>,
-    buckets: Buckets,
+    buckets: SignalBuckets,
     is_assumed: bool,
 }
 
-impl Track {
-    fn take(&mut self, layout: &Arc<Layout>, payload: &[u8], time: i64) {
+impl SampledSignal {
+    fn take_payload(&mut self, layout: &Arc<PayloadLayout>, payload: &[u8], time: i64) {
         if !self.layout.as_ref().is_some_and(|known| Arc::ptr_eq(known, layout)) {
             let found = self.signal.field_in(layout);
             self.is_assumed |= found.is_some_and(|(_, field)| is_assumed(layout, field));
@@ -134,39 +141,44 @@ impl Track {
             self.layout = Some(Arc::clone(layout));
         }
         // The identifier no longer carries the signal: the line ends.
-        let Some(place) = self.place else { return self.buckets.add(time, f64::NAN) };
+        let Some(place) = self.place else { return self.buckets.add_value(time, f64::NAN) };
         // In another branch of a multiplexed message the previous value still applies.
-        if let Some(signal) = layout.signal(place, payload) {
-            self.buckets.add(time, signal.field.plotted(&signal.value).unwrap_or(f64::NAN));
+        if let Some(signal) = layout.decode_signal(place, payload) {
+            self.buckets.add_value(time, signal.field.plot_number(&signal.value).unwrap_or(f64::NAN));
         }
     }
 
-    fn points(&self) -> Points {
-        let Buckets { before, slots, width, is_exact, .. } = &self.buckets;
+    fn signal_points(&self) -> SignalPoints {
+        let SignalBuckets { before, slots, width, is_exact, .. } = &self.buckets;
         let buckets = before.iter().chain(slots.iter().flatten()).copied().collect();
-        Points { buckets: Arc::new(buckets), width: *width, is_exact: *is_exact, is_assumed: self.is_assumed }
+        SignalPoints {
+            buckets: Arc::new(buckets),
+            width: *width,
+            is_exact: *is_exact,
+            is_assumed: self.is_assumed,
+        }
     }
 }
 
 /// Buckets of one signal.
-struct Buckets {
+struct SignalBuckets {
     from: i64,
     to: Option<i64>,
     width: i64,
     /// The last value before the range.
-    before: Option<Bucket>,
-    slots: Vec<Option<Bucket>>,
+    before: Option<SampleBucket>,
+    slots: Vec<Option<SampleBucket>>,
     is_exact: bool,
 }
 
-impl Buckets {
+impl SignalBuckets {
     fn new(from: i64, to: Option<i64>) -> Self {
         let width = to.map_or(FIRST_WIDTH, |to| to.saturating_sub(from) / MOST_BUCKETS + 1);
         Self { from, to, width: width.max(1), before: None, slots: Vec::new(), is_exact: true }
     }
 
-    fn add(&mut self, time: i64, value: f64) {
-        let new = Bucket { t: time, min: value, max: value, last: value };
+    fn add_value(&mut self, time: i64, value: f64) {
+        let new = SampleBucket { t: time, min: value, max: value, last: value };
         if time < self.from {
             self.before = Some(new);
             return;
@@ -176,7 +188,7 @@ impl Buckets {
         }
         let since = time.saturating_sub(self.from);
         while since / self.width >= MOST_BUCKETS {
-            self.halve();
+            self.merge_pairs();
         }
         let Ok(place) = usize::try_from(since / self.width) else { return };
         if self.slots.len() <= place {
@@ -184,17 +196,17 @@ impl Buckets {
         }
         if let Some(slot) = self.slots.get_mut(place) {
             self.is_exact &= slot.is_none();
-            *slot = join(*slot, Some(new));
+            *slot = merge_buckets(*slot, Some(new));
         }
     }
 
-    fn halve(&mut self) {
+    fn merge_pairs(&mut self) {
         self.width = self.width.saturating_mul(2);
         let mut is_exact = self.is_exact;
-        let pair = |pair: &[Option<Bucket>]| {
+        let pair = |pair: &[Option<SampleBucket>]| {
             let (first, second) = (pair.first().copied().flatten(), pair.get(1).copied().flatten());
             is_exact &= first.is_none() || second.is_none();
-            join(first, second)
+            merge_buckets(first, second)
         };
         self.slots = self.slots.chunks(2).map(pair).collect();
         self.is_exact = is_exact;
@@ -202,9 +214,9 @@ impl Buckets {
 }
 
 /// Merges two buckets; NaN does not affect minimum and maximum.
-fn join(first: Option<Bucket>, second: Option<Bucket>) -> Option<Bucket> {
+fn merge_buckets(first: Option<SampleBucket>, second: Option<SampleBucket>) -> Option<SampleBucket> {
     match (first, second) {
-        (Some(first), Some(second)) => Some(Bucket {
+        (Some(first), Some(second)) => Some(SampleBucket {
             t: first.t.min(second.t),
             min: first.min.min(second.min),
             max: first.max.max(second.max),
@@ -216,21 +228,21 @@ fn join(first: Option<Bucket>, second: Option<Bucket>) -> Option<Bucket> {
 
 #[cfg(test)]
 mod tests {
-    use crate::profile::{DataType, Factor, Field, Meaning};
+    use crate::profile::{DataType, ObjectMeaning, RawConversion, SignalField};
     use crate::wire::canopen::ObjectAddress;
 
     use super::*;
 
-    fn kept(buckets: &Buckets) -> Vec<Bucket> {
+    fn kept(buckets: &SignalBuckets) -> Vec<SampleBucket> {
         buckets.slots.iter().flatten().copied().collect()
     }
 
     #[test]
     fn without_an_end_pieces_become_longer_and_nothing_is_lost() {
-        let mut buckets = Buckets::new(0, None);
+        let mut buckets = SignalBuckets::new(0, None);
         for millisecond in 0..10_000 {
             let value = if millisecond == 5_003 { -7.0 } else { f64::from(millisecond % 10) };
-            buckets.add(i64::from(millisecond) * 1_000_000, value);
+            buckets.add_value(i64::from(millisecond) * 1_000_000, value);
         }
         // 10 s in at most 4,096 buckets: 2.56 ms, which is 10 µs doubled eight times.
         assert_eq!((buckets.width, buckets.is_exact), (2_560_000, false));
@@ -239,14 +251,14 @@ mod tests {
         assert_eq!(kept.iter().map(|bucket| bucket.min).reduce(f64::min), Some(-7.0));
         assert_eq!(kept.iter().map(|bucket| bucket.max).reduce(f64::max), Some(9.0));
         // 0, 1 and 2 ms.
-        assert_eq!(kept.first(), Some(&Bucket { t: 0, min: 0.0, max: 2.0, last: 2.0 }));
+        assert_eq!(kept.first(), Some(&SampleBucket { t: 0, min: 0.0, max: 2.0, last: 2.0 }));
     }
 
     #[test]
     fn before_a_range_only_the_last_value_counts_and_behind_it_none() {
-        let mut buckets = Buckets::new(100, Some(200));
+        let mut buckets = SignalBuckets::new(100, Some(200));
         for (time, value) in [(10, 1.0), (90, 2.0), (100, 3.0), (200, 4.0), (201, 5.0)] {
-            buckets.add(time, value);
+            buckets.add_value(time, value);
         }
         assert_eq!(buckets.before.map(|bucket| bucket.last), Some(2.0));
         assert_eq!(kept(&buckets).iter().map(|bucket| bucket.last).collect::<Vec<_>>(), [3.0, 4.0]);
@@ -254,27 +266,28 @@ mod tests {
     }
 
     /// A layout of one-byte fields by object, unit and factor.
-    fn layout(fields: &[(u16, &str, f64)]) -> Arc<Layout> {
+    fn layout(fields: &[(u16, &str, f64)]) -> Arc<PayloadLayout> {
         let field = |(at, (index, unit, factor)): (u16, &(u16, &str, f64))| {
-            let scale = Some(Factor { factor: *factor, offset: 0.0, full_scale: None, is_reciprocal: false });
+            let scale =
+                Some(RawConversion { factor: *factor, offset: 0.0, full_scale: None, is_reciprocal: false });
             let object = ObjectAddress::new(*index, 0);
-            let meaning = Meaning { unit: (*unit).into(), scale, ..Meaning::default() };
-            let field = Field::of_object(object, at * 8, 8, DataType::Unsigned8);
-            Field { meaning: Some(Arc::new(meaning)), ..field }
+            let meaning = ObjectMeaning { unit: (*unit).into(), scale, ..ObjectMeaning::default() };
+            let field = SignalField::of_object(object, at * 8, 8, DataType::Unsigned8);
+            SignalField { meaning: Some(Arc::new(meaning)), ..field }
         };
-        Arc::new(Layout { fields: (0..).zip(fields).map(field).collect(), ..Layout::default() })
+        Arc::new(PayloadLayout { fields: (0..).zip(fields).map(field).collect(), ..PayloadLayout::default() })
     }
 
     #[test]
     fn a_signal_is_found_in_each_layout_by_what_it_is() {
         let first = layout(&[(0x6000, "bar", 1.0), (0x6001, "%", 0.5)]);
-        let signal = SignalKey::new(BusIndex(0), CanId::standard(0x181), &first, 0).unwrap();
+        let signal = SignalKey::new(BusIndex(0), CanId::from_standard(0x181), &first, 0).unwrap();
         let rescaled = layout(&[(0x6001, "%", 0.5), (0x6000, "bar", 2.0)]);
         let of_mode = layout(&[(0x6000, "l/min", 0.1), (0x6001, "%", 0.5)]);
         let without = layout(&[(0x6001, "%", 0.5)]);
-        let mut sampler = Sampler::new(std::slice::from_ref(&signal), 0, None);
+        let mut sampler = SignalSampler::new(std::slice::from_ref(&signal), 0, None);
         // The last payload is too short for the field, so the previous value still applies.
-        let payloads: [(&Arc<Layout>, &[u8]); 6] = [
+        let payloads: [(&Arc<PayloadLayout>, &[u8]); 6] = [
             (&first, &[10, 20]),
             (&rescaled, &[20, 10]),
             (&of_mode, &[10, 20]),
@@ -283,11 +296,11 @@ mod tests {
             (&first, &[]),
         ];
         for (second, (layout, payload)) in (0..).zip(payloads) {
-            sampler.values(BusIndex(0), signal.id, layout, payload, second * 1_000_000_000);
+            sampler.take_payload(BusIndex(0), signal.id, layout, payload, second * 1_000_000_000);
         }
         // Values of other signals are ignored.
-        sampler.values(BusIndex(1), signal.id, &first, &[99, 99], 9_000_000_000);
-        let points = sampler.points().remove(0);
+        sampler.take_payload(BusIndex(1), signal.id, &first, &[99, 99], 9_000_000_000);
+        let points = sampler.sampled_points().remove(0);
         let values: Vec<_> = points.buckets.iter().map(|bucket| bucket.last).collect();
         assert_eq!(format!("{values:?}"), "[10.0, 20.0, NaN, 22.0, NaN]");
         assert_eq!(SignalKey::new(signal.bus, signal.id, &rescaled, 1).as_ref(), Some(&signal));
@@ -296,12 +309,12 @@ mod tests {
 
     #[test]
     fn what_is_no_number_ends_the_line_and_has_no_part_in_the_range() {
-        let mut buckets = Buckets::new(0, Some(4_095 * 10));
+        let mut buckets = SignalBuckets::new(0, Some(4_095 * 10));
         for (time, value) in [(0, 1.0), (1, f64::NAN), (2, 3.0), (100, f64::NAN)] {
-            buckets.add(time, value);
+            buckets.add_value(time, value);
         }
         let kept = kept(&buckets);
-        assert_eq!(kept.first(), Some(&Bucket { t: 0, min: 1.0, max: 3.0, last: 3.0 }));
+        assert_eq!(kept.first(), Some(&SampleBucket { t: 0, min: 1.0, max: 3.0, last: 3.0 }));
         assert!(kept.get(1).is_some_and(|bucket| bucket.last.is_nan()));
     }
 }

@@ -3,11 +3,11 @@
 use std::io::Read;
 
 use super::{Checkpoint, PlacedEvent, ReplayState};
-use crate::capture::{Batch, BusNames, CaptureError, Item, MergedReader, Notice};
+use crate::capture::{Batch, BatchItem, BusNames, CaptureError, MergedReader, Notice};
 use crate::frame::Frame;
 
 /// A reader with the state after the last item.
-pub struct Walk<R> {
+pub struct CaptureWalk<R> {
     reader: MergedReader<R>,
     batch: Batch,
     frames: usize,
@@ -17,7 +17,7 @@ pub struct Walk<R> {
     has_ended: bool,
 }
 
-impl<R: Read> Walk<R> {
+impl<R: Read> CaptureWalk<R> {
     /// Starts at the position of a reader, with the state there.
     pub fn new(reader: MergedReader<R>, world: ReplayState) -> Self {
         Self { reader, batch: Batch::new(), frames: 0, notices: 0, world, has_ended: false }
@@ -27,9 +27,9 @@ impl<R: Read> Walk<R> {
     ///
     /// # Errors
     /// If the capture cannot be read further.
-    pub fn peek(&mut self) -> Result<Option<&Frame>, CaptureError> {
+    pub fn peek_frame(&mut self) -> Result<Option<&Frame>, CaptureError> {
         let is_notice = |walk: &Self| walk.next_notice().is_some();
-        Ok(if self.fill()? && !is_notice(self) { self.batch.frames().get(self.frames) } else { None })
+        Ok(if self.fill_batch()? && !is_notice(self) { self.batch.frames().get(self.frames) } else { None })
     }
 
     /// The notice before the next frame.
@@ -42,28 +42,28 @@ impl<R: Read> Walk<R> {
     ///
     /// # Errors
     /// If the capture cannot be read further.
-    pub fn step(&mut self, see: &mut impl FnMut(PlacedEvent<'_>)) -> Result<bool, CaptureError> {
-        if !self.fill()? {
-            self.close(see);
+    pub fn step_item(&mut self, see: &mut impl FnMut(PlacedEvent<'_>)) -> Result<bool, CaptureError> {
+        if !self.fill_batch()? {
+            self.close_conditions(see);
             return Ok(false);
         }
         let names = self.reader.buses();
         let next = self.batch.notices().get(self.notices).filter(|(before, _)| *before <= self.frames);
         if let Some((_, notice)) = next {
             self.notices += 1;
-            self.world.take(&Item::Notice(notice), names, see);
+            self.world.take_item(&BatchItem::Notice(notice), names, see);
         } else if let Some(frame) = self.batch.frames().get(self.frames) {
             self.frames += 1;
-            self.world.take(&Item::Frame(frame), names, see);
+            self.world.take_item(&BatchItem::Frame(frame), names, see);
         }
         Ok(true)
     }
 
     /// Closes open conditions at the end, once.
-    pub fn close(&mut self, see: &mut impl FnMut(PlacedEvent<'_>)) {
+    pub fn close_conditions(&mut self, see: &mut impl FnMut(PlacedEvent<'_>)) {
         if !self.has_ended {
             self.has_ended = true;
-            self.world.finish(self.reader.buses(), see);
+            self.world.finish_capture(self.reader.buses(), see);
         }
     }
 
@@ -71,12 +71,16 @@ impl<R: Read> Walk<R> {
     ///
     /// # Errors
     /// If the capture cannot be read further.
-    pub fn leap(&mut self, limit: u64, see: &mut impl FnMut(PlacedEvent<'_>)) -> Result<bool, CaptureError> {
-        if !self.fill()? {
-            return self.step(see);
+    pub fn skip_batch(
+        &mut self,
+        limit: u64,
+        see: &mut impl FnMut(PlacedEvent<'_>),
+    ) -> Result<bool, CaptureError> {
+        if !self.fill_batch()? {
+            return self.step_item(see);
         }
         if self.frames > 0 || !self.batch.notices().is_empty() || self.last_of_batch() > limit {
-            return self.step(see);
+            return self.step_item(see);
         }
         for frame in self.batch.frames() {
             self.world.push(frame, self.reader.buses(), see);
@@ -94,7 +98,7 @@ impl<R: Read> Walk<R> {
         self.frames >= self.batch.frames().len() && self.notices >= self.batch.notices().len()
     }
 
-    fn fill(&mut self) -> Result<bool, CaptureError> {
+    fn fill_batch(&mut self) -> Result<bool, CaptureError> {
         if self.has_ended {
             return Ok(false);
         }
@@ -106,10 +110,10 @@ impl<R: Read> Walk<R> {
     }
 
     /// This position as a mark; None within a batch.
-    pub fn mark(&self) -> Option<Checkpoint> {
+    pub fn mark_position(&self) -> Option<Checkpoint> {
         self.is_drained().then(|| Checkpoint {
             frames: self.world.frames(),
-            time: self.world.time(),
+            time: self.world.last_time(),
             position: self.reader.position(),
             world: self.world.clone(),
         })

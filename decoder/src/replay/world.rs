@@ -1,13 +1,13 @@
 //! Complete decoder state at one position in a capture.
 
-use super::Latest;
-use crate::capture::{BusNames, Item, Notice};
+use super::LatestOccurrences;
+use crate::capture::{BatchItem, BusNames, Notice};
 use crate::decoder::Decoder;
 use crate::event::{Event, EventKind};
 use crate::frame::{Frame, Timestamp};
 use crate::session::{Bus, Buses, Observer, SessionOptions};
-use crate::sink::text::News;
-use crate::statistics::{IdentifierRow, Identifiers};
+use crate::sink::text::PrintedPayloads;
+use crate::statistics::{IdentifierRow, IdentifierRows};
 
 /// Position of an event: its frame, and its order among the events of that frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
@@ -20,12 +20,12 @@ pub struct EventPosition {
 
 impl EventPosition {
     /// Position before all events of a frame.
-    pub const fn before(frame: u64) -> Self {
+    pub const fn before_frame(frame: u64) -> Self {
         Self { frame, ordinal: 0 }
     }
 
     /// Position after all events of a frame.
-    pub const fn after(frame: u64) -> Self {
+    pub const fn after_frame(frame: u64) -> Self {
         Self { frame, ordinal: u32::MAX }
     }
 }
@@ -59,18 +59,18 @@ pub struct EarlierPayloads<'a> {
 #[derive(Debug, Clone)]
 pub struct ReplayState {
     decoder: Decoder,
-    identifiers: Identifiers,
-    latest: Latest,
-    news: News,
+    identifiers: IdentifierRows,
+    latest: LatestOccurrences,
+    news: PrintedPayloads,
     spot: EventPosition,
     zero: Option<Timestamp>,
     time: Option<Timestamp>,
-    counts: Counts,
+    counts: ProblemCounts,
 }
 
 /// Number of problems in the capture up to a position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Counts {
+pub struct ProblemCounts {
     /// Number of unreadable lines or records.
     pub unreadable: u64,
     /// Number of lost frames reported by the recorder; a report without number counts as one.
@@ -84,22 +84,27 @@ impl ReplayState {
     pub fn new(options: SessionOptions) -> Self {
         Self {
             decoder: Decoder::new(options),
-            identifiers: Identifiers::default(),
-            latest: Latest::default(),
-            news: News::default(),
+            identifiers: IdentifierRows::default(),
+            latest: LatestOccurrences::default(),
+            news: PrintedPayloads::default(),
             spot: EventPosition::default(),
             zero: None,
             time: None,
-            counts: Counts::default(),
+            counts: ProblemCounts::default(),
         }
     }
 
     /// Handles the next item of a reader.
     #[inline]
-    pub fn take(&mut self, item: &Item<'_>, names: &BusNames, out: &mut impl FnMut(PlacedEvent<'_>)) {
+    pub fn take_item(
+        &mut self,
+        item: &BatchItem<'_>,
+        names: &BusNames,
+        out: &mut impl FnMut(PlacedEvent<'_>),
+    ) {
         match item {
-            Item::Frame(frame) => self.push(frame, names, out),
-            Item::Notice(notice) => self.notice(notice, names, out),
+            BatchItem::Frame(frame) => self.push(frame, names, out),
+            BatchItem::Notice(notice) => self.on_notice(notice, names, out),
         }
     }
 
@@ -110,32 +115,32 @@ impl ReplayState {
             self.zero = self.zero.or(Some(time));
             self.time = Some(time);
         }
-        self.spot = EventPosition::before(frame.number);
-        let place = self.identifiers.frame(frame);
-        let (decoder, mut teller) = self.teller(place, Some(frame), out);
+        self.spot = EventPosition::before_frame(frame.number);
+        let place = self.identifiers.count_frame(frame);
+        let (decoder, mut teller) = self.forward_events(place, Some(frame), out);
         decoder.push(frame, names, &mut teller);
     }
 
     /// Handles a notice of the reader.
-    pub fn notice(&mut self, notice: &Notice, names: &BusNames, out: &mut impl FnMut(PlacedEvent<'_>)) {
+    pub fn on_notice(&mut self, notice: &Notice, names: &BusNames, out: &mut impl FnMut(PlacedEvent<'_>)) {
         if let Notice::Unreadable { .. } | Notice::CutOff { .. } = notice {
             self.counts.unreadable += 1;
         }
         if let Notice::Link { time, .. } | Notice::Quiet(time) | Notice::ClockSet { time, .. } = notice {
             self.time = self.time.max(Some(*time));
         }
-        let (decoder, mut teller) = self.teller(None, None, out);
-        decoder.notice(notice, names, &mut teller);
+        let (decoder, mut teller) = self.forward_events(None, None, out);
+        decoder.on_notice(notice, names, &mut teller);
     }
 
     /// Handles the end of the capture: closes open transfers.
-    pub fn finish(&mut self, names: &BusNames, out: &mut impl FnMut(PlacedEvent<'_>)) {
-        let (decoder, mut teller) = self.teller(None, None, out);
-        decoder.finish(names, &mut teller);
+    pub fn finish_capture(&mut self, names: &BusNames, out: &mut impl FnMut(PlacedEvent<'_>)) {
+        let (decoder, mut teller) = self.forward_events(None, None, out);
+        decoder.finish_capture(names, &mut teller);
     }
 
     #[inline]
-    fn teller<'a, F>(
+    fn forward_events<'a, F>(
         &'a mut self,
         place: Option<usize>,
         frame: Option<&'a Frame>,
@@ -160,17 +165,17 @@ impl ReplayState {
     }
 
     /// Last frame and state of each identifier.
-    pub fn identifiers(&self) -> &Identifiers {
+    pub fn identifiers(&self) -> &IdentifierRows {
         &self.identifiers
     }
 
     /// Last boot-up, errors and states of each node.
-    pub fn latest(&self) -> &Latest {
+    pub fn latest(&self) -> &LatestOccurrences {
         &self.latest
     }
 
     /// Position of the next event, if the last frame causes one more.
-    pub fn spot(&self) -> EventPosition {
+    pub fn next_position(&self) -> EventPosition {
         self.spot
     }
 
@@ -180,17 +185,17 @@ impl ReplayState {
     }
 
     /// Time of the first frame with a time.
-    pub fn zero(&self) -> Option<Timestamp> {
+    pub fn first_time(&self) -> Option<Timestamp> {
         self.zero
     }
 
     /// Time of the last frame with a time.
-    pub fn time(&self) -> Option<Timestamp> {
+    pub fn last_time(&self) -> Option<Timestamp> {
         self.time
     }
 
     /// Number of problems in the capture so far.
-    pub fn counts(&self) -> Counts {
+    pub fn problem_counts(&self) -> ProblemCounts {
         self.counts
     }
 
@@ -207,31 +212,31 @@ impl ReplayState {
 struct EventForwarder<'a, F> {
     place: Option<usize>,
     frame: Option<&'a Frame>,
-    identifiers: &'a mut Identifiers,
-    latest: &'a mut Latest,
-    news: &'a mut News,
+    identifiers: &'a mut IdentifierRows,
+    latest: &'a mut LatestOccurrences,
+    news: &'a mut PrintedPayloads,
     spot: &'a mut EventPosition,
-    counts: &'a mut Counts,
+    counts: &'a mut ProblemCounts,
     out: &'a mut F,
 }
 
 impl<F: FnMut(PlacedEvent<'_>)> Observer for EventForwarder<'_, F> {
-    fn event(&mut self, event: &Event, bus: &Bus) {
+    fn on_event(&mut self, event: &Event, bus: &Bus) {
         match &event.kind {
             EventKind::LostFrames { count } => self.counts.lost += count.unwrap_or(1),
             EventKind::CanError(_) => self.counts.errors += 1,
             _ => {}
         }
         let mut earlier = EarlierPayloads::default();
-        let is_news = self.news.has(event);
+        let is_news = self.news.has_news(event);
         if let (Some(place), Some(frame)) = (self.place, self.frame)
             && event.frames.last == frame.number
         {
-            self.identifiers.event(place, event);
-            let last = self.identifiers.rows().get(place).and_then(IdentifierRow::previous);
-            earlier = EarlierPayloads { news: self.news.replaced(), last };
+            self.identifiers.update_row(place, event);
+            let last = self.identifiers.rows().get(place).and_then(IdentifierRow::previous_payload);
+            earlier = EarlierPayloads { news: self.news.replaced_payload(), last };
         }
-        self.latest.event(event);
+        self.latest.on_event(event);
         (self.out)(PlacedEvent { spot: *self.spot, event, bus, frame: self.frame, is_news, earlier });
         self.spot.ordinal = self.spot.ordinal.saturating_add(1);
     }

@@ -1,22 +1,22 @@
 //! Assumptions that the claims rest on.
 
-use super::claims::{assigned_by, groups, node, who};
-use super::model::{Claim, EvidenceFrame};
+use super::claims::{assigned_by, describe_node, node_title, story_groups};
+use super::model::{EvidenceFrame, ReportClaim};
 use crate::diagnosis::Story;
-use crate::finding::Findings;
+use crate::finding::CaptureFindings;
 use crate::session::{AssignedBy, Bus, Buses};
 
 /// Stories of the report, and what they rest on.
-pub(super) struct Basis<'a> {
+pub(super) struct ReportBasis<'a> {
     pub(super) stories: &'a [&'a Story],
-    pub(super) findings: &'a Findings,
+    pub(super) findings: &'a CaptureFindings,
     pub(super) buses: Buses<'a>,
     /// The protocol of the first story is not confirmed.
     pub(super) is_presumed: bool,
 }
 
 /// Assumptions about protocol, devices and severities.
-pub(super) fn of_capture(basis: &Basis<'_>) -> Vec<String> {
+pub(super) fn of_capture(basis: &ReportBasis<'_>) -> Vec<String> {
     let mut all: Vec<String> = Vec::new();
     let mut add = |text: String| {
         if !all.contains(&text) {
@@ -25,14 +25,17 @@ pub(super) fn of_capture(basis: &Basis<'_>) -> Vec<String> {
     };
     for (place, story) in basis.stories.iter().enumerate() {
         if place == 0 && basis.is_presumed {
-            add(format!("protocol of {}?: not confirmed by the traffic", who(basis.buses, story.bus, None)));
+            add(format!(
+                "protocol of {}?: not confirmed by the traffic",
+                node_title(basis.buses, story.bus, None)
+            ));
         }
         let bus = basis.buses.iter().find(|bus| bus.index() == story.bus);
         let nodes = story.nodes.iter().filter(|(index, _)| *index == story.bus).map(|(_, id)| *id);
         for id in nodes.chain(story.node) {
-            bus.and_then(|bus| assigned(bus, id)).into_iter().for_each(&mut add);
+            bus.and_then(|bus| assigned_profile(bus, id)).into_iter().for_each(&mut add);
         }
-        for group in groups(story, basis.findings) {
+        for group in story_groups(story, basis.findings) {
             if let Some(reason) = &group.downgraded {
                 add(format!("severity of {} lowered: {reason}", group.rule));
             }
@@ -42,14 +45,14 @@ pub(super) fn of_capture(basis: &Basis<'_>) -> Vec<String> {
 }
 
 /// A profile that the node did not confirm.
-fn assigned(bus: &Bus, id: crate::wire::NodeId) -> Option<String> {
-    let by = bus.node(id)?.assigned().filter(|by| *by != AssignedBy::Identity).map(assigned_by)?;
-    let node = node(bus, id);
+fn assigned_profile(bus: &Bus, id: crate::wire::NodeId) -> Option<String> {
+    let by = bus.node(id)?.assigned_by().filter(|by| *by != AssignedBy::Identity).map(assigned_by)?;
+    let node = describe_node(bus, id);
     Some(format!("profile of {node}?: {by}; the capture does not prove that the node is this device"))
 }
 
 /// Marks `?` in the story, the frames and the object values of a claim.
-pub(super) fn of_claim(claim: &Claim) -> Vec<String> {
+pub(super) fn of_claim(claim: &ReportClaim) -> Vec<String> {
     let number = claim.number;
     let mut all = Vec::new();
     for line in claim.lines.iter().filter(|line| is_marked(&line.text)) {

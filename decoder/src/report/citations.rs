@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::model::ClaimLine;
-use crate::diagnosis::{Label, Story};
-use crate::finding::{Cause, Findings, Group, Occurrence};
+use crate::diagnosis::{LineLabel, Story};
+use crate::finding::{CaptureFindings, FindingCause, FindingGroup, Occurrence};
 
 /// Maximum number of frames listed per claim.
 pub(super) const MOST_CITED: usize = 40;
@@ -22,10 +22,10 @@ pub(super) struct Citations {
 
 impl Citations {
     /// Frames of the lines of a story and of its findings. Frames of lines take precedence.
-    pub(super) fn of(story: &Story, lines: &[ClaimLine], findings: &Findings) -> Self {
+    pub(super) fn citations_of(story: &Story, lines: &[ClaimLine], findings: &CaptureFindings) -> Self {
         let mut cited = Self::default();
         for (line, fact) in story.lines.iter().zip(lines) {
-            cited.add(line.at, fact.mark);
+            cited.add_frames(line.at, fact.mark);
             for frame in in_braces(&line.text) {
                 cited.add_frame(frame, fact.mark);
             }
@@ -37,17 +37,17 @@ impl Citations {
         cited
     }
 
-    fn add_group(&mut self, group: &Group) {
-        if let Some(Cause::Fact(fact)) = &group.cause {
-            self.add(fact.at, None);
+    fn add_group(&mut self, group: &FindingGroup) {
+        if let Some(FindingCause::Fact(fact)) = &group.cause {
+            self.add_frames(fact.at, None);
         }
         let worst = group.worst.as_ref().map(|(_, _, at)| *at);
         for at in group.first.iter().copied().chain(worst).chain(group.last.iter().copied()) {
-            self.add(at, None);
+            self.add_frames(at, None);
         }
     }
 
-    fn add(&mut self, at: Occurrence, mark: Option<usize>) {
+    fn add_frames(&mut self, at: Occurrence, mark: Option<usize>) {
         self.add_frame(at.frames.first, mark);
         self.add_frame(at.frames.last, mark);
     }
@@ -78,12 +78,13 @@ impl Citations {
 }
 
 /// Lines of a story with the numbers of its facts.
-pub(super) fn numbered(story: &Story) -> Vec<ClaimLine> {
+pub(super) fn number_lines(story: &Story) -> Vec<ClaimLine> {
     let mut last = 0;
     let numbered = |line: &crate::diagnosis::StoryLine| {
-        let is_fact =
-            matches!(line.label, Label::Cause | Label::FirstEffect | Label::Effect | Label::EarlierEffect)
-                && line.at.frames.last > 0;
+        let is_fact = matches!(
+            line.label,
+            LineLabel::Cause | LineLabel::FirstEffect | LineLabel::Effect | LineLabel::EarlierEffect
+        ) && line.at.frames.last > 0;
         last += usize::from(is_fact);
         ClaimLine { mark: is_fact.then_some(last), label: line.label, text: line.text.clone() }
     };

@@ -1,12 +1,12 @@
 //! Claims: stories with node, time and sources.
 
-use super::clock::{date, seconds};
-use super::model::{Claim, ClaimLine, RuleSource};
+use super::clock::{format_date, format_seconds};
+use super::model::{ClaimLine, ReportClaim, RuleSource};
 use crate::diagnosis::Story;
-use crate::finding::{Findings, Group};
+use crate::finding::{CaptureFindings, FindingGroup};
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::{AssignedBy, Bus, Buses, Node};
-use crate::statistics::span;
+use crate::statistics::format_span;
 use crate::wire::NodeId;
 
 /// Maximum number of claims on a page; further stories are listed by title.
@@ -16,24 +16,24 @@ pub const SHOWN_CLAIMS: usize = 3;
 const SHOWN_SOURCES: usize = 3;
 
 /// The claim of a story, without evidence.
-pub(super) fn claim(
+pub(super) fn build_claim(
     (number, story): (usize, &Story),
     lines: Vec<ClaimLine>,
-    findings: &Findings,
+    findings: &CaptureFindings,
     (buses, zero): (Buses<'_>, Option<Timestamp>),
-) -> Claim {
+) -> ReportClaim {
     let mut sources = Vec::new();
     for RuleSource { source, .. } in sources_of(story, findings) {
         if !sources.contains(&source) && sources.len() < SHOWN_SOURCES {
             sources.push(source);
         }
     }
-    Claim {
+    ReportClaim {
         number,
         severity: story.severity,
         title: story.title.clone(),
-        who: who(buses, story.bus, story.node),
-        when: when(story, zero),
+        who: node_title(buses, story.bus, story.node),
+        when: story_period(story, zero),
         lines,
         sources,
         evidence: Vec::new(),
@@ -45,20 +45,20 @@ pub(super) fn claim(
 }
 
 /// `node 32/20 boom (PVEA, danfoss-pve-ci), bus can0`.
-pub(super) fn who(buses: Buses<'_>, index: BusIndex, id: Option<NodeId>) -> String {
+pub(super) fn node_title(buses: Buses<'_>, index: BusIndex, id: Option<NodeId>) -> String {
     let bus = buses.iter().find(|bus| bus.index() == index);
     let on = bus.map_or_else(String::new, |bus| format!("bus {}", bus.name()));
     match (id, bus) {
-        (Some(id), Some(bus)) => format!("{}, {on}", node(bus, id)),
-        (Some(id), None) => id.words(),
+        (Some(id), Some(bus)) => format!("{}, {on}", describe_node(bus, id)),
+        (Some(id), None) => id.sentence_label(),
         (None, _) => on,
     }
 }
 
 /// `node 32/20 boom (PVEA, danfoss-pve-ci)`.
-pub(super) fn node(bus: &Bus, id: NodeId) -> String {
+pub(super) fn describe_node(bus: &Bus, id: NodeId) -> String {
     let node = bus.present_or_former(id);
-    let mut text = id.words();
+    let mut text = id.sentence_label();
     if let Some(now) = node.map(Node::id).filter(|now| *now != id) {
         text = format!("{text}, later {}", now.label());
     }
@@ -84,22 +84,26 @@ pub(super) const fn assigned_by(by: AssignedBy) -> &'static str {
 }
 
 /// `7.204 s after the first frame, 2023-11-14 22:13:27.204 UTC; until 10.430 s`.
-fn when(story: &Story, zero: Option<Timestamp>) -> String {
+fn story_period(story: &Story, zero: Option<Timestamp>) -> String {
     let Some((began, zero)) = story.began.time.zip(zero) else {
         return match story.began.frames.first {
             0 => "unknown: the capture has no timestamps".to_owned(),
             frame => format!("frame {frame}; the capture has no timestamps"),
         };
     };
-    let mut text = format!("{} after the first frame", seconds(began.since(zero)));
+    let mut text = format!("{} after the first frame", format_seconds(began.since(zero)));
     if began.has_date() {
         text.push_str(", ");
-        text.push_str(&date(began));
+        text.push_str(&format_date(began));
     }
     match story.ended.time.map(|ended| (ended, ended.since(began))) {
         _ if story.lasts => text.push_str("; present at the end of the capture"),
         Some((ended, lasted)) if lasted > 0 => {
-            text = format!("{text}; last seen {} ({} later)", seconds(ended.since(zero)), span(lasted));
+            text = format!(
+                "{text}; last seen {} ({} later)",
+                format_seconds(ended.since(zero)),
+                format_span(lasted)
+            );
         }
         _ => {}
     }
@@ -107,14 +111,17 @@ fn when(story: &Story, zero: Option<Timestamp>) -> String {
 }
 
 /// Groups of a story, cause first.
-pub(super) fn groups<'a>(story: &'a Story, findings: &'a Findings) -> impl Iterator<Item = &'a Group> {
+pub(super) fn story_groups<'a>(
+    story: &'a Story,
+    findings: &'a CaptureFindings,
+) -> impl Iterator<Item = &'a FindingGroup> {
     story.findings.iter().filter_map(|id| findings.groups.iter().find(|group| group.id == *id))
 }
 
 /// Sources of the rules of a story, without duplicates.
-pub(super) fn sources_of(story: &Story, findings: &Findings) -> Vec<RuleSource> {
+pub(super) fn sources_of(story: &Story, findings: &CaptureFindings) -> Vec<RuleSource> {
     let mut all: Vec<RuleSource> = Vec::new();
-    for group in groups(story, findings) {
+    for group in story_groups(story, findings) {
         let Some(rule) = findings.rules.get(usize::from(group.key.rule)) else { continue };
         let source = group.manual.as_deref().or(rule.source.as_deref()).unwrap_or_default();
         let own = RuleSource {

@@ -4,17 +4,17 @@ use jiff::tz::TimeZone;
 
 use super::model::CaptureFacts;
 use crate::frame::Timestamp;
-use crate::statistics::{Quality, span};
+use crate::statistics::{CaptureQuality, format_span};
 
 /// `7.204 s`.
-pub(super) fn seconds(nanoseconds: i64) -> String {
+pub(super) fn format_seconds(nanoseconds: i64) -> String {
     let sign = if nanoseconds < 0 { "-" } else { "" };
     let milliseconds = nanoseconds.unsigned_abs() / 1_000_000;
     format!("{sign}{}.{:03} s", milliseconds / 1_000, milliseconds % 1_000)
 }
 
 /// `2023-11-14 22:13:27.204 UTC`.
-pub(super) fn date(time: Timestamp) -> String {
+pub(super) fn format_date(time: Timestamp) -> String {
     jiff::Timestamp::from_nanosecond(i128::from(time.0)).map_or_else(
         |_| format!("{} s", time.0 / 1_000_000_000),
         |time| time.to_zoned(TimeZone::UTC).strftime("%Y-%m-%d %H:%M:%S.%3f UTC").to_string(),
@@ -22,7 +22,7 @@ pub(super) fn date(time: Timestamp) -> String {
 }
 
 /// Source, zone and steps of the timestamps.
-pub(super) fn statements(capture: &CaptureFacts, quality: &Quality) -> Vec<String> {
+pub(super) fn clock_statements(capture: &CaptureFacts, quality: &CaptureQuality) -> Vec<String> {
     let mut all = Vec::new();
     let stamps = quality.first.zip(quality.last).map(|(first, last)| (Timestamp(first), Timestamp(last)));
     match stamps {
@@ -36,7 +36,7 @@ pub(super) fn statements(capture: &CaptureFacts, quality: &Quality) -> Vec<Strin
                 "zone: UTC on this page; a recorder that stored local time shifts all dates equally"
                     .to_owned(),
             );
-            all.push(format!("first frame {}; last frame {}", date(first), date(last)));
+            all.push(format!("first frame {}; last frame {}", format_date(first), format_date(last)));
         }
         Some(_) => {
             all.push(format!("source: clock of the recorder, as stored in the capture ({})", capture.format));
@@ -45,7 +45,7 @@ pub(super) fn statements(capture: &CaptureFacts, quality: &Quality) -> Vec<Strin
     }
     all.push("seconds on this page count from the first frame".to_owned());
     if let Some(step) = quality.granularity() {
-        all.push(format!("timestamps in steps of {}", span(step)));
+        all.push(format!("timestamps in steps of {}", format_span(step)));
     }
     if !quality.is_timed() {
         all.push("the timestamps are not measured: times and intervals prove nothing".to_owned());
@@ -59,8 +59,8 @@ mod tests {
 
     #[test]
     fn times_have_units_and_zones() {
-        assert_eq!(seconds(7_204_999_999), "7.204 s");
-        assert_eq!(seconds(-500_000_000), "-0.500 s");
-        assert_eq!(date(Timestamp(1_700_000_007_204_000_000)), "2023-11-14 22:13:27.204 UTC");
+        assert_eq!(format_seconds(7_204_999_999), "7.204 s");
+        assert_eq!(format_seconds(-500_000_000), "-0.500 s");
+        assert_eq!(format_date(Timestamp(1_700_000_007_204_000_000)), "2023-11-14 22:13:27.204 UTC");
     }
 }

@@ -1,10 +1,10 @@
 //! Curves of the signals around a claim, in bounded memory.
 
-use super::model::{Curve, Plot, PlotMark};
-use super::window::Window;
+use super::model::{ClaimPlot, PlotMark, SignalCurve};
+use super::window::ClaimWindow;
 use crate::event::{Event, EventKind};
 use crate::frame::{BusIndex, Timestamp};
-use crate::profile::{Field, Layout, Signal, SignalId};
+use crate::profile::{DecodedSignal, PayloadLayout, SignalField, SignalId};
 use crate::wire::NodeId;
 
 /// Maximum number of signals observed per claim.
@@ -21,8 +21,8 @@ const SECTIONS: usize = 240;
 
 /// Signals of the nodes of a claim.
 #[derive(Debug, Clone)]
-pub(super) struct Curves {
-    window: Window,
+pub(super) struct ClaimCurves {
+    window: ClaimWindow,
     zero: Option<Timestamp>,
     range: (f64, f64),
     bus: BusIndex,
@@ -31,12 +31,12 @@ pub(super) struct Curves {
     subjects: Vec<String>,
     /// Text of the story, which may name signals.
     text: String,
-    all: Vec<Samples>,
+    all: Vec<SignalSamples>,
 }
 
 /// Values of one signal.
 #[derive(Debug, Clone)]
-struct Samples {
+struct SignalSamples {
     source: String,
     id: SignalId,
     bit: u16,
@@ -46,12 +46,12 @@ struct Samples {
     is_quantity: bool,
     is_subject: bool,
     changes: u32,
-    sections: Vec<Section>,
+    sections: Vec<AxisSection>,
 }
 
 /// Values in one section of the horizontal axis.
 #[derive(Debug, Clone, Copy)]
-struct Section {
+struct AxisSection {
     place: usize,
     first: (f64, f64),
     least: (f64, f64),
@@ -59,10 +59,10 @@ struct Section {
     last: (f64, f64),
 }
 
-impl Curves {
+impl ClaimCurves {
     /// No values yet. `range` is the part of the axis to draw.
     pub(super) fn new(
-        (window, zero): (Window, Option<Timestamp>),
+        (window, zero): (ClaimWindow, Option<Timestamp>),
         range: (f64, f64),
         (bus, nodes): (BusIndex, Vec<NodeId>),
         (subjects, text): (Vec<String>, String),
@@ -71,7 +71,7 @@ impl Curves {
     }
 
     /// Takes an event of the capture.
-    pub(super) fn event(&mut self, event: &Event) {
+    pub(super) fn take_event(&mut self, event: &Event) {
         let is_meant = event.bus == self.bus
             && (self.nodes.is_empty() || event.node.is_none_or(|node| self.nodes.contains(&node)))
             && self.window.contains(event.time, event.frames.last);
@@ -79,49 +79,55 @@ impl Curves {
             return;
         }
         let Some((layout, payload)) = event.laid_out() else { return };
-        let Some(at) = self.window.position(event.time, event.frames.last, self.zero) else { return };
-        let source = source(event);
-        for signal in layout.signals(payload) {
-            if let Some(value) = signal.field.plotted(&signal.value).filter(|value| value.is_finite()) {
-                self.add(&source, layout, &signal, (at, value));
+        let Some(at) = self.window.axis_position(event.time, event.frames.last, self.zero) else { return };
+        let source = source_name(event);
+        for signal in layout.decode_signals(payload) {
+            if let Some(value) = signal.field.plot_number(&signal.value).filter(|value| value.is_finite()) {
+                self.add_signal(&source, layout, &signal, (at, value));
             }
         }
     }
 
-    fn add(&mut self, source: &str, layout: &Layout, signal: &Signal<'_>, point: (f64, f64)) {
+    fn add_signal(
+        &mut self,
+        source: &str,
+        layout: &PayloadLayout,
+        signal: &DecodedSignal<'_>,
+        point: (f64, f64),
+    ) {
         let (from, to) = self.range;
-        let place = section(point.0, from, to);
+        let place = section_of(point.0, from, to);
         let field = signal.field;
         let known = self.all.iter_mut().find(|known| known.is_of(source, field));
         if let Some(known) = known {
             known.is_assumed |= is_assumed(layout, field);
-            return known.add(place, point);
+            return known.add_sample(place, point);
         }
         if self.all.len() >= MOST_SIGNALS {
             return;
         }
-        let mut samples = Samples::new(source, field, is_assumed(layout, field));
+        let mut samples = SignalSamples::new(source, field, is_assumed(layout, field));
         let id = field.id.to_string();
         let is_named = samples.name.chars().count() > 4 && self.text.contains(&samples.name);
         samples.is_subject = is_named || (!id.is_empty() && self.subjects.contains(&id));
-        samples.add(place, point);
+        samples.add_sample(place, point);
         self.all.push(samples);
     }
 
     /// Plots of the most relevant signals: those that the findings name, then those that change.
-    pub(super) fn plots(mut self, marks: &[PlotMark]) -> Vec<Plot> {
+    pub(super) fn build_plots(mut self, marks: &[PlotMark]) -> Vec<ClaimPlot> {
         self.all.retain(|it| it.sections.len() > 1 && it.is_quantity && (it.changes > 0 || it.is_subject));
         self.all.sort_by_key(|it| (!it.is_subject, it.unit.is_empty(), std::cmp::Reverse(it.changes.min(8))));
-        let mut plots: Vec<Plot> = Vec::new();
+        let mut plots: Vec<ClaimPlot> = Vec::new();
         for samples in self.all {
             let unit = samples.unit.clone();
-            let curve = samples.curve();
+            let curve = samples.build_curve();
             let has_room = plots.len() < MOST_PLOTS;
             match plots.iter_mut().find(|plot| plot.unit == unit && plot.curves.len() < MOST_CURVES) {
                 Some(plot) => plot.curves.push(curve),
-                None if has_room => plots.push(Plot {
+                None if has_room => plots.push(ClaimPlot {
                     unit,
-                    axis: self.window.axis(),
+                    axis: self.window.axis_unit(),
                     range: self.range,
                     curves: vec![curve],
                     marks: marks.to_vec(),
@@ -133,8 +139,8 @@ impl Curves {
     }
 }
 
-impl Samples {
-    fn new(source: &str, field: &Field, is_assumed: bool) -> Self {
+impl SignalSamples {
+    fn new(source: &str, field: &SignalField, is_assumed: bool) -> Self {
         let meaning = field.meaning.as_deref();
         let name = match (field.name(), field.id) {
             (Some(name), _) => name.to_owned(),
@@ -157,13 +163,13 @@ impl Samples {
         }
     }
 
-    fn is_of(&self, source: &str, field: &Field) -> bool {
+    fn is_of(&self, source: &str, field: &SignalField) -> bool {
         let unit = field.meaning.as_deref().map_or("", |meaning| meaning.unit.as_str());
         let is_named = field.id != SignalId::Name || field.name().is_none_or(|name| name == self.name);
         self.id == field.id && self.bit == field.bit && is_named && self.source == source && self.unit == unit
     }
 
-    fn add(&mut self, place: usize, point: (f64, f64)) {
+    fn add_sample(&mut self, place: usize, point: (f64, f64)) {
         let before = self.sections.last().map(|section| section.last.1);
         if before.is_some_and(|before| (before - point.1).abs() > f64::EPSILON) {
             self.changes = self.changes.saturating_add(1);
@@ -180,13 +186,19 @@ impl Samples {
                 }
             }
             _ if has_room => {
-                self.sections.push(Section { place, first: point, least: point, most: point, last: point });
+                self.sections.push(AxisSection {
+                    place,
+                    first: point,
+                    least: point,
+                    most: point,
+                    last: point,
+                });
             }
             _ => {}
         }
     }
 
-    fn curve(self) -> Curve {
+    fn build_curve(self) -> SignalCurve {
         let mut points = Vec::new();
         for section in self.sections {
             let mut own = [section.first, section.least, section.most, section.last];
@@ -198,12 +210,12 @@ impl Samples {
             }
         }
         let mark = if self.is_assumed { "?" } else { "" };
-        Curve { name: format!("{}{mark}", self.name), source: self.source, points }
+        SignalCurve { name: format!("{}{mark}", self.name), source: self.source, points }
     }
 }
 
 /// Section of a position, 0 to [`SECTIONS`].
-fn section(at: f64, from: f64, to: f64) -> usize {
+fn section_of(at: f64, from: f64, to: f64) -> usize {
     #[expect(clippy::cast_precision_loss, reason = "a small constant")]
     let part = (at - from) / (to - from).max(f64::EPSILON) * SECTIONS as f64;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
@@ -211,13 +223,13 @@ fn section(at: f64, from: f64, to: f64) -> usize {
     place.min(SECTIONS)
 }
 
-fn is_assumed(layout: &Layout, field: &Field) -> bool {
+fn is_assumed(layout: &PayloadLayout, field: &SignalField) -> bool {
     layout.assumed || field.meaning.as_deref().is_some_and(|meaning| meaning.assumed)
 }
 
 /// `TPDO1 of node 2/02`.
-fn source(event: &Event) -> String {
-    let of = event.node.map_or_else(String::new, |node| format!(" of {}", node.words()));
+fn source_name(event: &Event) -> String {
+    let of = event.node.map_or_else(String::new, |node| format!(" of {}", node.sentence_label()));
     match &event.kind {
         EventKind::Pdo(pdo) => format!("{}{of}", pdo.name),
         EventKind::J1939Message(message) => {
@@ -234,27 +246,27 @@ mod tests {
 
     #[test]
     fn a_section_keeps_its_extremes() {
-        let field = Field::of_object(
+        let field = SignalField::of_object(
             crate::wire::canopen::ObjectAddress { index: 0x5002, sub: 0 },
             0,
             16,
             crate::profile::DataType::Unsigned16,
         );
-        let mut samples = Samples::new("TPDO1", &field, true);
+        let mut samples = SignalSamples::new("TPDO1", &field, true);
         for (at, value) in [(0.0, 1.0), (0.1, 9.0), (0.2, -3.0), (0.3, 2.0)] {
-            samples.add(0, (at, value));
+            samples.add_sample(0, (at, value));
         }
-        samples.add(5, (5.0, 2.0));
+        samples.add_sample(5, (5.0, 2.0));
         assert_eq!(samples.changes, 3);
-        let curve = samples.curve();
+        let curve = samples.build_curve();
         assert_eq!(curve.points, [(0.0, 1.0), (0.1, 9.0), (0.2, -3.0), (0.3, 2.0), (5.0, 2.0)]);
         assert_eq!(curve.name, "5002:00?");
     }
 
     #[test]
     fn positions_outside_the_range_are_in_the_outer_sections() {
-        assert_eq!((section(-1.0, 0.0, 10.0), section(11.0, 0.0, 10.0)), (0, SECTIONS));
-        assert_eq!(section(5.0, 0.0, 10.0), SECTIONS / 2);
-        assert_eq!(section(5.0, 5.0, 5.0), 0);
+        assert_eq!((section_of(-1.0, 0.0, 10.0), section_of(11.0, 0.0, 10.0)), (0, SECTIONS));
+        assert_eq!(section_of(5.0, 0.0, 10.0), SECTIONS / 2);
+        assert_eq!(section_of(5.0, 5.0, 5.0), 0);
     }
 }

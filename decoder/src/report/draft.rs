@@ -1,23 +1,25 @@
 //! A report in preparation: what the second reading of the capture collects.
 
-use super::assumptions::{self, Basis};
-use super::citations::{Citations, numbered};
-use super::claims::{SHOWN_CLAIMS, assigned_by, claim, groups, node, sources_of};
-use super::clock::{self, seconds};
-use super::curves::Curves;
-use super::excerpt::Excerpt;
-use super::model::{CaptureFacts, Claim, EvidenceFrame, NodeValues, PlotMark, Provenance, Report};
+use super::assumptions::{self, ReportBasis};
+use super::citations::{Citations, number_lines};
+use super::claims::{SHOWN_CLAIMS, assigned_by, build_claim, describe_node, sources_of, story_groups};
+use super::clock::{self, format_seconds};
+use super::curves::ClaimCurves;
+use super::excerpt::CommentedExcerpt;
+use super::model::{
+    CaptureFacts, CaptureReport, EvidenceFrame, NodeValues, PlotMark, Provenance, ReportClaim,
+};
 use super::quality;
-use super::values::values;
-use super::window::Window;
+use super::values::node_values;
+use super::window::ClaimWindow;
 use crate::diagnosis::{Diagnosis, Story};
 use crate::event::Event;
-use crate::finding::{About, Findings};
+use crate::finding::{CaptureFindings, FindingSubject};
 use crate::frame::{BusIndex, Frame, FrameFlags, Timestamp};
-use crate::session::{Bus, Buses, Preview};
-use crate::sink::text::Line;
+use crate::session::{Bus, Buses, MessagePreview};
+use crate::sink::text::EventLine;
 use crate::statistics::Statistics;
-use crate::why::{self, FaultGrade, Moment};
+use crate::why::{self, FaultGrade, WhyMoment};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -29,11 +31,11 @@ const MOST_NODES: usize = 2;
 
 /// Results of the first reading of a capture.
 #[derive(Debug, Clone, Copy)]
-pub struct Ground<'a> {
+pub struct ReportGround<'a> {
     /// The answer of `why`, with the selected stories.
-    pub answer: &'a why::Report,
+    pub answer: &'a why::WhyReport,
     /// All findings.
-    pub findings: &'a Findings,
+    pub findings: &'a CaptureFindings,
     /// Statistics of the capture.
     pub statistics: &'a Statistics,
     /// Buses in the state after the last frame.
@@ -50,13 +52,13 @@ pub struct Ground<'a> {
     pub scope: &'a why::FaultScope,
 }
 
-impl Ground<'_> {
+impl ReportGround<'_> {
     fn stories(&self) -> &[Story] {
         &self.answer.diagnosis.stories
     }
 
     /// Stories with a claim: the selected one, or the first ones.
-    fn shown(&self) -> impl Iterator<Item = &Story> {
+    fn claimed_stories(&self) -> impl Iterator<Item = &Story> {
         let (from, count) = match self.answer.question.story {
             0 => (0, SHOWN_CLAIMS),
             story => (story.saturating_sub(1), 1),
@@ -67,20 +69,20 @@ impl Ground<'_> {
 
 /// A report in preparation. It observes a second reading of the same capture, with the same options.
 #[derive(Debug, Clone)]
-pub struct Draft {
-    report: Report,
-    plans: Vec<Plan>,
-    excerpt: Excerpt,
+pub struct ReportDraft {
+    report: CaptureReport,
+    plans: Vec<ClaimPlan>,
+    excerpt: CommentedExcerpt,
     zero: Option<Timestamp>,
 }
 
 /// What to collect for one claim.
 #[derive(Debug, Clone)]
-struct Plan {
-    claim: Claim,
+struct ClaimPlan {
+    claim: ReportClaim,
     cited: Citations,
-    window: Window,
-    curves: Curves,
+    window: ClaimWindow,
+    curves: ClaimCurves,
     marks: Vec<PlotMark>,
     bus: BusIndex,
     nodes: Vec<NodeId>,
@@ -90,32 +92,33 @@ struct Plan {
     values: Option<Vec<NodeValues>>,
 }
 
-impl Draft {
+impl ReportDraft {
     /// Starts the second reading.
-    pub fn new(ground: &Ground<'_>) -> Self {
-        let plans: Vec<_> = (1..).zip(ground.shown()).map(|one| Plan::new(one, ground)).collect();
-        let mut report = facts(ground);
+    pub fn new(ground: &ReportGround<'_>) -> Self {
+        let plans: Vec<_> =
+            (1..).zip(ground.claimed_stories()).map(|one| ClaimPlan::new(one, ground)).collect();
+        let mut report = first_facts(ground);
         if plans.is_empty() {
             let mut account = String::new();
-            let setting = why::text::Setting::new(ground.buses, ground.first, ground.scope);
-            why::text::write(ground.answer, &setting, &mut account);
+            let setting = why::text::WhyTextContext::new(ground.buses, ground.first, ground.scope);
+            why::text::write_report(ground.answer, &setting, &mut account);
             report.account = account.lines().map(str::to_owned).collect();
-            let is_fault = |it: &Moment| it.grade() == FaultGrade::Fault && it.time.is_some();
+            let is_fault = |it: &WhyMoment| it.highest_grade() == FaultGrade::Fault && it.time.is_some();
             report.has_unjudged_fault = ground.answer.moment.as_ref().is_some_and(is_fault);
         }
-        let mut draft = Self { report, plans, excerpt: Excerpt::default(), zero: ground.first };
+        let mut draft = Self { report, plans, excerpt: CommentedExcerpt::default(), zero: ground.first };
         if let Some(plan) = draft.plans.first_mut() {
             let mut context = String::new();
-            let setting = why::text::Setting::new(ground.buses, ground.first, ground.scope);
+            let setting = why::text::WhyTextContext::new(ground.buses, ground.first, ground.scope);
             why::text::write_context(ground.answer, &setting, &mut context);
             plan.claim.context = context.lines().map(str::to_owned).collect();
         }
-        draft.comment();
+        draft.add_comments();
         draft
     }
 
     /// Comments of the cut-out capture.
-    fn comment(&mut self) {
+    fn add_comments(&mut self) {
         for plan in &self.plans {
             for (frame, marks) in plan.cited.iter() {
                 let facts =
@@ -135,17 +138,17 @@ impl Draft {
     }
 
     /// Takes a frame, before its events; `bus` is the name of its bus.
-    pub fn frame(&mut self, frame: &Frame, bus: &str) {
+    pub fn take_frame(&mut self, frame: &Frame, bus: &str) {
         let mut is_near = false;
         for plan in &mut self.plans {
             let is_cited = plan.cited.contains(frame.number);
             is_near |= is_cited || plan.window.contains(frame.time, frame.number);
             if is_cited {
-                plan.claim.evidence.push(shown(frame, bus, self.zero));
+                plan.claim.evidence.push(evidence_frame(frame, bus, self.zero));
             }
         }
         if is_near {
-            self.excerpt.add(frame, bus);
+            self.excerpt.add_frame(frame, bus);
         }
     }
 
@@ -159,7 +162,11 @@ impl Draft {
     }
 
     /// The report, and the frames around its claims. `buses` are in the state after the last frame.
-    pub fn finish(self, buses: Buses<'_>, provenance: Provenance) -> (Report, Excerpt) {
+    pub fn finish_report(
+        self,
+        buses: Buses<'_>,
+        provenance: Provenance,
+    ) -> (CaptureReport, CommentedExcerpt) {
         let Self { mut report, plans, excerpt, .. } = self;
         for mut plan in plans {
             if plan.values.is_none()
@@ -167,7 +174,7 @@ impl Draft {
             {
                 plan.take_values(bus, bus.last_frame());
             }
-            let claim = plan.claim();
+            let claim = plan.finish_claim();
             for text in assumptions::of_claim(&claim) {
                 if !report.assumptions.contains(&text) {
                     report.assumptions.push(text);
@@ -180,32 +187,32 @@ impl Draft {
     }
 }
 
-impl Draft {
+impl ReportDraft {
     /// Takes an event of the capture; `bus` is in the state after the event.
     pub fn event(&mut self, event: &Event, bus: &Bus) {
         for plan in &mut self.plans {
-            plan.event(event, bus);
+            plan.take_event(event, bus);
         }
     }
 
     /// Whether the event of a frame is needed: a claim cites it, or its values are in a curve.
-    pub fn needs(&self, preview: &Preview) -> bool {
-        let is_near = |plan: &Plan| {
+    pub fn needs(&self, preview: &MessagePreview) -> bool {
+        let is_near = |plan: &ClaimPlan| {
             plan.cited.contains(preview.frame) || plan.window.contains(Some(preview.time), preview.frame)
         };
         self.plans.iter().any(is_near)
     }
 }
 
-impl Plan {
-    fn new((number, story): (usize, &Story), ground: &Ground<'_>) -> Self {
-        let lines = numbered(story);
-        let cited = Citations::of(story, &lines, ground.findings);
-        let window = Window::of(story);
-        let abouts = groups(story, ground.findings).map(|group| &group.key.about);
+impl ClaimPlan {
+    fn new((number, story): (usize, &Story), ground: &ReportGround<'_>) -> Self {
+        let lines = number_lines(story);
+        let cited = Citations::citations_of(story, &lines, ground.findings);
+        let window = ClaimWindow::window_of(story);
+        let abouts = story_groups(story, ground.findings).map(|group| &group.key.about);
         let subjects: Vec<_> = abouts
             .filter_map(|about| match about {
-                About::Object(object) => Some(*object),
+                FindingSubject::Object(object) => Some(*object),
                 _ => None,
             })
             .collect();
@@ -214,20 +221,20 @@ impl Plan {
         nodes.extend(story.node.filter(|node| !nodes.contains(node)));
         let text = lines.iter().map(|line| line.text.as_str()).collect::<Vec<_>>().join("\n");
         let names = subjects.iter().map(ToString::to_string).collect();
-        let curves = Curves::new(
+        let curves = ClaimCurves::new(
             (window, ground.first),
-            range(window, ground),
+            axis_range(window, ground),
             (story.bus, nodes.clone()),
             (names, text),
         );
         let marks = lines.iter().zip(&story.lines).filter_map(|(line, fact)| {
-            let at = window.position(fact.at.time, fact.at.frames.last, ground.first)?;
+            let at = window.axis_position(fact.at.time, fact.at.frames.last, ground.first)?;
             Some(PlotMark { number: line.mark?, at })
         });
         let at = story.began.frames.last.max(story.began.frames.first);
         Self {
             marks: marks.collect(),
-            claim: claim((number, story), lines, ground.findings, (ground.buses, ground.first)),
+            claim: build_claim((number, story), lines, ground.findings, (ground.buses, ground.first)),
             cited,
             window,
             curves,
@@ -239,13 +246,13 @@ impl Plan {
         }
     }
 
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        self.curves.event(event);
+    fn take_event(&mut self, event: &Event, bus: &Bus) {
+        self.curves.take_event(event);
         let (first, last) = (event.frames.first, event.frames.last);
         for frame in &mut self.claim.evidence {
             let is_of_frame = frame.number == last || frame.number == first;
             if is_of_frame && frame.meaning.len() < MOST_EVENTS {
-                let line = Line::of(event, bus);
+                let line = EventLine::describe_event(event, bus);
                 frame.meaning.push(format!("{}  {}  {}", line.who, line.kind, line.what));
                 frame.is_presumed |= event.presumed;
             }
@@ -254,10 +261,10 @@ impl Plan {
 
     fn take_values(&mut self, bus: &Bus, frame: u64) {
         let nodes = self.nodes.iter().take(MOST_NODES);
-        self.values = Some(nodes.filter_map(|id| values(bus, *id, &self.subjects, frame)).collect());
+        self.values = Some(nodes.filter_map(|id| node_values(bus, *id, &self.subjects, frame)).collect());
     }
 
-    fn claim(self) -> Claim {
+    fn finish_claim(self) -> ReportClaim {
         let Self { mut claim, cited, curves, marks, values, .. } = self;
         for (number, facts) in cited.iter() {
             if let Some(frame) = claim.evidence.iter_mut().find(|frame| frame.number == number) {
@@ -265,24 +272,24 @@ impl Plan {
             }
         }
         claim.omitted = cited.omitted;
-        claim.plots = curves.plots(&marks);
+        claim.plots = curves.build_plots(&marks);
         claim.values = values.unwrap_or_default();
         claim
     }
 }
 
 /// All parts of the report that the first reading provides.
-fn facts(ground: &Ground<'_>) -> Report {
-    let Ground { answer, findings, statistics, buses, .. } = *ground;
+fn first_facts(ground: &ReportGround<'_>) -> CaptureReport {
+    let ReportGround { answer, findings, statistics, buses, .. } = *ground;
     let quality = &statistics.quality;
     let capture = CaptureFacts {
         name: ground.capture.to_owned(),
         format: ground.format.to_owned(),
         frames: quality.frames,
-        duration: quality.duration().map(seconds),
+        duration: quality.duration().map(format_seconds),
         failure: ground.failure.map(str::to_owned),
     };
-    let shown: Vec<_> = ground.shown().collect();
+    let shown: Vec<_> = ground.claimed_stories().collect();
     let is_shown = |story: &Story| shown.iter().any(|known| known.findings == story.findings);
     let mut sources = Vec::new();
     for source in shown.iter().flat_map(|story| sources_of(story, findings)) {
@@ -290,35 +297,36 @@ fn facts(ground: &Ground<'_>) -> Report {
             sources.push(source);
         }
     }
-    let basis = Basis { stories: &shown, findings, buses, is_presumed: answer.is_presumed };
-    Report {
+    let basis = ReportBasis { stories: &shown, findings, buses, is_presumed: answer.is_presumed };
+    CaptureReport {
         further: ground.stories().iter().filter(|it| !is_shown(it)).map(|it| it.title.clone()).collect(),
-        notes: notes(&answer.diagnosis),
-        coverage: quality::coverage(findings),
+        notes: note_texts(&answer.diagnosis),
+        coverage: quality::verdict_coverage(findings),
         sources,
-        quality: quality::facts(&capture, statistics, findings),
-        blind: quality::blind(&shown, statistics, findings),
+        quality: quality::quality_facts(&capture, statistics, findings),
+        blind: quality::blind_spots(&shown, statistics, findings),
         assumptions: assumptions::of_capture(&basis),
-        clock: clock::statements(&capture, quality),
-        devices: devices(buses),
-        scope: ground.scope.words(&answer.question),
+        clock: clock::clock_statements(&capture, quality),
+        devices: device_texts(buses),
+        scope: ground.scope.scope_text(&answer.question),
         capture,
-        ..Report::default()
+        ..CaptureReport::default()
     }
 }
 
-fn notes(diagnosis: &Diagnosis) -> Vec<String> {
+fn note_texts(diagnosis: &Diagnosis) -> Vec<String> {
     diagnosis.notes.iter().map(|note| note.line.text.clone()).collect()
 }
 
 /// Nodes with a profile, and its source.
-fn devices(buses: Buses<'_>) -> Vec<String> {
+fn device_texts(buses: Buses<'_>) -> Vec<String> {
     let of_bus = |bus: &'_ Bus| {
-        let nodes = bus.nodes().filter(|it| it.last_seen().0 > 0).filter_map(|it| Some((it, it.assigned()?)));
+        let nodes =
+            bus.nodes().filter(|it| it.last_seen().0 > 0).filter_map(|it| Some((it, it.assigned_by()?)));
         let described = nodes.map(|(it, by)| {
             let manual = it.device().source.as_str();
             let manual = if manual.is_empty() { String::new() } else { format!("; manual: {manual}") };
-            format!("{} on {}: {}{manual}", node(bus, it.id()), bus.name(), assigned_by(by))
+            format!("{} on {}: {}{manual}", describe_node(bus, it.id()), bus.name(), assigned_by(by))
         });
         described.collect::<Vec<_>>()
     };
@@ -326,23 +334,23 @@ fn devices(buses: Buses<'_>) -> Vec<String> {
 }
 
 /// Part of the horizontal axis to draw: the window within the capture.
-fn range(window: Window, ground: &Ground<'_>) -> (f64, f64) {
+fn axis_range(window: ClaimWindow, ground: &ReportGround<'_>) -> (f64, f64) {
     let quality = &ground.statistics.quality;
     #[expect(clippy::cast_precision_loss, reason = "drawn with a few digits")]
     let of = |at: Timestamp| ground.first.map_or(0.0, |first| at.since(first) as f64 / 1e9);
     match window {
-        Window::Times(from, to) => {
+        ClaimWindow::Times(from, to) => {
             let last = quality.last.map_or(to, |last| to.min(Timestamp(last)));
             let first = quality.first.map_or(from, |first| from.max(Timestamp(first)));
             (of(first), of(last.max(first)))
         }
         #[expect(clippy::cast_precision_loss, reason = "drawn with a few digits")]
-        Window::Frames(from, to) => (from.max(1) as f64, to.min(quality.frames) as f64),
+        ClaimWindow::Frames(from, to) => (from.max(1) as f64, to.min(quality.frames) as f64),
     }
 }
 
 /// A frame as evidence, without its meaning.
-fn shown(frame: &Frame, bus: &str, zero: Option<Timestamp>) -> EvidenceFrame {
+fn evidence_frame(frame: &Frame, bus: &str, zero: Option<Timestamp>) -> EvidenceFrame {
     let kind = match () {
         () if frame.flags.contains(FrameFlags::ERROR) => " error",
         () if frame.flags.contains(FrameFlags::REMOTE) => " remote",
@@ -350,7 +358,7 @@ fn shown(frame: &Frame, bus: &str, zero: Option<Timestamp>) -> EvidenceFrame {
         () => "",
     };
     let bytes: Vec<_> = frame.data().iter().map(|byte| format!("{byte:02X}")).collect();
-    let time = frame.time.zip(zero).map(|(time, zero)| seconds(time.since(zero)));
+    let time = frame.time.zip(zero).map(|(time, zero)| format_seconds(time.since(zero)));
     EvidenceFrame {
         number: frame.number,
         time: time.unwrap_or_default(),

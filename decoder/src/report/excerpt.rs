@@ -18,7 +18,7 @@ pub const COMMENT: &str = "cut out by cobscope report: the frames of its claims"
 
 /// Frames around the claims, with comments at those that the claims cite.
 #[derive(Debug, Clone, Default)]
-pub struct Excerpt {
+pub struct CommentedExcerpt {
     pub(super) frames: Vec<Frame>,
     /// Bus names by index.
     pub(super) buses: Vec<String>,
@@ -28,14 +28,14 @@ pub struct Excerpt {
     pub(super) is_cut: bool,
 }
 
-impl Excerpt {
+impl CommentedExcerpt {
     /// Number of frames.
     pub fn len(&self) -> usize {
         self.frames.len()
     }
 
     /// Number of the first frame in the capture.
-    pub fn first(&self) -> Option<u64> {
+    pub fn first_frame(&self) -> Option<u64> {
         self.frames.first().map(|frame| frame.number)
     }
 
@@ -50,7 +50,7 @@ impl Excerpt {
     }
 
     /// Adds a frame of the bus `name`.
-    pub(super) fn add(&mut self, frame: &Frame, name: &str) {
+    pub(super) fn add_frame(&mut self, frame: &Frame, name: &str) {
         if self.frames.len() >= MOST_FRAMES {
             self.is_cut = true;
             return;
@@ -69,7 +69,7 @@ impl Excerpt {
     ///
     /// # Errors
     /// If a frame cannot be written.
-    pub fn pcapng(&self) -> io::Result<Vec<u8>> {
+    pub fn to_pcapng(&self) -> io::Result<Vec<u8>> {
         let format = WRITABLE.iter().find(|format| format.name == FORMAT);
         let format = format.ok_or_else(|| io::Error::other("pcapng is not a writable format"))?;
         let bytes = SharedBytes::default();
@@ -84,7 +84,7 @@ impl Excerpt {
         }
         writer.finish()?;
         drop(writer);
-        Ok(bytes.take())
+        Ok(bytes.take_bytes())
     }
 }
 
@@ -93,7 +93,7 @@ impl Excerpt {
 struct SharedBytes(Arc<Mutex<Vec<u8>>>);
 
 impl SharedBytes {
-    fn take(&self) -> Vec<u8> {
+    fn take_bytes(&self) -> Vec<u8> {
         std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }

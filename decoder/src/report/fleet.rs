@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use jiff::civil::{Date, Weekday};
 
 use crate::finding::Severity;
-use crate::sink::findings::Outcome;
+use crate::sink::findings::CaptureOutcome;
 
 /// Maximum number of weeks, the latest ones.
 const MOST_WEEKS: usize = 53;
@@ -40,7 +40,7 @@ pub struct FleetCapture {
     /// Frames read.
     pub frames: u64,
     /// Overall result.
-    pub verdict: Outcome,
+    pub verdict: CaptureOutcome,
     /// Reason why it was not read, or not to its end.
     pub failure: Option<String>,
     /// Stories, most important first.
@@ -108,7 +108,7 @@ pub struct Fleet {
 
 impl Fleet {
     /// Sorts captures by machine and week.
-    pub fn of(mut captures: Vec<FleetCapture>) -> Self {
+    pub fn sort_captures(mut captures: Vec<FleetCapture>) -> Self {
         captures.sort_by(|one, other| {
             let key = |it: &FleetCapture| (it.machine.clone(), it.day, it.capture.clone());
             key(one).cmp(&key(other))
@@ -121,9 +121,9 @@ impl Fleet {
         for capture in captures {
             for story in &capture.stories {
                 let key = (story.rule.clone(), story.node.clone());
-                kinds.entry(key).or_insert_with(|| StoryKind::new(story)).add(story, &capture);
+                kinds.entry(key).or_insert_with(|| StoryKind::new(story)).add_story(story, &capture);
             }
-            fleet.add(capture);
+            fleet.add_capture(capture);
         }
         let mut kinds: Vec<_> = kinds.into_values().collect();
         kinds.sort_by(|one, other| {
@@ -136,7 +136,7 @@ impl Fleet {
     }
 
     /// Adds a capture; those of a machine follow each other.
-    fn add(&mut self, capture: FleetCapture) {
+    fn add_capture(&mut self, capture: FleetCapture) {
         if self.machines.last().is_none_or(|machine| machine.name != capture.machine) {
             let weeks = vec![WeekCell::default(); self.weeks.len()];
             let name = capture.machine.clone();
@@ -147,7 +147,7 @@ impl Fleet {
         match week.and_then(|week| machine.weeks.get_mut(week)) {
             Some(cell) => {
                 cell.captures += 1;
-                cell.failed += usize::from(capture.verdict == Outcome::Failed);
+                cell.failed += usize::from(capture.verdict == CaptureOutcome::Failed);
                 cell.unreadable += usize::from(capture.failure.is_some());
             }
             None => self.earlier += 1,
@@ -172,7 +172,7 @@ impl StoryKind {
         }
     }
 
-    fn add(&mut self, story: &FleetStory, capture: &FleetCapture) {
+    fn add_story(&mut self, story: &FleetStory, capture: &FleetCapture) {
         self.severity = self.severity.max(story.severity);
         self.captures += 1;
         self.weight += story.rank;
@@ -206,7 +206,7 @@ mod tests {
             rank: 1.0,
         });
         let is_failure = story.as_ref().is_some_and(|it| it.severity == Severity::Error);
-        let verdict = if is_failure { Outcome::Failed } else { Outcome::Passed };
+        let verdict = if is_failure { CaptureOutcome::Failed } else { CaptureOutcome::Passed };
         FleetCapture {
             machine: machine.to_owned(),
             capture: "a.log".to_owned(),
@@ -221,14 +221,14 @@ mod tests {
     #[test]
     fn captures_are_counted_by_machine_and_week() {
         let lost = Some(("node-lost", Severity::Error));
-        let fleet = Fleet::of(vec![
+        let fleet = Fleet::sort_captures(vec![
             capture("b", Some(date(2024, 1, 8)), lost),
             capture("a", Some(date(2024, 1, 7)), Some(("emcy-raised", Severity::Warning))),
             capture("b", Some(date(2024, 1, 1)), lost),
             capture("b", Some(date(2024, 1, 7)), None),
             FleetCapture {
                 failure: Some("empty".to_owned()),
-                verdict: Outcome::Unreadable,
+                verdict: CaptureOutcome::Unreadable,
                 ..capture("a", None, None)
             },
         ]);
@@ -249,7 +249,7 @@ mod tests {
         let first = date(2020, 1, 6);
         let weeks =
             (0..60).map(|week| capture("a", first.checked_add(jiff::Span::new().weeks(week)).ok(), None));
-        let fleet = Fleet::of(weeks.collect());
+        let fleet = Fleet::sort_captures(weeks.collect());
         assert_eq!((fleet.weeks.len(), fleet.earlier, fleet.captures), (53, 7, 60));
     }
 }

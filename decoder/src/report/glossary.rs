@@ -7,7 +7,7 @@ use serde::Deserialize;
 /// A mark with its meaning.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Mark {
+pub(super) struct GlossaryMark {
     /// The mark, or an example of it.
     pub(super) mark: String,
     /// Meaning as sentences.
@@ -17,12 +17,12 @@ pub(super) struct Mark {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct GlossaryFile {
-    mark: Vec<Mark>,
+    mark: Vec<GlossaryMark>,
 }
 
 /// All marks, parsed once.
-pub(super) fn marks() -> &'static [Mark] {
-    static MARKS: OnceLock<Vec<Mark>> = OnceLock::new();
+pub(super) fn glossary_marks() -> &'static [GlossaryMark] {
+    static MARKS: OnceLock<Vec<GlossaryMark>> = OnceLock::new();
     // A unit test checks that the file is valid; an invalid file would yield an empty table.
     MARKS.get_or_init(|| {
         toml::from_str::<GlossaryFile>(include_str!("glossary.toml"))
@@ -33,23 +33,23 @@ pub(super) fn marks() -> &'static [Mark] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnosis::Label;
+    use crate::diagnosis::LineLabel;
 
     #[test]
     fn every_label_of_a_story_is_explained() {
         toml::from_str::<GlossaryFile>(include_str!("glossary.toml")).unwrap();
-        let texts = marks().iter().flat_map(|it| [it.mark.as_str(), it.meaning.as_str()]);
+        let texts = glossary_marks().iter().flat_map(|it| [it.mark.as_str(), it.meaning.as_str()]);
         let text = texts.collect::<Vec<_>>().join("\n");
         let labels = [
-            Label::Cause,
-            Label::NoCause,
-            Label::FirstEffect,
-            Label::Effect,
-            Label::EarlierEffect,
-            Label::Act,
+            LineLabel::Cause,
+            LineLabel::NoCause,
+            LineLabel::FirstEffect,
+            LineLabel::Effect,
+            LineLabel::EarlierEffect,
+            LineLabel::Act,
         ];
-        for label in labels.into_iter().chain([Label::Disproved, Label::Unjudged]) {
-            assert!(text.contains(label.word().trim()), "{label:?}");
+        for label in labels.into_iter().chain([LineLabel::Disproved, LineLabel::Unjudged]) {
+            assert!(text.contains(label.label_word().trim()), "{label:?}");
         }
     }
 }

@@ -3,10 +3,10 @@
 
 use std::fmt::Write as _;
 
-use super::glossary::marks;
-use super::model::{Claim, EvidenceFrame, NodeValues, Report};
+use super::glossary::glossary_marks;
+use super::model::{CaptureReport, EvidenceFrame, NodeValues, ReportClaim};
 use crate::escape::escape;
-use crate::words::{grouped, plural};
+use crate::words::{count_noun, group_digits};
 
 /// Minimum length of the fence of a code block.
 const FENCE: usize = 3;
@@ -15,59 +15,59 @@ const FENCE: usize = 3;
 pub const MARK: &str = "# cobscope: ";
 
 /// The report.
-pub fn write(report: &Report) -> String {
-    let mut page = Page(String::new());
-    page.heading(1, &format!("cobscope: {}", code(&report.title())));
-    page.text(&format!("Capture {}, {}", code(&report.capture.name), extent(report)));
+pub fn write_report(report: &CaptureReport) -> String {
+    let mut page = MarkdownPage(String::new());
+    page.push_heading(1, &format!("cobscope: {}", code_span(&report.title())));
+    page.push_text(&format!("Capture {}, {}", code_span(&report.capture.name), extent_text(report)));
     if let Some(failure) = &report.capture.failure {
-        page.text(&format!("\nIncomplete: {}", code(failure)));
+        page.push_text(&format!("\nIncomplete: {}", code_span(failure)));
     }
     if report.claims.is_empty() {
-        page.block(&report.account);
+        page.push_block(&report.account);
     }
     for claim in &report.claims {
-        page.claim(claim);
+        page.push_claim(claim);
     }
-    page.list("Further stories, without evidence here", &report.further);
-    page.list("Notes", &report.notes);
+    page.push_list("Further stories, without evidence here", &report.further);
+    page.push_list("Notes", &report.notes);
     let none = ["none: all values and states in the claims were seen on the bus".to_owned()];
     let is_sure = report.assumptions.is_empty() && !report.claims.is_empty();
-    page.list("Assumptions (?)", if is_sure { &none } else { &report.assumptions });
-    page.list("Quality of the capture", &report.quality);
-    page.list("What the capture cannot show", &report.blind);
+    page.push_list("Assumptions (?)", if is_sure { &none } else { &report.assumptions });
+    page.push_list("Quality of the capture", &report.quality);
+    page.push_list("What the capture cannot show", &report.blind);
     let sources: Vec<_> =
         report.sources.iter().map(|it| format!("{}: {}: {}", it.rule, it.title, it.source)).collect();
-    page.list("Manual and standard", &sources);
-    page.list("Devices", &report.devices);
-    page.list("Timestamps", &report.clock);
-    page.provenance(report);
-    page.coverage(report);
-    let glossary: Vec<_> = marks().iter().map(|it| format!("{}: {}", it.mark, it.meaning)).collect();
-    page.list("Marks", &glossary);
+    page.push_list("Manual and standard", &sources);
+    page.push_list("Devices", &report.devices);
+    page.push_list("Timestamps", &report.clock);
+    page.push_provenance(report);
+    page.push_coverage(report);
+    let glossary: Vec<_> = glossary_marks().iter().map(|it| format!("{}: {}", it.mark, it.meaning)).collect();
+    page.push_list("Marks", &glossary);
     page.0
 }
 
-fn extent(report: &Report) -> String {
+fn extent_text(report: &CaptureReport) -> String {
     let duration = report.capture.duration.as_ref().map_or_else(String::new, |it| format!(" in {it}"));
-    format!("{} frames{duration}, {}", grouped(report.capture.frames), report.capture.format)
+    format!("{} frames{duration}, {}", group_digits(report.capture.frames), report.capture.format)
 }
 
-struct Page(String);
+struct MarkdownPage(String);
 
-impl Page {
-    fn heading(&mut self, level: usize, text: &str) {
+impl MarkdownPage {
+    fn push_heading(&mut self, level: usize, text: &str) {
         if !self.0.is_empty() {
             self.0.push('\n');
         }
         let _ = writeln!(self.0, "{} {text}\n", "#".repeat(level));
     }
 
-    fn text(&mut self, text: &str) {
+    fn push_text(&mut self, text: &str) {
         let _ = writeln!(self.0, "{text}");
     }
 
     /// Lines as a code block, with a fence longer than any of theirs.
-    fn block(&mut self, lines: &[String]) {
+    fn push_block(&mut self, lines: &[String]) {
         let lines: Vec<_> = lines.iter().map(|line| escape(line.trim_end())).collect();
         let longest = lines.iter().map(|line| longest_run(line)).max().unwrap_or(0);
         let fence = "`".repeat(FENCE.max(longest + 1));
@@ -78,69 +78,70 @@ impl Page {
         let _ = writeln!(self.0, "{fence}");
     }
 
-    fn list(&mut self, title: &str, texts: &[String]) {
+    fn push_list(&mut self, title: &str, texts: &[String]) {
         if texts.is_empty() {
             return;
         }
-        self.heading(2, title);
+        self.push_heading(2, title);
         for text in texts {
-            let _ = writeln!(self.0, "- {}", code(text));
+            let _ = writeln!(self.0, "- {}", code_span(text));
         }
     }
 
-    fn claim(&mut self, claim: &Claim) {
-        self.heading(2, &format!("Claim {}: {}", claim.number, claim.severity.name()));
-        self.text(&format!("- What: {}, {}", code(&claim.title), code(&claim.who)));
-        self.text(&format!("- When: {}", code(&claim.when)));
+    fn push_claim(&mut self, claim: &ReportClaim) {
+        self.push_heading(2, &format!("Claim {}: {}", claim.number, claim.severity.name()));
+        self.push_text(&format!("- What: {}, {}", code_span(&claim.title), code_span(&claim.who)));
+        self.push_text(&format!("- When: {}", code_span(&claim.when)));
         for source in &claim.sources {
-            self.text(&format!("- Section: {}", code(source)));
+            self.push_text(&format!("- Section: {}", code_span(source)));
         }
-        self.heading(3, "Story");
+        self.push_heading(3, "Story");
         let line = |line: &super::model::ClaimLine| {
             let mark = line.mark.map_or_else(String::new, |mark| format!("({mark})"));
-            format!("{:14} {mark:4} {}", line.label.word(), line.text)
+            format!("{:14} {mark:4} {}", line.label.label_word(), line.text)
         };
-        self.block(&claim.lines.iter().map(line).collect::<Vec<_>>());
-        self.heading(3, "Frames");
-        self.block(&frames(claim));
+        self.push_block(&claim.lines.iter().map(line).collect::<Vec<_>>());
+        self.push_heading(3, "Frames");
+        self.push_block(&frame_lines(claim));
         for values in &claim.values {
-            self.heading(3, &format!("Object values: {}", code(&values.who)));
-            self.block(&objects(values));
+            self.push_heading(3, &format!("Object values: {}", code_span(&values.who)));
+            self.push_block(&object_lines(values));
         }
         if !claim.context.is_empty() {
-            self.heading(3, "Before and at that time");
-            self.block(&claim.context);
+            self.push_heading(3, "Before and at that time");
+            self.push_block(&claim.context);
         }
     }
 
-    fn provenance(&mut self, report: &Report) {
+    fn push_provenance(&mut self, report: &CaptureReport) {
         let made = &report.provenance;
         let mut lines =
             vec![format!("command  {}", made.command), format!("program  cobscope {}", made.version)];
         for file in &made.files {
-            let size = if file.size > 0 { format!("{} bytes  ", grouped(file.size)) } else { String::new() };
+            let size =
+                if file.size > 0 { format!("{} bytes  ", group_digits(file.size)) } else { String::new() };
             lines.push(format!("{}  {}  {size}{}", file.sha256, file.role, file.name));
         }
         if let Some(own) = &report.attachment {
-            let frames = plural(own.frames, "frame");
+            let frames = count_noun(own.frames, "frame");
             let timed = if own.is_timed { "" } else { ", timestamps 0: the capture has none" };
             let with =
                 own.bus_file.as_ref().map_or_else(String::new, |name| format!(", read with --bus {name}"));
             lines.push(format!("{}  cut-out capture of {frames}{timed}  {}{with}", own.sha256, own.name));
         }
-        self.heading(2, "How this report was made");
-        self.block(&lines);
+        self.push_heading(2, "How this report was made");
+        self.push_block(&lines);
     }
 
-    fn coverage(&mut self, report: &Report) {
+    fn push_coverage(&mut self, report: &CaptureReport) {
         let coverage = &report.coverage;
         let counted = |rules: &[(String, u64)]| {
             let all: Vec<_> = rules.iter().map(|(rule, count)| format!("{rule} {count}")).collect();
             all.join(", ")
         };
         let idle: Vec<_> = coverage.not_exercised.iter().map(|(rule, _)| rule.as_str()).collect();
-        self.heading(2, "Rules");
-        self.block(&[
+        self.push_heading(2, "Rules");
+        self.push_block(&[
             format!("with defects: {}", counted(&coverage.failed)),
             format!("without a defect: {}", counted(&coverage.passed)),
             format!("not exercised: {}", idle.join(", ")),
@@ -148,7 +149,7 @@ impl Page {
     }
 }
 
-fn frames(claim: &Claim) -> Vec<String> {
+fn frame_lines(claim: &ReportClaim) -> Vec<String> {
     let bytes = claim.evidence.iter().map(|frame| frame.bytes.chars().count()).max().unwrap_or(0);
     let line = |frame: &EvidenceFrame| {
         let meaning = frame.meaning.join("; ");
@@ -161,7 +162,7 @@ fn frames(claim: &Claim) -> Vec<String> {
     claim.evidence.iter().map(line).collect()
 }
 
-fn objects(values: &NodeValues) -> Vec<String> {
+fn object_lines(values: &NodeValues) -> Vec<String> {
     let rows = values.rows.iter().map(|row| {
         let frame = if row.frame > 0 { format!(" {{{}}}", row.frame) } else { String::new() };
         let parts = [&row.object, &row.name, &row.value, &row.bytes];
@@ -172,7 +173,7 @@ fn objects(values: &NodeValues) -> Vec<String> {
 }
 
 /// A text as a code span, with a delimiter longer than any run of backticks in it.
-fn code(text: &str) -> String {
+fn code_span(text: &str) -> String {
     let text = escape(text);
     let delimiter = "`".repeat(longest_run(&text) + 1);
     let blank = if text.starts_with('`') || text.ends_with('`') || text.is_empty() { " " } else { "" };
@@ -190,15 +191,15 @@ mod tests {
 
     #[test]
     fn backticks_do_not_end_a_code_span() {
-        assert_eq!(code("a"), "`a`");
-        assert_eq!(code("`a``b"), "``` `a``b ```");
-        assert_eq!(code("x\n# y"), "`x\\n# y`");
+        assert_eq!(code_span("a"), "`a`");
+        assert_eq!(code_span("`a``b"), "``` `a``b ```");
+        assert_eq!(code_span("x\n# y"), "`x\\n# y`");
     }
 
     #[test]
     fn fences_are_longer_than_those_of_a_capture() {
-        let mut page = Page(String::new());
-        page.block(&["````".to_owned()]);
+        let mut page = MarkdownPage(String::new());
+        page.push_block(&["````".to_owned()]);
         assert_eq!(page.0, "`````text\n````\n`````\n");
     }
 }

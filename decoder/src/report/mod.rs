@@ -5,7 +5,7 @@
 //! second reading ─Draft::frame, event, frame_decoded─▶ bytes, curves, values ─Draft::finish─▶ Report ─▶ HTML, Markdown
 //! ```
 //!
-//! A [`Report`] contains texts only. Hashes, the command line and files belong to the program.
+//! A [`CaptureReport`] contains texts only. Hashes, the command line and files belong to the program.
 
 mod assumptions;
 mod citations;
@@ -24,9 +24,9 @@ mod values;
 mod window;
 
 pub use claims::SHOWN_CLAIMS;
-pub use draft::{Draft, Ground};
-pub use excerpt::{COMMENT as ATTACHMENT_COMMENT, Excerpt};
+pub use draft::{ReportDraft, ReportGround};
+pub use excerpt::{COMMENT as ATTACHMENT_COMMENT, CommentedExcerpt};
 pub use model::{
-    Attachment, CaptureFacts, Claim, ClaimLine, Coverage, Curve, EvidenceFrame, HashedFile, NodeValues,
-    ObjectRow, Plot, PlotMark, Provenance, Report, RuleSource,
+    Attachment, CaptureFacts, CaptureReport, ClaimLine, ClaimPlot, EvidenceFrame, HashedFile, NodeValues,
+    ObjectRow, PlotMark, Provenance, ReportClaim, RuleSource, SignalCurve, VerdictCoverage,
 };

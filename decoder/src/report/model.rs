@@ -1,17 +1,17 @@
 //! Contents of a report. All texts can contain names of the capture: writers escape them.
 
-use crate::diagnosis::Label;
+use crate::diagnosis::LineLabel;
 use crate::finding::Severity;
 
 /// Contents of a report on one capture.
 #[derive(Debug, Clone, Default)]
-pub struct Report {
+pub struct CaptureReport {
     /// Name, format and size of the capture.
     pub capture: CaptureFacts,
     /// Selected part of the capture: `up to 90.000 s`; empty for the whole capture.
     pub scope: String,
     /// Stories with their evidence, most important first.
-    pub claims: Vec<Claim>,
+    pub claims: Vec<ReportClaim>,
     /// Titles of stories that have no claim here.
     pub further: Vec<String>,
     /// Findings that are notes only.
@@ -21,7 +21,7 @@ pub struct Report {
     /// Whether it is about a fault at a known time.
     pub has_unjudged_fault: bool,
     /// Verdicts of all active rules.
-    pub coverage: Coverage,
+    pub coverage: VerdictCoverage,
     /// Sources of the rules behind the claims.
     pub sources: Vec<RuleSource>,
     /// Measured properties of the capture.
@@ -40,7 +40,7 @@ pub struct Report {
     pub attachment: Option<Attachment>,
 }
 
-impl Report {
+impl CaptureReport {
     /// Title of the page: the first claim, else `no finding` with the selection.
     pub(super) fn title(&self) -> String {
         match self.claims.first() {
@@ -75,7 +75,7 @@ pub struct CaptureFacts {
 
 /// A story with its evidence.
 #[derive(Debug, Clone)]
-pub struct Claim {
+pub struct ReportClaim {
     /// Number on the page, from 1.
     pub number: usize,
     /// Highest severity of its findings.
@@ -97,7 +97,7 @@ pub struct Claim {
     /// Changes before, states and gates at that time, as printed by `why`; for the first claim only.
     pub context: Vec<String>,
     /// Signals around the claim.
-    pub plots: Vec<Plot>,
+    pub plots: Vec<ClaimPlot>,
     /// Object values of its nodes when it began.
     pub values: Vec<NodeValues>,
 }
@@ -108,7 +108,7 @@ pub struct ClaimLine {
     /// Number of the fact in the plots and the list of frames; `None` for steps and remarks.
     pub mark: Option<usize>,
     /// Meaning of the line.
-    pub label: Label,
+    pub label: LineLabel,
     /// Text with frames in braces.
     pub text: String,
 }
@@ -145,7 +145,7 @@ pub enum PlotAxis {
 
 /// Signals with the same unit around a claim.
 #[derive(Debug, Clone)]
-pub struct Plot {
+pub struct ClaimPlot {
     /// Unit of the values; empty for plain numbers.
     pub unit: String,
     /// Unit of the horizontal axis.
@@ -153,14 +153,14 @@ pub struct Plot {
     /// First and last position on the horizontal axis.
     pub range: (f64, f64),
     /// Signals.
-    pub curves: Vec<Curve>,
+    pub curves: Vec<SignalCurve>,
     /// Facts of the story on the horizontal axis.
     pub marks: Vec<PlotMark>,
 }
 
 /// Values of a signal.
 #[derive(Debug, Clone)]
-pub struct Curve {
+pub struct SignalCurve {
     /// Name, with `?` if its decoding is assumed.
     pub name: String,
     /// Message and node.
@@ -214,7 +214,7 @@ pub struct ObjectRow {
 
 /// Verdicts of all active rules.
 #[derive(Debug, Clone, Default)]
-pub struct Coverage {
+pub struct VerdictCoverage {
     /// Rules without a defect, with the number of checks.
     pub passed: Vec<(String, u64)>,
     /// Rules with a defect, with the number of defects.

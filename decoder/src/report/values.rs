@@ -2,10 +2,10 @@
 
 use std::fmt::Write as _;
 
-use super::claims::node as label;
+use super::claims::describe_node as label;
 use super::model::{NodeValues, ObjectRow};
-use crate::profile::Value;
-use crate::session::{Bus, Entry, Node, OriginKind};
+use crate::profile::DecodedValue;
+use crate::session::{Bus, Node, OriginKind, StoredObject};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -20,19 +20,25 @@ const SHOWN_BYTES: usize = 16;
 
 /// Values of a node: objects that the findings name, then written and read ones of the device, the latest
 /// first. `None` without a known value.
-pub(super) fn values(bus: &Bus, id: NodeId, subjects: &[ObjectAddress], frame: u64) -> Option<NodeValues> {
+pub(super) fn node_values(
+    bus: &Bus,
+    id: NodeId,
+    subjects: &[ObjectAddress],
+    frame: u64,
+) -> Option<NodeValues> {
     let node = bus.node(id)?;
     let all = node.store().sorted();
     let total = all.len();
     let mut all: Vec<_> = all
         .into_iter()
-        .map(|(object, entry)| (rank(subjects.contains(&object), object, entry), object, entry))
+        .map(|(object, entry)| (sort_key(subjects.contains(&object), object, entry), object, entry))
         .collect();
     all.sort_by_key(|(rank, object, _)| (*rank, *object));
     all.truncate(SHOWN_OBJECTS);
     all.sort_by_key(|(_, object, _)| *object);
-    let row =
-        |(_, object, entry): (_, ObjectAddress, &Entry)| row(node, object, entry, subjects.contains(&object));
+    let row = |(_, object, entry): (_, ObjectAddress, &StoredObject)| {
+        object_row(node, object, entry, subjects.contains(&object))
+    };
     let rows: Vec<_> = all.into_iter().map(row).collect();
     (!rows.is_empty()).then(|| NodeValues {
         who: label(bus, id),
@@ -43,7 +49,7 @@ pub(super) fn values(bus: &Bus, id: NodeId, subjects: &[ObjectAddress], frame: u
 }
 
 /// Sort key: lower ones are listed.
-fn rank(is_subject: bool, object: ObjectAddress, entry: &Entry) -> (u8, std::cmp::Reverse<u64>) {
+fn sort_key(is_subject: bool, object: ObjectAddress, entry: &StoredObject) -> (u8, std::cmp::Reverse<u64>) {
     let is_read = matches!(entry.origin.kind, OriginKind::Download | OriginKind::Upload);
     let group = match (is_subject, entry.origin.kind) {
         (true, _) => 0,
@@ -56,11 +62,11 @@ fn rank(is_subject: bool, object: ObjectAddress, entry: &Entry) -> (u8, std::cmp
     (group, std::cmp::Reverse(entry.origin.frame))
 }
 
-fn row(node: &Node, object: ObjectAddress, entry: &Entry, is_subject: bool) -> ObjectRow {
+fn object_row(node: &Node, object: ObjectAddress, entry: &StoredObject, is_subject: bool) -> ObjectRow {
     let known = node.meaning(object);
     let mut value = match known.as_ref().map(|known| (known, known.decode(&entry.value))) {
-        Some((_, Value::Bytes(_))) | None => String::new(),
-        Some((known, value)) => known.show(&value),
+        Some((_, DecodedValue::Bytes(_))) | None => String::new(),
+        Some((known, value)) => known.format_value(&value),
     };
     let mut bytes = String::new();
     for byte in entry.value.iter().take(SHOWN_BYTES) {
@@ -79,7 +85,7 @@ fn row(node: &Node, object: ObjectAddress, entry: &Entry, is_subject: bool) -> O
         name: known.map_or_else(String::new, |known| known.name.clone()),
         value,
         bytes,
-        origin: entry.origin.kind.verb(),
+        origin: entry.origin.kind.origin_text(),
         frame: entry.origin.frame,
         is_subject,
     }

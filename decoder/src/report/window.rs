@@ -18,16 +18,16 @@ const MOST_FRAMES: u64 = 2_000;
 
 /// Part of a capture around a claim: a range of times, else of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Window {
+pub(super) enum ClaimWindow {
     /// First and last time.
     Times(Timestamp, Timestamp),
     /// First and last frame.
     Frames(u64, u64),
 }
 
-impl Window {
+impl ClaimWindow {
     /// The window of a story.
-    pub(super) fn of(story: &Story) -> Self {
+    pub(super) fn window_of(story: &Story) -> Self {
         if let Some(began) = story.began.time {
             let ended = story.ended.time.unwrap_or(began).min(began.plus(LONGEST));
             Self::Times(began.plus(-MARGIN), ended.max(began).plus(MARGIN))
@@ -47,7 +47,7 @@ impl Window {
     }
 
     /// Position on the horizontal axis: seconds from `zero`, else the number of the frame.
-    pub(super) fn position(
+    pub(super) fn axis_position(
         self,
         time: Option<Timestamp>,
         frame: u64,
@@ -62,7 +62,7 @@ impl Window {
     }
 
     /// Unit of the horizontal axis.
-    pub(super) const fn axis(self) -> PlotAxis {
+    pub(super) const fn axis_unit(self) -> PlotAxis {
         match self {
             Self::Times(..) => PlotAxis::Seconds,
             Self::Frames(..) => PlotAxis::Frames,

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::event::KindSet;
-use crate::finding::{Merge, RuleInfo, RuleOrigin, Severity};
+use crate::finding::{MergedFindings, RuleInfo, RuleOrigin, Severity};
 
 /// Headings of every rule documentation, in this order.
 pub const HEADINGS: [&str; 5] =
@@ -79,7 +79,7 @@ pub struct Declaration {
     /// The rule does not receive events with frames before and after a hole: frames may be missing in it.
     pub skips_holes: bool,
     /// Which of its findings are printed as one, if they have the same reason.
-    pub merge: Merge,
+    pub merge: MergedFindings,
     /// The rule is active by default.
     pub is_on: bool,
     /// KIND column of its events in text output, at most six letters.
@@ -102,13 +102,13 @@ impl Declaration {
         tolerances: &[],
         is_timing: false,
         skips_holes: false,
-        merge: Merge::Index,
+        merge: MergedFindings::Index,
         is_on: true,
         word: "RULE",
     };
 
     /// Description of the rule for output.
-    pub fn info(&self) -> RuleInfo {
+    pub fn rule_info(&self) -> RuleInfo {
         RuleInfo {
             name: self.name.into(),
             severity: self.severity,
@@ -122,17 +122,17 @@ impl Declaration {
             merge: self.merge,
             is_on: self.is_on,
             word: self.word,
-            source: self.section("Source").map(|text| text.trim().into()),
-            next_step: self.section("What to look at first").and_then(next_step).map(Into::into),
+            source: self.doc_section("Source").map(|text| text.trim().into()),
+            next_step: self.doc_section("What to look at first").and_then(next_step).map(Into::into),
         }
     }
 
     /// Documentation for display, with what the rule needs in a capture.
-    pub fn manual(&self) -> String {
+    pub fn manual_text(&self) -> String {
         let mut letters = self.needs.chars();
         let first = letters.next().map(|first| first.to_ascii_uppercase());
         let needs: String = first.into_iter().chain(letters).collect();
-        manual(self.explanation).replacen(
+        format_manual(self.explanation).replacen(
             "# Why it matters",
             &format!("# Needs\n{needs}.\n\n# Why it matters"),
             1,
@@ -140,8 +140,8 @@ impl Declaration {
     }
 
     /// Text below a heading of the documentation.
-    pub fn section(&self, heading: &str) -> Option<&'static str> {
-        section(self.explanation, heading)
+    pub fn doc_section(&self, heading: &str) -> Option<&'static str> {
+        section_text(self.explanation, heading)
     }
 }
 
@@ -157,7 +157,7 @@ fn next_step(section: &str) -> Option<String> {
 }
 
 /// Text below a heading of a rule documentation.
-pub fn section<'a>(explanation: &'a str, heading: &str) -> Option<&'a str> {
+pub fn section_text<'a>(explanation: &'a str, heading: &str) -> Option<&'a str> {
     let mut at = 0;
     for line in explanation.split_inclusive('\n') {
         at += line.len();
@@ -171,7 +171,7 @@ pub fn section<'a>(explanation: &'a str, heading: &str) -> Option<&'a str> {
 }
 
 /// All headings with their text, each joined to one paragraph.
-pub fn sections(explanation: &str) -> Vec<(&str, String)> {
+pub fn all_sections(explanation: &str) -> Vec<(&str, String)> {
     let mut all: Vec<(&str, String)> = Vec::new();
     for line in explanation.lines() {
         match (line.strip_prefix("# "), all.last_mut()) {
@@ -189,7 +189,7 @@ pub fn sections(explanation: &str) -> Vec<(&str, String)> {
 }
 
 /// Documentation for display: without leading blanks and without the section for tests.
-pub fn manual(explanation: &str) -> String {
+pub fn format_manual(explanation: &str) -> String {
     let lines = explanation.lines().map(|line| line.strip_prefix(' ').unwrap_or(line));
     let lines: Vec<_> =
         lines.take_while(|line| line.trim().strip_prefix("# ") != HEADINGS.last().copied()).collect();
@@ -211,9 +211,9 @@ mod tests {
     #[test]
     fn sections_end_at_the_next_heading() {
         let text = " # One\n a b\n c\n # Two\n d\n";
-        assert_eq!(section(text, "One").map(str::trim), Some("a b\n c"));
-        assert_eq!(section(text, "Two").map(str::trim), Some("d"));
-        assert_eq!(section(text, "Three"), None);
-        assert_eq!(manual(" # One\n a b\n\n # Mutation\n d\n"), "# One\na b");
+        assert_eq!(section_text(text, "One").map(str::trim), Some("a b\n c"));
+        assert_eq!(section_text(text, "Two").map(str::trim), Some("d"));
+        assert_eq!(section_text(text, "Three"), None);
+        assert_eq!(format_manual(" # One\n a b\n\n # Mutation\n d\n"), "# One\na b");
     }
 }

@@ -21,21 +21,21 @@ mod policy;
 mod rule;
 mod selection;
 
-pub use context::meter::{Meter, Second};
+pub use context::meter::{BusSecond, FrameMeter};
 pub use context::pdo_slot::PdoSlot;
 pub(crate) use context::traffic::BySlot;
-pub use context::traffic::Traffic;
-pub use context::{Alarm, Context};
+pub use context::traffic::PdoTraffic;
+pub use context::{FindingAlarm, RuleContext};
 pub use declaration::{
-    Declaration, HEADINGS, PdoSubset, Tolerance, TransferSubset, manual, section, sections,
+    Declaration, HEADINGS, PdoSubset, Tolerance, TransferSubset, all_sections, format_manual, section_text,
 };
-pub use engine::Engine;
+pub use engine::RuleEngine;
 pub use engine::names::check_names;
-pub use engine::setup::Setup;
-pub use expectation::Expectation;
+pub use engine::setup::RuleSetup;
+pub use expectation::CompiledExpectation;
 pub use general::REGISTRY;
-pub use general::declarations;
-pub use need::Need;
-pub use policy::Policy;
-pub use rule::{Entry, Rule};
+pub use general::all_declarations;
+pub use need::FrameNeed;
+pub use policy::RulePolicy;
+pub use rule::{RegistryEntry, Rule};
 pub use selection::RuleSelection;

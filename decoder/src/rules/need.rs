@@ -3,7 +3,7 @@
 /// What a rule needs of the next PDOs or messages with an identifier and unchanged data length: their events, if a bound
 /// is crossed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Need {
+pub struct FrameNeed {
     /// Payload bits: the rule needs the event if one of them changes.
     pub(super) bits: u64,
     /// Of a message, the rule needs the event if a changed payload has one of these codes.
@@ -26,7 +26,7 @@ pub struct Need {
     pub(super) follows_interval: bool,
 }
 
-impl Need {
+impl FrameNeed {
     /// No event.
     pub const NOTHING: Self = Self {
         bits: 0,
@@ -49,7 +49,7 @@ impl Need {
 
     /// The rule takes the number of PDOs without an event.
     #[must_use]
-    pub const fn counted(self) -> Self {
+    pub const fn with_count(self) -> Self {
         Self { is_counted: true, ..self }
     }
 
@@ -71,7 +71,7 @@ pub struct ErrorCodes {
 impl ErrorCodes {
     /// Adds a parameter, little-endian from bit `bit`; `false` for one with another form.
     #[must_use]
-    pub fn add(&mut self, bit: u16, bits: u16) -> bool {
+    pub fn add_parameter(&mut self, bit: u16, bits: u16) -> bool {
         let end = bit.saturating_add(bits);
         if end > 64 {
             return false;
@@ -88,7 +88,7 @@ impl ErrorCodes {
 
     /// Codes of both.
     #[must_use]
-    pub(super) const fn or(self, other: Self) -> Self {
+    pub(super) const fn union_with(self, other: Self) -> Self {
         Self { bytes: self.bytes | other.bytes, pairs: self.pairs | other.pairs }
     }
 
@@ -111,9 +111,12 @@ mod tests {
         let mut codes = ErrorCodes::default();
         // A byte at bit 8, 16 bits at bit 16, two bits at bit 4.
         assert!(
-            [(8, 8), (16, 16), (4, 2)].map(|(bit, bits)| codes.add(bit, bits)).iter().all(|added| *added)
+            [(8, 8), (16, 16), (4, 2)]
+                .map(|(bit, bits)| codes.add_parameter(bit, bits))
+                .iter()
+                .all(|added| *added)
         );
-        assert!(!codes.add(4, 8) && !codes.add(40, 4) && !codes.add(60, 8));
+        assert!(!codes.add_parameter(4, 8) && !codes.add_parameter(40, 4) && !codes.add_parameter(60, 8));
         let payloads = [0x00FD_FE00_u64, 0xFEFF_FF00, 0x0000_0020, 0x00FE_FD00];
         assert_eq!(payloads.map(|payload| codes.are_in(payload)), [true, true, true, false]);
         // FFh, 11b and 01b are no errors; nor is FEh in a byte without a parameter.

@@ -11,14 +11,14 @@ pub struct RuleSelection {
 
 impl RuleSelection {
     /// Whether a rule is active.
-    pub fn admits(&self, rule: &str) -> bool {
-        let is_meant = |patterns: &[String]| patterns.iter().any(|pattern| matches(pattern, rule));
+    pub fn admits_rule(&self, rule: &str) -> bool {
+        let is_meant = |patterns: &[String]| patterns.iter().any(|pattern| matches_rule(pattern, rule));
         (self.select.is_empty() || is_meant(&self.select)) && !is_meant(&self.ignore)
     }
 }
 
 /// Whether a pattern means a rule.
-pub(super) fn matches(pattern: &str, rule: &str) -> bool {
+pub(super) fn matches_rule(pattern: &str, rule: &str) -> bool {
     match pattern.strip_suffix('*') {
         Some(prefix) => rule.starts_with(prefix),
         None => rule == pattern,
@@ -33,9 +33,9 @@ mod tests {
     fn names_and_prefixes_select_rules() {
         let names = |all: &[&str]| all.iter().map(|name| (*name).to_owned()).collect();
         let chosen = RuleSelection { select: names(&["pdo-*", "node-lost"]), ignore: names(&["pdo-long"]) };
-        assert!(chosen.admits("pdo-lost") && chosen.admits("node-lost"));
-        assert!(!chosen.admits("pdo-long") && !chosen.admits("emcy-raised"));
+        assert!(chosen.admits_rule("pdo-lost") && chosen.admits_rule("node-lost"));
+        assert!(!chosen.admits_rule("pdo-long") && !chosen.admits_rule("emcy-raised"));
         let all = RuleSelection { ignore: names(&["rexroth-sydfec:*"]), ..RuleSelection::default() };
-        assert!(all.admits("pdo-long") && !all.admits("rexroth-sydfec:eeprom-wear"));
+        assert!(all.admits_rule("pdo-long") && !all.admits_rule("rexroth-sydfec:eeprom-wear"));
     }
 }

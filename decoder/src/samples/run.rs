@@ -3,12 +3,12 @@
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use crate::bus_file::{BusFile, InitialValue, ObjectValue, Settings};
-use crate::capture::{Batch, Item, Notice, ReadOptions, Reader};
+use crate::bus_file::{BusFile, BusSettings, InitialValue, ObjectValue};
+use crate::capture::{Batch, BatchItem, CaptureReader, Notice, ReadOptions};
 use crate::decoder::Decoder;
 use crate::event::{Event, EventKind};
-use crate::profile::Device;
-use crate::profile::device::Sample;
+use crate::profile::DeviceProfile;
+use crate::profile::device::ProfileSample;
 use crate::profile::object::DefaultValue;
 use crate::session::{AssignedBy, Assignment, Bus, ProtocolChoice, SessionOptions};
 use crate::wire::NodeId;
@@ -19,16 +19,16 @@ const BUS: &str = "can0";
 const STEP: usize = 10;
 
 /// Result of decoding the frames of a sample.
-pub(super) struct Outcomes {
+pub(super) struct SampleOutcomes {
     /// Events of the node caused by the last frame.
     pub(super) events: Vec<EventKind>,
     /// Decoder in its state after the last frame.
     pub(super) decoder: Decoder,
 }
 
-impl Outcomes {
+impl SampleOutcomes {
     /// Decodes all frames of the sample.
-    pub(super) fn of(sample: &Sample, device: &Arc<Device>) -> Result<Self, String> {
+    pub(super) fn decode_sample(sample: &ProfileSample, device: &Arc<DeviceProfile>) -> Result<Self, String> {
         let mut capture = String::new();
         for (number, frame) in sample.frames.iter().enumerate() {
             let time = number.saturating_mul(STEP);
@@ -37,13 +37,14 @@ impl Outcomes {
         }
         let unreadable = || "invalid frame; expected a form such as 182#08A0, 701#R or 702#".to_owned();
         let mut reader =
-            Reader::open(capture.as_bytes(), &ReadOptions::default()).map_err(|_| unreadable())?;
-        let mut outcomes = Self { events: Vec::new(), decoder: Decoder::new(options(sample, device)?) };
+            CaptureReader::open(capture.as_bytes(), &ReadOptions::default()).map_err(|_| unreadable())?;
+        let mut outcomes =
+            Self { events: Vec::new(), decoder: Decoder::new(sample_options(sample, device)?) };
         let mut batch = Batch::new();
         while reader.read(&mut batch).map_err(|_| unreadable())? {
             for item in batch.items() {
                 match item {
-                    Item::Frame(frame) => {
+                    BatchItem::Frame(frame) => {
                         outcomes.events.clear();
                         let events = &mut outcomes.events;
                         let mut keep = |event: &Event, _: &Bus| {
@@ -53,22 +54,22 @@ impl Outcomes {
                         };
                         outcomes.decoder.push(frame, reader.buses(), &mut keep);
                     }
-                    Item::Notice(Notice::Unreadable { place, reason }) => {
+                    BatchItem::Notice(Notice::Unreadable { place, reason }) => {
                         return Err(format!("frames: {place}: {reason}"));
                     }
-                    Item::Notice(_) => {}
+                    BatchItem::Notice(_) => {}
                 }
             }
         }
         Ok(outcomes)
     }
 
-    pub(super) fn find<'a, T>(&'a self, pick: impl Fn(&'a EventKind) -> Option<T>) -> Option<T> {
+    pub(super) fn find_event<'a, T>(&'a self, pick: impl Fn(&'a EventKind) -> Option<T>) -> Option<T> {
         self.events.iter().find_map(pick)
     }
 
     /// Names of the events of the last frame, for error messages.
-    pub(super) fn kinds(&self) -> String {
+    pub(super) fn kind_names(&self) -> String {
         let names: Vec<_> = self.events.iter().map(EventKind::name).collect();
         if names.is_empty() { "nothing".into() } else { names.join(", ") }
     }
@@ -80,8 +81,8 @@ fn is_for_all(kind: &EventKind) -> bool {
 }
 
 /// Options that assign the device to the node and set the values under `given`.
-fn options(sample: &Sample, device: &Arc<Device>) -> Result<SessionOptions, String> {
-    let mut settings = Settings::default();
+fn sample_options(sample: &ProfileSample, device: &Arc<DeviceProfile>) -> Result<SessionOptions, String> {
+    let mut settings = BusSettings::default();
     for (object, value) in &sample.given {
         let address = object.parse().map_err(|error| format!("given: {object}: {error}"))?;
         let value = match value {

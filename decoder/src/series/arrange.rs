@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use super::names::recording;
-use super::part::Relation;
+use super::names::name_pattern;
+use super::part::SeriesRelation;
 use crate::frame::Timestamp;
 
 /// Some captures have dates, others count from their start, so they have no common time axis.
@@ -40,10 +40,10 @@ pub struct CapturePlacement {
 ///
 /// # Errors
 /// Some captures have dates and others do not.
-pub fn arrange(
+pub fn arrange_captures(
     names: &[String],
     firsts: &[Option<Timestamp>],
-    relations: &[Relation],
+    relations: &[SeriesRelation],
     align: bool,
 ) -> Result<Vec<CapturePlacement>, MixedClocks> {
     let times: Vec<Timestamp> = firsts.iter().flatten().copied().collect();
@@ -57,15 +57,15 @@ pub fn arrange(
     let relation = |index: usize| relations.get(index).copied().unwrap_or_default();
     let group = |index: usize| {
         if align {
-            let stem = names.get(index).map(|name| recording(name));
-            return names.iter().position(|other| Some(recording(other)) == stem).unwrap_or(index);
+            let stem = names.get(index).map(|name| name_pattern(name));
+            return names.iter().position(|other| Some(name_pattern(other)) == stem).unwrap_or(index);
         }
         let mut first = index;
         // Relations have no cycle; the limit guards against one.
         for _ in 0..names.len() {
             match relation(first) {
-                Relation::Continues(before) | Relation::Later(before) => first = before,
-                Relation::Independent => break,
+                SeriesRelation::Continues(before) | SeriesRelation::Later(before) => first = before,
+                SeriesRelation::Independent => break,
             }
         }
         first
@@ -77,10 +77,12 @@ pub fn arrange(
     let place =
         |index| CapturePlacement { index, group: group(index), shift: shift(index), continues: false };
     let mut all = Vec::new();
-    for start in (0..names.len()).filter(|index| !matches!(relation(*index), Relation::Continues(_))) {
+    for start in (0..names.len()).filter(|index| !matches!(relation(*index), SeriesRelation::Continues(_))) {
         all.push(place(start));
         let mut last = start;
-        while let Some(next) = (0..names.len()).find(|index| relation(*index) == Relation::Continues(last)) {
+        while let Some(next) =
+            (0..names.len()).find(|index| relation(*index) == SeriesRelation::Continues(last))
+        {
             all.push(CapturePlacement { continues: true, ..place(next) });
             last = next;
         }
@@ -99,22 +101,22 @@ mod tests {
 
     #[test]
     fn parts_follow_each_other_and_clocks_are_not_mixed() {
-        use Relation::{Continues, Independent, Later};
+        use SeriesRelation::{Continues, Independent, Later};
         let names = ["b-2.log", "other.log", "b-1.log", "b-3.log"].map(str::to_owned);
         let firsts = [at(2), at(2), at(1), at(90)];
         let relations = [Continues(2), Independent, Independent, Later(0)];
-        let all = arrange(&names, &firsts, &relations, false).unwrap();
+        let all = arrange_captures(&names, &firsts, &relations, false).unwrap();
         let all: Vec<_> = all.iter().map(|one| (one.index, one.group, one.continues)).collect();
         assert_eq!(all, [(1, 1, false), (2, 2, false), (0, 2, true), (3, 2, false)]);
         let mixed = [at(1), at(2), at(1_700_000_000), at(3)];
-        assert!(arrange(&names, &mixed, &[], false).is_err());
-        assert!(arrange(&names[..1], &[None], &[], false).is_ok());
+        assert!(arrange_captures(&names, &mixed, &[], false).is_err());
+        assert!(arrange_captures(&names[..1], &[None], &[], false).is_ok());
     }
 
     #[test]
     fn aligned_captures_start_together_and_share_buses_by_name() {
         let names = ["run.log", "run-0002.log", "other.log"].map(str::to_owned);
-        let all = arrange(&names, &[at(1), None, at(3)], &[], true).unwrap();
+        let all = arrange_captures(&names, &[at(1), None, at(3)], &[], true).unwrap();
         let all: Vec<_> = all.iter().map(|one| (one.group, one.shift)).collect();
         assert_eq!(all, [(0, 2_000_000_000), (0, 0), (2, 0)]);
     }

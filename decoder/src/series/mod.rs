@@ -17,10 +17,10 @@ use std::path::{Path, PathBuf};
 
 use crate::frame::Timestamp;
 use names::{is_numbered_like, order_in_series};
-use scan::Apart;
+use scan::SeparationReason;
 
-pub use arrange::{CapturePlacement, MixedClocks, arrange};
-pub use part::{PossiblePart, Relation, is_blank};
+pub use arrange::{CapturePlacement, MixedClocks, arrange_captures};
+pub use part::{PossiblePart, SeriesRelation, is_blank};
 pub use scan::CaptureScan;
 
 /// Conditions for joining files.
@@ -45,7 +45,7 @@ impl JoinOptions {
 /// Files of one series.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SeriesParts {
-    /// Indices in [`Relations::files`], in order.
+    /// Indices in [`SeriesRelations::files`], in order.
     pub files: Vec<usize>,
     /// Number of the first frame of each part; empty for a single file.
     pub first_frames: Vec<u64>,
@@ -64,11 +64,11 @@ pub struct NotJoined {
 
 /// Relations of files, and notes on files that are not joined although their names are consecutive.
 #[derive(Debug, Clone, Default)]
-pub struct Relations {
+pub struct SeriesRelations {
     /// Indices of the candidates, without parts that contain nothing but comments.
     pub files: Vec<usize>,
     /// Relation of each of these files; numbers are indices in `files`.
-    pub of: Vec<Relation>,
+    pub of: Vec<SeriesRelation>,
     /// Reasons why files are not joined.
     pub notes: Vec<NotJoined>,
     /// Number of frames of each file that was read to its end.
@@ -77,21 +77,21 @@ pub struct Relations {
     shifts: Vec<i64>,
 }
 
-impl Relations {
+impl SeriesRelations {
     fn independent(files: Vec<usize>) -> Self {
         let count = files.len();
-        let of = vec![Relation::Independent; count];
+        let of = vec![SeriesRelation::Independent; count];
         Self { files, of, notes: Vec::new(), frames: vec![0; count], shifts: vec![0; count] }
     }
 
     /// Nanoseconds added to the timestamps of a file: its relative clock starts again.
-    pub fn shift(&self, index: usize) -> i64 {
+    pub fn time_shift(&self, index: usize) -> i64 {
         self.shifts.get(index).copied().unwrap_or(0)
     }
 
-    fn join(&mut self, before: usize, after: usize) {
+    fn join_parts(&mut self, before: usize, after: usize) {
         if let Some(relation) = self.of.get_mut(after) {
-            *relation = Relation::Continues(before);
+            *relation = SeriesRelation::Continues(before);
         }
     }
 
@@ -102,11 +102,11 @@ impl Relations {
     }
 
     /// Whether a file is an earlier part of the series that contains `other`.
-    fn precedes(&self, index: usize, other: usize) -> bool {
+    fn is_part_before(&self, index: usize, other: usize) -> bool {
         let mut part = other;
         for _ in 0..self.of.len() {
             match self.of.get(part) {
-                Some(Relation::Continues(before)) => part = *before,
+                Some(SeriesRelation::Continues(before)) => part = *before,
                 _ => break,
             }
         }
@@ -116,10 +116,12 @@ impl Relations {
     /// The series, in the order of their first parts among the files.
     pub fn series(&self) -> Vec<SeriesParts> {
         let count = self.files.len();
-        let next = |index: usize| self.of.iter().position(|one| *one == Relation::Continues(index));
+        let next = |index: usize| self.of.iter().position(|one| *one == SeriesRelation::Continues(index));
         let mut placed = vec![false; count];
         let mut all: Vec<SeriesParts> = Vec::new();
-        for start in (0..count).filter(|start| !matches!(self.of.get(*start), Some(Relation::Continues(_)))) {
+        for start in
+            (0..count).filter(|start| !matches!(self.of.get(*start), Some(SeriesRelation::Continues(_))))
+        {
             let mut members = Vec::new();
             let mut index = Some(start);
             while let Some(part) = index.filter(|part| placed.get(*part) == Some(&false)) {
@@ -127,18 +129,18 @@ impl Relations {
                 members.push(part);
                 index = next(part);
             }
-            all.push(self.one(members));
+            all.push(self.build_series(members));
         }
         all.sort_by_key(|series| series.files.iter().min().copied());
         all
     }
 
-    fn one(&self, members: Vec<usize>) -> SeriesParts {
+    fn build_series(&self, members: Vec<usize>) -> SeriesParts {
         let mut frame: u64 = 1;
         let (mut first_frames, mut shifts) = (Vec::new(), Vec::new());
         for index in members.iter().filter(|_| members.len() > 1) {
             first_frames.push(frame);
-            shifts.push(self.shift(*index));
+            shifts.push(self.time_shift(*index));
             frame = frame.saturating_add(self.frames.get(*index).copied().unwrap_or(0));
         }
         SeriesParts { files: members, first_frames, shifts }
@@ -147,45 +149,45 @@ impl Relations {
 
 /// Finds the series among files. Only files with consecutive names, or that were named one after another,
 /// are read to their ends.
-pub fn relate(candidates: &[impl PossiblePart], join: JoinOptions) -> Relations {
+pub fn relate_files(candidates: &[impl PossiblePart], join: JoinOptions) -> SeriesRelations {
     let all: Vec<usize> = (0..candidates.len()).collect();
     if join.is_off || candidates.len() < 2 {
-        return Relations::independent(all);
+        return SeriesRelations::independent(all);
     }
     if join.is_requested {
         return joined_on_request(candidates);
     }
-    let heads: Vec<Option<Head>> = candidates.iter().map(Head::read).collect();
+    let heads: Vec<Option<CaptureStart>> = candidates.iter().map(CaptureStart::read_start).collect();
     let files: Vec<usize> =
         all.into_iter().filter(|index| !is_blank_part(candidates, &heads, *index)).collect();
     let file = |index: usize| files.get(index).and_then(|candidate| candidates.get(*candidate));
-    let mut relations = Relations::independent(files.clone());
+    let mut relations = SeriesRelations::independent(files.clone());
     let mut scans: BTreeMap<usize, CaptureScan> = BTreeMap::new();
-    for Pair { before, after, is_numbered } in pairs(candidates, &heads, &files) {
+    for SeriesPair { before, after, is_numbered } in candidate_pairs(candidates, &heads, &files) {
         for index in [before, after] {
             if let (false, Some(candidate)) = (scans.contains_key(&index), file(index)) {
-                scans.extend(CaptureScan::read(candidate).map(|scan| (index, scan)));
+                scans.extend(CaptureScan::scan_file(candidate).map(|scan| (index, scan)));
             }
         }
         let (Some(earlier), Some(later)) = (scans.get(&before), scans.get(&after)) else { continue };
-        let name = |index: usize| file(index).map_or(String::new(), shown);
-        match earlier.relation(later, join.max_gap) {
-            Ok(()) if relations.precedes(after, before) => {}
+        let name = |index: usize| file(index).map_or(String::new(), file_text);
+        match earlier.relate_next(later, join.max_gap) {
+            Ok(()) if relations.is_part_before(after, before) => {}
             Ok(()) => {
-                relations.join(before, after);
+                relations.join_parts(before, after);
                 for (index, scan) in [(before, earlier), (after, later)] {
                     relations.set_frames(index, scan.frames);
                 }
                 if let (Some(earlier), Some(mut later)) = (scans.remove(&before), scans.remove(&after)) {
-                    later.inherit(&earlier);
+                    later.inherit_buses(&earlier);
                     scans.insert(before, earlier);
                     scans.insert(after, later);
                 }
             }
-            Err(Apart { reason, max_gap, is_later, is_close }) => {
+            Err(SeparationReason { reason, max_gap, is_later, is_close }) => {
                 if is_later && is_numbered {
                     let relation = relations.of.iter_mut().skip(after).take(1);
-                    relation.for_each(|one| *one = Relation::Later(before));
+                    relation.for_each(|one| *one = SeriesRelation::Later(before));
                 }
                 if is_close && is_numbered {
                     let text = format!("{}: not joined to {}: {reason}", name(after), name(before));
@@ -198,26 +200,26 @@ pub fn relate(candidates: &[impl PossiblePart], join: JoinOptions) -> Relations 
 }
 
 /// All files as parts of one capture, in their order. A file whose clock does not fit starts another capture.
-fn joined_on_request(candidates: &[impl PossiblePart]) -> Relations {
-    let mut relations = Relations::independent((0..candidates.len()).collect());
+fn joined_on_request(candidates: &[impl PossiblePart]) -> SeriesRelations {
+    let mut relations = SeriesRelations::independent((0..candidates.len()).collect());
     let mut before: Option<(usize, CaptureScan)> = None;
     for (index, candidate) in candidates.iter().enumerate() {
         // An unreadable file is reported when it is decoded.
-        let Some(scan) = CaptureScan::read(candidate) else { continue };
+        let Some(scan) = CaptureScan::scan_file(candidate) else { continue };
         if scan.frames == 0 {
             continue;
         }
         if let Some((earlier, known)) = &before {
-            match known.shift_of(&scan, relations.shift(*earlier)) {
+            match known.shift_of(&scan, relations.time_shift(*earlier)) {
                 Ok(shift) => {
-                    relations.join(*earlier, index);
+                    relations.join_parts(*earlier, index);
                     relations.set_frames(*earlier, known.frames);
                     relations.set_frames(index, scan.frames);
                     relations.shifts.iter_mut().skip(index).take(1).for_each(|own| *own = shift);
                 }
                 Err(reason) => {
-                    let first = candidates.get(*earlier).map_or(String::new(), shown);
-                    let text = format!("{}: not joined to {first}: {reason}", shown(candidate));
+                    let first = candidates.get(*earlier).map_or(String::new(), file_text);
+                    let text = format!("{}: not joined to {first}: {reason}", file_text(candidate));
                     relations.notes.push(NotJoined { text, max_gap: None });
                 }
             }
@@ -229,7 +231,7 @@ fn joined_on_request(candidates: &[impl PossiblePart]) -> Relations {
 
 /// Whether a file is a part without frames: the first lines of a capture may be comments, and `split` can write empty
 /// parts. A neighbour with the same kind of name must have frames.
-fn is_blank_part(candidates: &[impl PossiblePart], heads: &[Option<Head>], index: usize) -> bool {
+fn is_blank_part(candidates: &[impl PossiblePart], heads: &[Option<CaptureStart>], index: usize) -> bool {
     let (Some(candidate), Some(None)) = (candidates.get(index), heads.get(index)) else { return false };
     let (path, name) = (candidate.path(), file_name(candidate));
     let numbered = candidates.iter().zip(heads).filter(|(other, head)| {
@@ -242,7 +244,7 @@ fn is_blank_part(candidates: &[impl PossiblePart], heads: &[Option<Head>], index
 }
 
 /// Two files of which the second may continue the first.
-struct Pair {
+struct SeriesPair {
     before: usize,
     after: usize,
     /// Their names are consecutive.
@@ -250,10 +252,14 @@ struct Pair {
 }
 
 /// Pairs that may belong together: consecutive names first, then neighbours that were named.
-fn pairs(candidates: &[impl PossiblePart], heads: &[Option<Head>], files: &[usize]) -> Vec<Pair> {
+fn candidate_pairs(
+    candidates: &[impl PossiblePart],
+    heads: &[Option<CaptureStart>],
+    files: &[usize],
+) -> Vec<SeriesPair> {
     let candidate = |index: usize| files.get(index).and_then(|file| candidates.get(*file));
     let head = |index: usize| files.get(index).and_then(|file| heads.get(*file)).and_then(Option::as_ref);
-    let mut order: Vec<(usize, &Head, String)> = Vec::new();
+    let mut order: Vec<(usize, &CaptureStart, String)> = Vec::new();
     for index in 0..files.len() {
         if let (Some(candidate), Some(head)) = (candidate(index), head(index)) {
             order.push((index, head, file_name(candidate)));
@@ -267,7 +273,7 @@ fn pairs(candidates: &[impl PossiblePart], heads: &[Option<Head>], files: &[usiz
         let [(before, one, name), (after, other, next)] = two else { continue };
         // A file that starts earlier overlaps, or belongs to another recording.
         if one.may_precede(other) && is_numbered_like(name, next) {
-            all.push(Pair { before: *before, after: *after, is_numbered: true });
+            all.push(SeriesPair { before: *before, after: *after, is_numbered: true });
         }
     }
     let listed = (1..files.len()).filter(|after| {
@@ -279,24 +285,24 @@ fn pairs(candidates: &[impl PossiblePart], heads: &[Option<Head>], files: &[usiz
         let heads = head(before).zip(head(after));
         let is_free = !all.iter().any(|pair| pair.before == before || pair.after == after);
         if is_free && heads.is_some_and(|(one, other)| one.may_precede(other)) {
-            all.push(Pair { before, after, is_numbered: false });
+            all.push(SeriesPair { before, after, is_numbered: false });
         }
     }
     all
 }
 
 /// Start of a capture.
-struct Head {
+struct CaptureStart {
     folder: PathBuf,
     format: &'static str,
     first: Timestamp,
 }
 
-impl Head {
+impl CaptureStart {
     /// `None` for anything but a readable file with timestamps.
-    fn read(candidate: &impl PossiblePart) -> Option<Self> {
+    fn read_start(candidate: &impl PossiblePart) -> Option<Self> {
         let mut first = None;
-        let format = candidate.read(false, &mut |batch, _| {
+        let format = candidate.read_batches(false, &mut |batch, _| {
             first = batch.frames().first().map(|frame| frame.time);
             first.is_none()
         })?;
@@ -313,10 +319,13 @@ impl Head {
     }
 }
 
-fn shown(candidate: &impl PossiblePart) -> String {
+fn file_text(candidate: &impl PossiblePart) -> String {
     candidate.path().display().to_string()
 }
 
 fn file_name(candidate: &impl PossiblePart) -> String {
-    candidate.path().file_name().map_or_else(|| shown(candidate), |name| name.to_string_lossy().into_owned())
+    candidate
+        .path()
+        .file_name()
+        .map_or_else(|| file_text(candidate), |name| name.to_string_lossy().into_owned())
 }

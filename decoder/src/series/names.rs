@@ -7,7 +7,7 @@ const LARGEST_STEP: u32 = 26;
 
 /// The name without digits: parts of one capture differ only in digits. The first part may have no number, as
 /// in `run.log` and `run-0002.log`.
-pub(super) fn recording(name: &str) -> String {
+pub(super) fn name_pattern(name: &str) -> String {
     let name: String = name.chars().filter(|character| !character.is_ascii_digit()).collect();
     name.replace("-.", ".")
 }
@@ -18,7 +18,7 @@ pub(super) fn order_in_series(name: &str) -> (String, Vec<u128>, String) {
         name.split(|character: char| !character.is_ascii_digit()).filter(|digits| !digits.is_empty());
     // More than 38 digits do not form a counter.
     let numbers = numbers.map(|digits| digits.parse().unwrap_or(u128::MAX)).collect();
-    (recording(name), numbers, name.to_owned())
+    (name_pattern(name), numbers, name.to_owned())
 }
 
 /// Whether two names differ only in a counter: in digits, or in the letters of `split`.
@@ -26,7 +26,7 @@ pub(super) fn is_numbered_like(one: &str, other: &str) -> bool {
     if one == other {
         return false;
     }
-    if recording(one) == recording(other) {
+    if name_pattern(one) == name_pattern(other) {
         return true;
     }
     let (one, other) = match (one.rsplit_once('.'), other.rsplit_once('.')) {
@@ -56,12 +56,12 @@ mod tests {
 
     #[test]
     fn parts_of_a_recording_are_called_alike() {
-        let of = |names: &[&str]| names.iter().map(|name| recording(name)).collect::<Vec<_>>();
+        let of = |names: &[&str]| names.iter().map(|name| name_pattern(name)).collect::<Vec<_>>();
         assert_eq!(of(&["a/run.log", "a/run-0002.log", "a/run-0013.log"]), ["a/run.log"; 3]);
         let usual = ["candump-2026-11-22_073051.log", "candump-2026-11-22_073051-0002.log"];
         assert_eq!(of(&usual), ["candump---_.log"; 2]);
-        assert_ne!(recording("run.log"), recording("run.pcapng"));
-        assert_ne!(recording("front.log"), recording("front-left.log"));
+        assert_ne!(name_pattern("run.log"), name_pattern("run.pcapng"));
+        assert_ne!(name_pattern("front.log"), name_pattern("front-left.log"));
     }
 
     #[test]

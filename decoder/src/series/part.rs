@@ -19,7 +19,11 @@ pub trait PossiblePart {
     /// Passes the frames in batches, with the names of the buses, until `take` returns `false` or the file ends or becomes
     /// unreadable. Returns the name of the format; `None` if the file cannot be opened, or can be read only once.
     /// `is_whole`: all of the file is wanted, so that reading ahead is worth its cost.
-    fn read(&self, is_whole: bool, take: &mut dyn FnMut(&Batch, &[String]) -> bool) -> Option<&'static str>;
+    fn read_batches(
+        &self,
+        is_whole: bool,
+        take: &mut dyn FnMut(&Batch, &[String]) -> bool,
+    ) -> Option<&'static str>;
 
     /// Whether the file contains only empty lines and comments; see [`is_blank`].
     fn is_blank(&self) -> bool;
@@ -35,7 +39,7 @@ pub fn is_blank(file: impl Read) -> bool {
 
 /// Position of a file relative to the previous part of the same recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Relation {
+pub enum SeriesRelation {
     /// No previous part.
     #[default]
     Independent,

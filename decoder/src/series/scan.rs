@@ -31,7 +31,7 @@ pub struct CaptureScan {
 }
 
 /// Reason why a file does not continue another one.
-pub(super) struct Apart {
+pub(super) struct SeparationReason {
     pub(super) reason: String,
     /// Longest gap that joins files, if the gap is the reason.
     pub(super) max_gap: Option<String>,
@@ -41,15 +41,15 @@ pub(super) struct Apart {
     pub(super) is_close: bool,
 }
 
-impl Apart {
-    fn unrelated() -> Self {
+impl SeparationReason {
+    fn unrelated_reason() -> Self {
         Self { reason: String::new(), max_gap: None, is_later: false, is_close: false }
     }
 }
 
 impl CaptureScan {
     /// Reads a file to its end without decoding; `None` if it cannot be opened.
-    pub fn read(candidate: &impl PossiblePart) -> Option<Self> {
+    pub fn scan_file(candidate: &impl PossiblePart) -> Option<Self> {
         let mut scan = Self {
             span: None,
             first: None,
@@ -60,9 +60,9 @@ impl CaptureScan {
             last_identities: BTreeMap::new(),
         };
         let mut buses = Vec::new();
-        candidate.read(true, &mut |batch, names| {
+        candidate.read_batches(true, &mut |batch, names| {
             for frame in batch.frames() {
-                scan.add(frame, names);
+                scan.add_frame(frame, names);
             }
             if names != buses {
                 buses = names.to_vec();
@@ -74,11 +74,11 @@ impl CaptureScan {
     }
 
     /// Earliest and latest timestamp; `None` without any.
-    pub fn span(&self) -> Option<(Timestamp, Timestamp)> {
+    pub fn time_span(&self) -> Option<(Timestamp, Timestamp)> {
         self.span
     }
 
-    fn add(&mut self, frame: &Frame, names: &[String]) {
+    fn add_frame(&mut self, frame: &Frame, names: &[String]) {
         self.frames += 1;
         if self.first.is_none() {
             self.first = Some(*frame);
@@ -88,7 +88,7 @@ impl CaptureScan {
             let span = self.span.get_or_insert((time, time));
             *span = (span.0.min(time), span.1.max(time));
         }
-        if let Some((node, sub, value)) = identity(frame) {
+        if let Some((node, sub, value)) = frame_identity(frame) {
             let bus = names.get(usize::from(frame.bus.0)).cloned().unwrap_or_default();
             self.first_identities.entry((bus.clone(), node, sub)).or_insert(value);
             self.last_identities.insert((bus, node, sub), value);
@@ -96,29 +96,37 @@ impl CaptureScan {
     }
 
     /// Whether `next` continues this file.
-    pub(super) fn relation(&self, next: &Self, max_gap: i64) -> Result<(), Apart> {
+    pub(super) fn relate_next(&self, next: &Self, max_gap: i64) -> Result<(), SeparationReason> {
         let both = self.last.as_ref().zip(next.first.as_ref());
-        let Some((last, first)) = both else { return Err(Apart::unrelated()) };
-        let Some((end, start)) = last.time.zip(first.time) else { return Err(Apart::unrelated()) };
+        let Some((last, first)) = both else { return Err(SeparationReason::unrelated_reason()) };
+        let Some((end, start)) = last.time.zip(first.time) else {
+            return Err(SeparationReason::unrelated_reason());
+        };
         let is_relative = !start.has_date() || !end.has_date();
         if (is_relative && start < NEAR_ZERO) || !next.buses.iter().any(|bus| self.buses.contains(bus)) {
-            return Err(Apart::unrelated());
+            return Err(SeparationReason::unrelated_reason());
         }
         let gap = start.since(end);
         let length_of_this = self.span.map_or(0, |(first, last)| last.since(first));
         // Files that overlap for longer come from different loggers.
         let is_close = if gap < 0 { -gap <= length_of_this / SHORT_OVERLAP } else { gap <= REPORTED };
-        let apart = |reason: String| Err(Apart { reason, max_gap: None, is_later: false, is_close });
+        let apart =
+            |reason: String| Err(SeparationReason { reason, max_gap: None, is_later: false, is_close });
         match () {
-            () if gap < 0 => apart(format!("starts {} before its last frame", length(gap))),
+            () if gap < 0 => apart(format!("starts {} before its last frame", format_length(gap))),
             () if gap == 0 && is_same_frame(last, first) => {
                 apart("starts with its last frame, so they overlap".into())
             }
             () if gap > max_gap => {
-                let reason = format!("starts {} after its last frame", length(gap));
-                Err(Apart { reason, max_gap: Some(length(max_gap)), is_later: true, is_close })
+                let reason = format!("starts {} after its last frame", format_length(gap));
+                Err(SeparationReason {
+                    reason,
+                    max_gap: Some(format_length(max_gap)),
+                    is_later: true,
+                    is_close,
+                })
             }
-            () => match self.contradiction(next) {
+            () => match self.find_contradiction(next) {
                 Some(reason) => apart(reason),
                 None => Ok(()),
             },
@@ -140,7 +148,7 @@ impl CaptureScan {
         };
         match (end.has_date(), start.has_date()) {
             (true, true) if start < end => {
-                Err(format!("starts {} before its last frame", length(start.since(end))))
+                Err(format!("starts {} before its last frame", format_length(start.since(end))))
             }
             (true, true) => Ok(0),
             (false, false) => Ok(own.saturating_add(end.since(start).max(0))),
@@ -149,7 +157,7 @@ impl CaptureScan {
     }
 
     /// Node with another identity. J1939 addresses are dynamic, so a claim by another NAME is none.
-    fn contradiction(&self, next: &Self) -> Option<String> {
+    fn find_contradiction(&self, next: &Self) -> Option<String> {
         let mut both = next.first_identities.iter().filter_map(|(key, value)| {
             let before = self.last_identities.get(key)?;
             (before != value).then_some((key, before, value))
@@ -160,7 +168,7 @@ impl CaptureScan {
     }
 
     /// Adds buses and identities of the part before this one.
-    pub(super) fn inherit(&mut self, before: &Self) {
+    pub(super) fn inherit_buses(&mut self, before: &Self) {
         self.buses.extend(before.buses.iter().cloned());
         for (key, value) in &before.last_identities {
             self.last_identities.entry(key.clone()).or_insert(*value);
@@ -170,7 +178,7 @@ impl CaptureScan {
 
 /// Node, sub-index and value of an upload of vendor-ID, product code or serial number. CiA 301 §7.2.4.3.6: 43h
 /// is the response of an expedited upload with four bytes; §7.5.2.22: sub-indexes of 1018.
-fn identity(frame: &Frame) -> Option<(u8, u8, u32)> {
+fn frame_identity(frame: &Frame) -> Option<(u8, u8, u32)> {
     let CanId::Standard(id @ 0x581..=0x5FF) = frame.id else { return None };
     let [0x43, 0x18, 0x10, sub @ (1 | 2 | 4), a, b, c, d] = *frame.data() else { return None };
     let node = u8::try_from(id - 0x580).ok()?;
@@ -182,7 +190,7 @@ fn is_same_frame(one: &Frame, other: &Frame) -> bool {
 }
 
 /// `12.500 s`, without a sign.
-fn length(nanoseconds: i64) -> String {
+fn format_length(nanoseconds: i64) -> String {
     let milliseconds = nanoseconds.unsigned_abs().div_ceil(1_000_000);
     format!("{}.{:03} s", milliseconds / 1_000, milliseconds % 1_000)
 }

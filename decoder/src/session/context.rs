@@ -3,17 +3,17 @@
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
-use crate::event::{Event, EventKind, EvictedState, FrameRange, Protocol, Undecoded};
+use crate::event::{Event, EventKind, EventProtocol, EvictedState, FrameRange, UndecodedFrame};
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA};
 use crate::profile::dbc::DatabaseMessage;
-use crate::session::bus::{Bus, Service};
+use crate::session::bus::{Bus, IdentifierService};
 use crate::session::detection::ProtocolStatus;
 use crate::session::observer::Observer;
 use crate::session::options::ProtocolChoice;
 use crate::session::timers::Timers;
 use crate::wire::j1939::J1939Id;
-use crate::wire::{Malformed, NodeId};
-use crate::words::plural;
+use crate::wire::{MalformedPayload, NodeId};
+use crate::words::count_noun;
 
 /// Max data bytes of a classical CAN frame.
 const CLASSIC_DATA: usize = 8;
@@ -40,14 +40,14 @@ pub(in crate::session) struct OpenData {
 
 /// State shared by all machines of a bus.
 #[derive(Debug, Clone)]
-pub(in crate::session) struct Shared {
+pub(in crate::session) struct SharedState {
     pub(in crate::session) bus: Bus,
     pub(in crate::session) timers: Timers,
     pub(in crate::session) notices: NoticesSent,
     pub(in crate::session) open_data: OpenData,
 }
 
-impl Shared {
+impl SharedState {
     /// State of a bus before its first frame.
     pub(in crate::session) fn new(bus: Bus) -> Self {
         Self {
@@ -60,39 +60,42 @@ impl Shared {
 
     /// Lends the shared state and the observer for one frame or deadline.
     #[inline]
-    pub(in crate::session) fn lend<'a>(&'a mut self, out: &'a mut dyn Observer) -> Context<'a> {
-        Context { shared: self, out }
+    pub(in crate::session) fn lend_context<'a>(
+        &'a mut self,
+        out: &'a mut dyn Observer,
+    ) -> MachineContext<'a> {
+        MachineContext { shared: self, out }
     }
 }
 
 /// Context of a machine during one frame or deadline: the shared state and the observer.
-pub(in crate::session) struct Context<'a> {
+pub(in crate::session) struct MachineContext<'a> {
     // A single pointer is cheap: one pointer per field would be written for every frame.
-    shared: &'a mut Shared,
+    shared: &'a mut SharedState,
     out: &'a mut dyn Observer,
 }
 
-impl Deref for Context<'_> {
-    type Target = Shared;
+impl Deref for MachineContext<'_> {
+    type Target = SharedState;
 
     #[inline]
-    fn deref(&self) -> &Shared {
+    fn deref(&self) -> &SharedState {
         self.shared
     }
 }
 
-impl DerefMut for Context<'_> {
+impl DerefMut for MachineContext<'_> {
     #[inline]
-    fn deref_mut(&mut self) -> &mut Shared {
+    fn deref_mut(&mut self) -> &mut SharedState {
         self.shared
     }
 }
 
-impl Context<'_> {
+impl MachineContext<'_> {
     /// Passes an event to the observer.
     #[inline]
-    pub(in crate::session) fn send(&mut self, event: &Event) {
-        self.out.event(event, &self.shared.bus);
+    pub(in crate::session) fn send_event(&mut self, event: &Event) {
+        self.out.on_event(event, &self.shared.bus);
     }
 
     /// Passes the prepared event of a slot to the observer.
@@ -100,7 +103,7 @@ impl Context<'_> {
     pub(in crate::session) fn send_prepared(&mut self, slot: usize) {
         self.shared.bus.current_identifier = Some(slot);
         if let Some(event) = self.shared.bus.routes.slot(slot).and_then(|entry| entry.prepared.as_deref()) {
-            self.out.event(event, &self.shared.bus);
+            self.out.on_event(event, &self.shared.bus);
         }
         self.shared.bus.current_identifier = None;
     }
@@ -117,28 +120,28 @@ impl Context<'_> {
             match frame.id {
                 CanId::Extended(_) => *extended += 1,
                 CanId::Standard(_) if is_data => {
-                    self.shared.bus.unnamed.take(frame);
+                    self.shared.bus.unnamed.take_frame(frame);
                     self.follow_dialogue(frame);
                 }
                 CanId::Standard(_) => {}
             }
         }
         let is_known = message.is_some();
-        let kind = EventKind::Frame(Undecoded { frame: *frame, name, message });
-        let mut event = self.event(frame, kind);
-        event.protocol = Protocol::Can;
+        let kind = EventKind::Frame(UndecodedFrame { frame: *frame, name, message });
+        let mut event = self.canopen_event(frame, kind);
+        event.protocol = EventProtocol::Can;
         event.presumed = false;
-        event.routine = !is_known || self.repeats(frame);
-        self.send(&event);
+        event.routine = !is_known || self.repeats_data(frame);
+        self.send_event(&event);
     }
 
     /// Looks for an SDO dialogue on identifiers of no channel; `true` if this frame revealed one. Its identifiers
     /// are not decoded any more.
     pub(in crate::session) fn follow_dialogue(&mut self, frame: &Frame) -> bool {
-        let Some(pair) = self.shared.bus.dialogues.take(frame) else { return false };
-        self.shared.bus.routes.reroute(pair.request, Service::Named("SDO-like request"));
-        self.shared.bus.routes.reroute(pair.response, Service::Named("SDO-like response"));
-        self.emit_note(frame, pair.hint());
+        let Some(pair) = self.shared.bus.dialogues.take_frame(frame) else { return false };
+        self.shared.bus.routes.reroute(pair.request, IdentifierService::Named("SDO-like request"));
+        self.shared.bus.routes.reroute(pair.response, IdentifierService::Named("SDO-like response"));
+        self.emit_note(frame, pair.hint_text());
         true
     }
 
@@ -146,14 +149,14 @@ impl Context<'_> {
     /// transport protocol would split it over several frames.
     pub(in crate::session) fn described_message(&self, frame: &Frame) -> Option<&Arc<DatabaseMessage>> {
         let most = if frame.flags.contains(FrameFlags::FD) { MAX_DATA } else { CLASSIC_DATA };
-        let message = self.shared.bus.database.frame(frame.id)?;
+        let message = self.shared.bus.database.message_by_id(frame.id)?;
         message.length.is_some_and(|length| usize::from(length) <= most).then_some(message)
     }
 
     /// Whether the data equal those of the previous frame with this identifier. Always false for a 29-bit
     /// identifier without a slot.
-    fn repeats(&mut self, frame: &Frame) -> bool {
-        let slot = self.shared.bus.routes.find(frame.id);
+    fn repeats_data(&mut self, frame: &Frame) -> bool {
+        let slot = self.shared.bus.routes.find_slot(frame.id);
         let Some(entry) = slot.and_then(|slot| self.shared.bus.routes.slot_mut(slot)) else { return false };
         let Some(before) = &mut entry.described else {
             entry.described = Some(Box::new(*frame));
@@ -172,7 +175,7 @@ impl Context<'_> {
         }
         // A SYNC may precede the first frame of a node that the user named: the note waits for a node.
         let is_early = node.is_none() && self.shared.bus.named.names_canopen();
-        if self.shared.bus.canopen.status() == ProtocolStatus::Presumed && !is_early {
+        if self.shared.bus.canopen.protocol_status() == ProtocolStatus::Presumed && !is_early {
             self.shared.bus.canopen.note_presumed();
             if !std::mem::replace(&mut self.shared.notices.canopen_presumed, true) {
                 let text = "CANopen not confirmed yet: decoded by the predefined connection set, marked ?";
@@ -186,7 +189,7 @@ impl Context<'_> {
     pub(in crate::session) fn is_settled(&mut self, node: Option<NodeId>) -> bool {
         let bus = &mut self.shared.bus;
         let is_named = match node {
-            Some(id) => bus.named.hear(id),
+            Some(id) => bus.named.note_canopen(id),
             None => bus.named.has_canopen(),
         };
         is_named || bus.canopen.is_confirmed()
@@ -194,7 +197,7 @@ impl Context<'_> {
 
     /// Like [`Self::is_decoded`], for frames that do not cause an event of their own.
     pub(in crate::session) fn is_followed(&mut self, node: Option<NodeId>, frame: &Frame) -> bool {
-        if self.is_settled(node) || self.shared.bus.canopen.status() != ProtocolStatus::Rejected {
+        if self.is_settled(node) || self.shared.bus.canopen.protocol_status() != ProtocolStatus::Rejected {
             return true;
         }
         if self.shared.bus.protocol != ProtocolChoice::None {
@@ -209,7 +212,7 @@ impl Context<'_> {
 
     /// Reports why frames are not decoded as CANopen, and which nodes are, because the user named them.
     fn emit_rejection(&mut self, frame: &Frame) {
-        let reason = self.shared.bus.canopen.reason();
+        let reason = self.shared.bus.canopen.rejection_reason();
         let text = if self.shared.bus.named.has_canopen() {
             let nodes = self.shared.bus.named.canopen_list();
             format!(
@@ -232,25 +235,25 @@ impl Context<'_> {
             && self.shared.bus.named.contains(node)
             && !std::mem::replace(&mut self.shared.notices.name_contradicted, true)
         {
-            let (id, length) = (frame.id, plural(u64::from(frame.length), "byte"));
+            let (id, length) = (frame.id, count_noun(u64::from(frame.length), "byte"));
             let text = format!(
                 "{} treated as CANopen because the user named it, but {id} has {length} (CiA 301: {expected}); BUS:N \
                  limits an option to one bus",
-                node.words()
+                node.sentence_label()
             );
-            self.shared.bus.named.contradict(&text);
+            self.shared.bus.named.note_contradiction(&text);
             self.emit_note(frame, text);
         }
     }
 
     /// CANopen event about one frame.
     #[inline]
-    pub(in crate::session) fn event(&self, frame: &Frame, kind: EventKind) -> Event {
+    pub(in crate::session) fn canopen_event(&self, frame: &Frame, kind: EventKind) -> Event {
         Event {
             time: frame.time,
             bus: self.shared.bus.index,
             frames: FrameRange::one(frame.number),
-            protocol: Protocol::Canopen,
+            protocol: EventProtocol::Canopen,
             node: None,
             presumed: !self.shared.bus.is_settled(None),
             routine: false,
@@ -259,7 +262,7 @@ impl Context<'_> {
     }
 
     /// Emits an event about one frame and a node.
-    pub(in crate::session) fn emit(
+    pub(in crate::session) fn emit_event(
         &mut self,
         frame: &Frame,
         node: impl Into<Option<NodeId>>,
@@ -268,26 +271,26 @@ impl Context<'_> {
     ) {
         let mut event = self.event_of(frame, node.into(), kind);
         event.routine = routine;
-        self.send(&event);
+        self.send_event(&event);
     }
 
     /// Event about one frame and a node; the type of node-ID determines the protocol.
     pub(in crate::session) fn event_of(&self, frame: &Frame, node: Option<NodeId>, kind: EventKind) -> Event {
-        let mut event = self.event(frame, kind);
+        let mut event = self.canopen_event(frame, kind);
         event.node = node;
         event.presumed = !self.shared.bus.is_settled(node);
         if let Some(NodeId::J1939(_)) = node {
-            event.protocol = Protocol::J1939;
+            event.protocol = EventProtocol::J1939;
         }
         event
     }
 
     /// Emits an event about the bus itself.
     pub(in crate::session) fn emit_can(&mut self, frame: &Frame, kind: EventKind) {
-        let mut event = self.event(frame, kind);
-        event.protocol = Protocol::Can;
+        let mut event = self.canopen_event(frame, kind);
+        event.protocol = EventProtocol::Can;
         event.presumed = false;
-        self.send(&event);
+        self.send_event(&event);
     }
 
     /// Emits a note about the bus.
@@ -300,10 +303,10 @@ impl Context<'_> {
         &mut self,
         frame: &Frame,
         node: impl Into<Option<NodeId>>,
-        error: Malformed,
+        error: MalformedPayload,
         reason: &'static str,
     ) {
-        self.emit(frame, node, false, EventKind::Malformed { error, reason });
+        self.emit_event(frame, node, false, EventKind::Malformed { error, reason });
     }
 
     /// Reports that a channel or an identifier was rejected because its table is full.
@@ -326,21 +329,21 @@ impl Context<'_> {
         let sender = NodeId::J1939(id.source);
         let mut event = self.event_of(frame, Some(sender), kind);
         event.node = Some(sender).filter(|node| node.is_valid());
-        event.presumed &= !self.shared.bus.named.concerns(id);
+        event.presumed &= !self.shared.bus.named.concerns_named(id);
         event
     }
 
     /// Emits a J1939 event about one frame and its sender.
     pub(in crate::session) fn emit_j1939(&mut self, frame: &Frame, id: J1939Id, kind: EventKind) {
         let event = self.j1939_event(frame, id, kind);
-        self.send(&event);
+        self.send_event(&event);
     }
 
     /// Reports a payload that is too short for its parameter group, or contradicts it.
     pub(in crate::session) fn emit_malformed_j1939(
         &mut self,
         id: J1939Id,
-        error: Malformed,
+        error: MalformedPayload,
         reason: &'static str,
         frame: &Frame,
     ) {
@@ -359,7 +362,7 @@ impl Context<'_> {
             time: frame.time,
             bus: self.shared.bus.index,
             frames,
-            protocol: Protocol::Uds,
+            protocol: EventProtocol::Uds,
             node,
             presumed: false,
             routine: false,
@@ -371,12 +374,12 @@ impl Context<'_> {
     pub(in crate::session) fn emit_malformed_uds(
         &mut self,
         frame: &Frame,
-        error: Malformed,
+        error: MalformedPayload,
         reason: &'static str,
     ) {
         let kind = EventKind::Malformed { error, reason };
         let event = self.uds_event(frame, FrameRange::one(frame.number), None, kind);
-        self.send(&event);
+        self.send_event(&event);
     }
 }
 
@@ -385,7 +388,7 @@ mod tests {
     use super::*;
     use crate::frame::BusIndex;
     use crate::profile::LayoutOrigin;
-    use crate::profile::dbc::{Database, parse};
+    use crate::profile::dbc::{Database, parse_database};
     use crate::session::BusDecoder;
     use crate::session::SessionOptions;
 
@@ -395,7 +398,7 @@ mod tests {
 
     fn bus(names: &[&str]) -> BusDecoder {
         let mut database = Database::default();
-        database.add(parse(DBC.as_bytes()).unwrap());
+        database.add_file(parse_database(DBC.as_bytes()).unwrap());
         let bus_databases =
             names.iter().map(|name| ((*name).to_owned(), Arc::new(database.clone()))).collect();
         let options = SessionOptions { bus_databases, ..SessionOptions::default() };

@@ -2,50 +2,53 @@
 
 use std::sync::Arc;
 
-use super::bus::{AmbiguousGap, Bus, RouteOrigin, Service};
-use super::canopen::{ConformanceMarks, Emcy, ErrorControl, Lss, Nmt, Pdo, Sdo, Sync, TimeStamps};
-use super::context::Shared;
-use super::device::Devices;
+use super::bus::{AmbiguousGap, Bus, IdentifierService, RouteOrigin};
+use super::canopen::{
+    ConformanceMarks, EmcyMachine, ErrorControlMachine, LssMachine, NmtMachine, PdoMachine, SdoMachine,
+    SyncMachine, TimeStamps,
+};
+use super::context::SharedState;
+use super::device::DeviceMachine;
 use super::given::{apply_given, emit_given_states};
 use super::j1939::{
-    Claims, FastPackets, Messages, Payload, Requests, Transports, TroubleCodes, is_followed,
-    mark_sender_alive,
+    ClaimMachine, FastPackets, GroupPayload, MessageMachine, RequestMachine, TransportMachine,
+    TroubleCodeMachine, is_followed, mark_sender_alive,
 };
 use super::learning::learn_object;
-use super::machine::{Machine, Timed};
+use super::machine::{ProtocolMachine, TimedMachine};
 use super::observer::Observer;
 use super::options::SessionOptions;
-use super::timers::Subject;
-use super::uds::{IsoTp, ObdPairs, Uds};
-use crate::event::{Event, EventKind, EvictedState, FrameRange, Protocol};
+use super::timers::DeadlineSubject;
+use super::uds::{IsoTpMachine, ObdPairs, UdsMachine};
+use crate::event::{Event, EventKind, EventProtocol, EvictedState, FrameRange};
 use crate::frame::{BusIndex, Frame, FrameFlags, Timestamp};
 use crate::wire::error_frame;
 use crate::wire::j1939::{ALL, J1939Id, NO_ADDRESS, Pgn};
-use crate::words::plural;
+use crate::words::count_noun;
 
 /// Decodes the frames of one bus to events. A clone is a checkpoint.
 #[derive(Debug, Clone)]
 pub struct BusDecoder {
-    pub(super) shared: Shared,
-    nmt: Nmt,
-    error_control: ErrorControl,
-    emcy: Emcy,
-    sync: Sync,
+    pub(super) shared: SharedState,
+    nmt: NmtMachine,
+    error_control: ErrorControlMachine,
+    emcy: EmcyMachine,
+    sync: SyncMachine,
     time_stamps: TimeStamps,
     marks: ConformanceMarks,
-    lss: Lss,
-    sdo: Sdo,
-    pdo: Pdo,
-    requests: Requests,
-    claims: Claims,
-    messages: Messages,
-    transports: Transports,
+    lss: LssMachine,
+    sdo: SdoMachine,
+    pdo: PdoMachine,
+    requests: RequestMachine,
+    claims: ClaimMachine,
+    messages: MessageMachine,
+    transports: TransportMachine,
     fast_packets: FastPackets,
-    trouble_codes: TroubleCodes,
-    isotp: IsoTp,
+    trouble_codes: TroubleCodeMachine,
+    isotp: IsoTpMachine,
     obd: ObdPairs,
-    uds: Uds,
-    devices: Devices,
+    uds: UdsMachine,
+    devices: DeviceMachine,
     /// Consecutive frames that only the observer needed.
     pub(super) needed_in_a_row: u8,
 }
@@ -53,29 +56,29 @@ pub struct BusDecoder {
 impl BusDecoder {
     /// Decoder of a bus before its first frame, with the options for this bus applied.
     pub fn new(index: BusIndex, name: &str, options: Arc<SessionOptions>) -> Self {
-        let mut shared = Shared::new(Bus::new(index, name, options));
-        apply_given(&mut shared.lend(&mut |_: &Event, _: &Bus| {}));
+        let mut shared = SharedState::new(Bus::new(index, name, options));
+        apply_given(&mut shared.lend_context(&mut |_: &Event, _: &Bus| {}));
         Self {
             shared,
-            nmt: Nmt,
-            error_control: ErrorControl,
-            emcy: Emcy,
-            sync: Sync::default(),
+            nmt: NmtMachine,
+            error_control: ErrorControlMachine,
+            emcy: EmcyMachine,
+            sync: SyncMachine::default(),
             time_stamps: TimeStamps::default(),
             marks: ConformanceMarks,
-            lss: Lss::default(),
-            sdo: Sdo::default(),
-            pdo: Pdo,
-            requests: Requests,
-            claims: Claims::default(),
-            messages: Messages,
-            transports: Transports::default(),
+            lss: LssMachine::default(),
+            sdo: SdoMachine::default(),
+            pdo: PdoMachine,
+            requests: RequestMachine,
+            claims: ClaimMachine::default(),
+            messages: MessageMachine,
+            transports: TransportMachine::default(),
             fast_packets: FastPackets::default(),
-            trouble_codes: TroubleCodes,
-            isotp: IsoTp::default(),
+            trouble_codes: TroubleCodeMachine,
+            isotp: IsoTpMachine::default(),
             obd: ObdPairs::default(),
-            uds: Uds::default(),
-            devices: Devices,
+            uds: UdsMachine::default(),
+            devices: DeviceMachine,
             needed_in_a_row: 0,
         }
     }
@@ -93,84 +96,86 @@ impl BusDecoder {
     /// Decodes the next frames, as [`Self::push`] with each of them.
     pub(crate) fn push_all(&mut self, frames: &[Frame], out: &mut dyn Observer) {
         for frame in frames {
-            let identifier = self.shared.bus.routes.find(frame.id);
+            let identifier = self.shared.bus.routes.find_slot(frame.id);
             if !identifier.is_some_and(|identifier| self.take_quickly(identifier, frame, out)) {
-                self.decode(identifier, frame, out);
+                self.decode_frame(identifier, frame, out);
             }
         }
     }
 
     /// Decodes a frame and sends its events to `out`; `identifier` is the index of its identifier, if it is known.
     #[inline(never)]
-    fn decode(&mut self, identifier: Option<usize>, frame: &Frame, out: &mut dyn Observer) {
+    fn decode_frame(&mut self, identifier: Option<usize>, frame: &Frame, out: &mut dyn Observer) {
         if let Some(stamp) = frame.time {
             self.advance_clock(stamp, frame.number, out);
         }
         (self.shared.bus.last_frame, self.shared.bus.last_time) = (frame.number, frame.time);
         if self.shared.bus.has_given_states {
-            emit_given_states(frame, &mut self.shared.lend(out));
+            emit_given_states(frame, &mut self.shared.lend_context(out));
         }
         if frame.flags.contains(FrameFlags::ERROR) {
-            let kind = EventKind::CanError(error_frame::parse(frame.id.number(), frame.data()));
-            return self.shared.lend(out).emit_can(frame, kind);
+            let kind = EventKind::CanError(error_frame::parse_error_frame(frame.id.number(), frame.data()));
+            return self.shared.lend_context(out).emit_can(frame, kind);
         }
         let slot = identifier.or_else(|| self.add_slot(frame, out));
         let Some(slot) = slot else { return self.on_frame_without_slot(frame, out) };
         let bus = &mut self.shared.bus;
-        let Some(service) = bus.routes.hear(slot, bus.clock.now()) else { return };
-        if frame.flags.contains(FrameFlags::FD) && !matches!(service, Service::IsoTp(_)) {
+        let Some(service) = bus.routes.note_frame(slot, bus.clock.now()) else { return };
+        if frame.flags.contains(FrameFlags::FD) && !matches!(service, IdentifierService::IsoTp(_)) {
             return self.on_fd_frame(frame, service, out);
         }
         if frame.flags.contains(FrameFlags::REMOTE) && !service.has_remote_frames() {
-            return self.shared.lend(out).emit_undecoded(frame, None);
+            return self.shared.lend_context(out).emit_undecoded(frame, None);
         }
-        let cx = &mut self.shared.lend(out);
+        let cx = &mut self.shared.lend_context(out);
         match service {
-            Service::Pdo(name, node) => self.pdo.on_frame((slot, name, node), frame, cx),
-            Service::J1939(id) => self.on_j1939(Some(slot), id, frame, out),
-            Service::Sync => {
+            IdentifierService::Pdo(name, node) => self.pdo.on_frame((slot, name, node), frame, cx),
+            IdentifierService::J1939(id) => self.on_j1939(Some(slot), id, frame, out),
+            IdentifierService::Sync => {
                 if self.sync.on_frame((), frame, cx) {
                     self.devices.on_frame((), frame, cx);
                 }
             }
-            Service::ErrorControl(node) => self.error_control.on_frame(node, frame, cx),
-            Service::Sdo(side, channel) => {
+            IdentifierService::ErrorControl(node) => self.error_control.on_frame(node, frame, cx),
+            IdentifierService::Sdo(side, channel) => {
                 if let Some(transfer) = self.sdo.on_frame((side, channel), frame, cx) {
                     learn_object(transfer, frame, cx);
                 }
             }
-            Service::Emcy(node) => self.emcy.on_frame(node, frame, cx),
-            Service::Nmt => self.nmt.on_frame((), frame, cx),
-            Service::Time => self.time_stamps.on_frame((), frame, cx),
-            Service::Lss(from_master) => {
+            IdentifierService::Emcy(node) => self.emcy.on_frame(node, frame, cx),
+            IdentifierService::Nmt => self.nmt.on_frame((), frame, cx),
+            IdentifierService::Time => self.time_stamps.on_frame((), frame, cx),
+            IdentifierService::Lss(from_master) => {
                 if !cx.bus.canopen.is_confirmed() {
-                    self.obd.note(frame);
+                    self.obd.note_request(frame);
                 }
                 self.lss.on_frame(from_master, frame, cx);
             }
-            Service::IsoTp(link) => {
+            IdentifierService::IsoTp(link) => {
                 if ObdPairs::is_functional(frame.id) {
-                    self.obd.note(frame);
+                    self.obd.note_request(frame);
                 }
                 if let Some(message) = self.isotp.on_frame(link, frame, cx) {
                     self.uds.on_frame(message, frame, cx);
                 }
             }
-            Service::TestMarker => self.marks.on_frame((), frame, cx),
-            Service::Unclassified | Service::Named(_) if ObdPairs::concerns(frame.id) => {
+            IdentifierService::TestMarker => self.marks.on_frame((), frame, cx),
+            IdentifierService::Unclassified | IdentifierService::Named(_)
+                if ObdPairs::is_obd_identifier(frame.id) =>
+            {
                 self.on_obd_frame(service, frame, out);
             }
-            Service::Unclassified => cx.emit_undecoded(frame, None),
-            Service::Named(name) => cx.emit_undecoded(frame, Some(name)),
+            IdentifierService::Unclassified => cx.emit_undecoded(frame, None),
+            IdentifierService::Named(name) => cx.emit_undecoded(frame, Some(name)),
         }
     }
 
     /// Handles a frame on an identifier of OBD that is not decoded; the first response to a request is.
     #[cold]
-    fn on_obd_frame(&mut self, service: Service, frame: &Frame, out: &mut dyn Observer) {
-        let cx = &mut self.shared.lend(out);
-        let Some(pair) = self.obd.take(frame, cx) else {
-            let name = if let Service::Named(name) = service { Some(name) } else { None };
+    fn on_obd_frame(&mut self, service: IdentifierService, frame: &Frame, out: &mut dyn Observer) {
+        let cx = &mut self.shared.lend_context(out);
+        let Some(pair) = self.obd.take_frame(frame, cx) else {
+            let name = if let IdentifierService::Named(name) = service { Some(name) } else { None };
             return cx.emit_undecoded(frame, name);
         };
         // A request to all that is decoded already waits for further responses.
@@ -184,7 +189,7 @@ impl BusDecoder {
 
     /// Handles a frame on a J1939 identifier; `slot` is `None` if the table of 29-bit identifiers is full.
     fn on_j1939(&mut self, slot: Option<usize>, id: J1939Id, frame: &Frame, out: &mut dyn Observer) {
-        let cx = &mut self.shared.lend(out);
+        let cx = &mut self.shared.lend_context(out);
         if !cx.bus.j1939.is_confirmed() && !is_followed(id, frame, cx) {
             return;
         }
@@ -198,12 +203,12 @@ impl BusDecoder {
                 self.messages.on_frame((slot, id), frame, cx);
                 if !frame.flags.contains(FrameFlags::REMOTE) {
                     let frames = FrameRange::one(frame.number);
-                    self.on_payload(Payload { id, data: frame.data(), frames }, frame, out);
+                    self.on_payload(GroupPayload { id, data: frame.data(), frames }, frame, out);
                 }
             }
             Pgn::TP_CM | Pgn::TP_DT | Pgn::ETP_CM | Pgn::ETP_DT => {
                 if let Some(transfer) = self.transports.on_frame(id, frame, cx) {
-                    self.on_payload(transfer.payload(), &transfer.frame, out);
+                    self.on_payload(transfer.as_payload(), &transfer.frame, out);
                 }
             }
             pgn if cx.bus.sends_fast_packets(pgn) => self.fast_packets.on_frame(id, frame, cx),
@@ -214,11 +219,11 @@ impl BusDecoder {
     /// Handles a complete payload, from one frame or several, of a group about addresses or faults.
     pub(in crate::session) fn on_payload(
         &mut self,
-        payload: Payload<'_>,
+        payload: GroupPayload<'_>,
         frame: &Frame,
         out: &mut dyn Observer,
     ) {
-        let cx = &mut self.shared.lend(out);
+        let cx = &mut self.shared.lend_context(out);
         match payload.id.pgn {
             Pgn::DM1 | Pgn::DM2 => self.trouble_codes.on_frame(payload, frame, cx),
             Pgn::COMMANDED_ADDRESS => self.claims.on_command(payload, frame, cx),
@@ -230,21 +235,21 @@ impl BusDecoder {
     #[cold]
     fn on_frame_without_slot(&mut self, frame: &Frame, out: &mut dyn Observer) {
         self.shared.bus.omissions.without_slot += 1;
-        match self.shared.bus.routes.origin(frame.id) {
+        match self.shared.bus.routes.route_origin(frame.id) {
             RouteOrigin::J1939(id) if !frame.flags.contains(FrameFlags::FD) => {
                 self.on_j1939(None, id, frame, out);
             }
-            _ => self.shared.lend(out).emit_undecoded(frame, None),
+            _ => self.shared.lend_context(out).emit_undecoded(frame, None),
         }
     }
 
     /// CAN FD on CANopen and J1939 identifiers is not decoded (CiA 1301 and J1939-22 define it separately).
     #[cold]
-    fn on_fd_frame(&mut self, frame: &Frame, service: Service, out: &mut dyn Observer) {
-        let mut cx = self.shared.lend(out);
+    fn on_fd_frame(&mut self, frame: &Frame, service: IdentifierService, out: &mut dyn Observer) {
+        let mut cx = self.shared.lend_context(out);
         let owner = match service {
-            Service::Unclassified | Service::Named(_) => None,
-            Service::J1939(_) => cx.bus.is_j1939().then_some("J1939"),
+            IdentifierService::Unclassified | IdentifierService::Named(_) => None,
+            IdentifierService::J1939(_) => cx.bus.is_j1939().then_some("J1939"),
             _ => cx.bus.is_canopen().then_some("CANopen"),
         };
         cx.bus.omissions.fd += u64::from(owner.is_some());
@@ -257,13 +262,13 @@ impl BusDecoder {
     /// Creates the slot of an identifier at its first frame.
     #[cold]
     fn add_slot(&mut self, frame: &Frame, out: &mut dyn Observer) -> Option<usize> {
-        let mut cx = self.shared.lend(out);
-        let service = match cx.bus.routes.origin(frame.id) {
+        let mut cx = self.shared.lend_context(out);
+        let service = match cx.bus.routes.route_origin(frame.id) {
             RouteOrigin::Learnt(service) => service,
             RouteOrigin::Default(owner) => cx.bus.service_of(owner),
-            RouteOrigin::J1939(id) => Service::J1939(id),
+            RouteOrigin::J1939(id) => IdentifierService::J1939(id),
         };
-        let slot = cx.bus.routes.add(frame.id, service);
+        let slot = cx.bus.routes.add_slot(frame.id, service);
         if slot.is_none() && !std::mem::replace(&mut cx.notices.extended_full, true) {
             let kind = EventKind::Evicted { what: EvictedState::ExtendedIdentifier, count: 1 };
             cx.emit_can(frame, kind);
@@ -273,14 +278,14 @@ impl BusDecoder {
     }
 
     /// Advances the time to `stamp` without a frame, for a live bus without traffic.
-    pub fn advance(&mut self, stamp: Timestamp, out: &mut dyn Observer) {
-        if self.shared.bus.clock.runs() {
+    pub fn advance_time(&mut self, stamp: Timestamp, out: &mut dyn Observer) {
+        if self.shared.bus.clock.has_timestamps() {
             let bus = &mut self.shared.bus;
             // A silence of the whole bus postpones all deadlines, and only the next frame shows whether it is one.
             let last = if bus.silence_limit().is_some() { bus.clock.last_frame_time() } else { i64::MAX };
-            let now = bus.clock.pass(stamp, last);
+            let now = bus.clock.advance_without_frame(stamp, last);
             if self.shared.timers.is_due(now) {
-                self.expire(now, out);
+                self.expire_deadlines(now, out);
             }
         }
     }
@@ -293,13 +298,13 @@ impl BusDecoder {
             time: Some(time),
             bus: self.shared.bus.index,
             frames: FrameRange::one(last),
-            protocol: Protocol::Can,
+            protocol: EventProtocol::Can,
             node: None,
             presumed: false,
             routine: false,
             kind: EventKind::ClockStep { step },
         };
-        self.shared.lend(out).send(&event);
+        self.shared.lend_context(out).send_event(&event);
     }
 
     /// Sets the bit rate stated in the capture, in bit/s.
@@ -309,12 +314,12 @@ impl BusDecoder {
 
     #[inline]
     fn advance_clock(&mut self, stamp: Timestamp, number: u64, out: &mut dyn Observer) {
-        let advance = self.shared.bus.clock.advance(stamp);
+        let advance = self.shared.bus.clock.advance_to(stamp);
         if advance.step.is_some() || advance.gap.is_some() {
             self.on_irregular_time(stamp, number, (advance.step, advance.gap), out);
         }
         if self.shared.timers.is_due(advance.now) {
-            self.expire(advance.now, out);
+            self.expire_deadlines(advance.now, out);
         }
     }
 
@@ -331,14 +336,14 @@ impl BusDecoder {
             time: Some(stamp),
             bus,
             frames: FrameRange { first, last: number },
-            protocol: Protocol::Can,
+            protocol: EventProtocol::Can,
             node: None,
             presumed: false,
             routine: false,
             kind,
         };
         if let Some(step) = step {
-            self.shared.lend(out).send(&event(EventKind::ClockStep { step }));
+            self.shared.lend_context(out).send_event(&event(EventKind::ClockStep { step }));
         }
         let Some(gap) = gap else { return };
         let now = self.shared.bus.clock.now();
@@ -348,13 +353,13 @@ impl BusDecoder {
             let frames = FrameRange { first, last: number };
             let limit = bus.clock.usual_gap();
             bus.ambiguous_gap = Some(AmbiguousGap { frames, times: (heard, now), limit });
-            bus.clock.accept(gap);
+            bus.clock.accept_gap(gap);
         } else {
             // Deadlines before the silence apply; deadlines within it are postponed by its length.
-            self.expire(heard, out);
-            self.shared.lend(out).send(&event(EventKind::BusSilent { gap }));
+            self.expire_deadlines(heard, out);
+            self.shared.lend_context(out).send_event(&event(EventKind::BusSilent { gap }));
             self.shared.bus.restarts.silent_until = Some(now);
-            self.shared.bus.routes.postpone(gap);
+            self.shared.bus.routes.postpone_frames(gap);
             self.on_silence(gap);
         }
     }
@@ -375,9 +380,9 @@ impl BusDecoder {
 
     /// Handles every deadline before `now`.
     #[cold]
-    fn expire(&mut self, now: i64, out: &mut dyn Observer) {
+    fn expire_deadlines(&mut self, now: i64, out: &mut dyn Observer) {
         if self.shared.bus.clock.is_made_up() {
-            let mut cx = self.shared.lend(out);
+            let mut cx = self.shared.lend_context(out);
             if !std::mem::replace(&mut cx.notices.made_up_times, true) {
                 let frame = cx.last_frame();
                 let text =
@@ -391,37 +396,37 @@ impl BusDecoder {
         }
     }
 
-    fn on_deadline(&mut self, subject: Subject, now: i64, out: &mut dyn Observer) {
-        let cx = &mut self.shared.lend(out);
+    fn on_deadline(&mut self, subject: DeadlineSubject, now: i64, out: &mut dyn Observer) {
+        let cx = &mut self.shared.lend_context(out);
         match subject {
-            Subject::SdoChannel(channel) => {
+            DeadlineSubject::SdoChannel(channel) => {
                 // No value: the transfer timed out.
                 self.sdo.on_deadline(channel, now, cx);
             }
-            Subject::Heartbeat(node) => self.error_control.on_deadline(node, now, cx),
-            Subject::SetPoint(node) => self.devices.on_deadline(node, now, cx),
-            Subject::Dm1(node) => self.trouble_codes.on_deadline(node, now, cx),
-            Subject::FastPackets => self.fast_packets.on_deadline((), now, cx),
-            Subject::Message(slot) => self.messages.on_deadline(slot, now, cx),
-            Subject::IsoTp(link) => {
+            DeadlineSubject::Heartbeat(node) => self.error_control.on_deadline(node, now, cx),
+            DeadlineSubject::SetPoint(node) => self.devices.on_deadline(node, now, cx),
+            DeadlineSubject::Dm1(node) => self.trouble_codes.on_deadline(node, now, cx),
+            DeadlineSubject::FastPackets => self.fast_packets.on_deadline((), now, cx),
+            DeadlineSubject::Message(slot) => self.messages.on_deadline(slot, now, cx),
+            DeadlineSubject::IsoTp(link) => {
                 // No request: the message timed out.
                 self.isotp.on_deadline(link, now, cx);
             }
-            Subject::UdsRequest(link) => {
+            DeadlineSubject::UdsRequest(link) => {
                 let is_answering = self.isotp.is_answering(link);
                 self.uds.on_deadline((link, is_answering), now, cx);
             }
-            Subject::Transport(place) => {
+            DeadlineSubject::Transport(place) => {
                 if let Some(transfer) = self.transports.on_deadline(place, now, cx) {
-                    self.on_payload(transfer.payload(), &transfer.frame, out);
+                    self.on_payload(transfer.as_payload(), &transfer.frame, out);
                 }
             }
         }
     }
 
     /// Closes open transfers at the end of the capture and reports the number of undecoded frames.
-    pub fn finish(&mut self, out: &mut dyn Observer) {
-        let cx = &mut self.shared.lend(out);
+    pub fn finish_bus(&mut self, out: &mut dyn Observer) {
+        let cx = &mut self.shared.lend_context(out);
         self.sdo.on_end(cx);
         self.transports.on_end(cx);
         self.fast_packets.on_end(cx);
@@ -431,12 +436,12 @@ impl BusDecoder {
         let (count, extended) = cx.bus.undecoded;
         if count > 0 {
             let frame = cx.last_frame();
-            let frames = plural(count, "frame");
+            let frames = count_noun(count, "frame");
             let text = format!(
                 "{frames} of unknown service ({extended} with 29-bit identifier); decode --frames prints them"
             );
             cx.emit_note(&frame, text);
-            for hint in cx.bus.unnamed.hints() {
+            for hint in cx.bus.unnamed.pair_hints() {
                 cx.emit_note(&frame, hint.to_string());
             }
         }
@@ -444,11 +449,11 @@ impl BusDecoder {
 
     /// Context of a machine, for unit tests.
     #[cfg(test)]
-    pub(in crate::session) fn lend<'a>(
+    pub(in crate::session) fn lend_context<'a>(
         &'a mut self,
         out: &'a mut dyn Observer,
-    ) -> super::context::Context<'a> {
-        self.shared.lend(out)
+    ) -> super::context::MachineContext<'a> {
+        self.shared.lend_context(out)
     }
 
     /// Bytes held by this decoder; object stores are shared with checkpoints until they change.
@@ -456,11 +461,11 @@ impl BusDecoder {
         size_of::<Self>()
             + self.shared.bus.footprint()
             + self.shared.timers.footprint()
-            + self.sdo.footprint()
-            + self.claims.footprint()
-            + self.transports.footprint()
-            + self.fast_packets.footprint()
-            + self.isotp.footprint()
-            + self.uds.footprint()
+            + self.sdo.memory_size()
+            + self.claims.memory_size()
+            + self.transports.memory_size()
+            + self.fast_packets.memory_size()
+            + self.isotp.memory_size()
+            + self.uds.memory_size()
     }
 }

@@ -3,58 +3,59 @@
 use std::sync::Arc;
 
 use crate::bus_file::{
-    AreaEntry, InitialState, InitialValue, ObjectValue, PendingReset, ValueOrigin, ValueRole, encode,
+    AreaEntry, InitialState, InitialValue, ObjectValue, PendingReset, ValueOrigin, ValueRole, encode_number,
 };
-use crate::event::{Certainty, EventKind, StateCause, StateChange};
+use crate::event::{EventKind, StateCause, StateCertainty, StateChange};
 use crate::frame::{CanId, Frame};
 use crate::profile::device::PdoField;
-use crate::profile::{Effect, Owner, Reference, little_endian};
+use crate::profile::{IdentifierOwner, ObjectReference, WriteEffect, little_endian};
 use crate::session::bus::{
-    Bus, MachineState, NmtStatus, Origin, OriginKind, Pairs, PendingValue, Restart, Service,
+    Bus, IdentifierService, MachineState, NmtStatus, OriginKind, PendingValue, RestartType, StoredOrigin,
+    UdsPairs,
 };
-use crate::session::context::Context;
-use crate::session::identity::{assign, given_devices, introduce};
+use crate::session::context::MachineContext;
+use crate::session::identity::{assign_device, given_devices, identify_node};
 use crate::session::objects::apply_object;
 use crate::session::options::{ProtocolChoice, SessionOptions};
 use crate::wire::NodeId;
-use crate::wire::canopen::sdo::Side;
+use crate::wire::canopen::sdo::SdoSide;
 
 /// Number of the SDO channel in the bus file, in addition to those of objects 1200 and up.
 const GIVEN_CHANNEL: u16 = 0;
 
 /// Applies the bus file. Identifiers are applied first, because they override those in objects.
-pub(in crate::session) fn apply_given(cx: &mut Context<'_>) {
+pub(in crate::session) fn apply_given(cx: &mut MachineContext<'_>) {
     let options = Arc::clone(&cx.bus.options);
     let name = Arc::clone(&cx.bus.name);
-    let owners: Vec<(CanId, Owner)> = options.bus_file.owners(&name).collect();
+    let owners: Vec<(CanId, IdentifierOwner)> = options.bus_file.owners(&name).collect();
     for (id, owner) in &owners {
         let service = match owner {
-            Owner::Sdo(_, node) => given_channel(&mut cx.bus, *node, &owners),
+            IdentifierOwner::Sdo(_, node) => given_channel(&mut cx.bus, *node, &owners),
             _ => None,
         };
         let service = match (owner, service) {
-            (Owner::Sdo(side, _), Some(channel)) => Service::Sdo(*side, channel),
+            (IdentifierOwner::Sdo(side, _), Some(channel)) => IdentifierService::Sdo(*side, channel),
             _ => cx.bus.service_of(*owner),
         };
-        cx.bus.routes.give(*id, service);
+        cx.bus.routes.set_service(*id, service);
     }
     if cx.bus.protocol != ProtocolChoice::None {
         name_nodes(&mut cx.bus, &options);
     }
-    let pairs = Pairs::new(options.bus_file.uds(&name).cloned().collect());
-    for (id, link) in pairs.links() {
-        cx.bus.routes.name(id, link);
+    let pairs = UdsPairs::new(options.bus_file.uds(&name).cloned().collect());
+    for (id, link) in pairs.identifier_links() {
+        cx.bus.routes.assign_named_link(id, link);
     }
     cx.bus.uds_pairs = Arc::new(pairs);
     for (node, device, by) in given_devices(&options.assignments, &name) {
-        assign(node, &device, by, cx);
+        assign_device(node, &device, by, cx);
     }
     for object in options.bus_file.objects(&name) {
         give_object(&mut cx.bus, object);
     }
     for object in options.bus_file.objects(&name).filter(|object| object.origin.is_some()) {
         // The observer never receives the event: the earlier capture contained it.
-        introduce(object.node, object.address, &Frame::EMPTY, cx);
+        identify_node(object.node, object.address, &Frame::EMPTY, cx);
     }
     for (id, state) in options.bus_file.states(&name) {
         give_state(&mut cx.bus, *id, state);
@@ -76,10 +77,10 @@ pub(in crate::session) fn apply_given(cx: &mut Context<'_>) {
 /// Settles the protocol of the nodes that the user named, or that a database describes.
 fn name_nodes(bus: &mut Bus, options: &SessionOptions) {
     for (node, is_own) in options.named_nodes(&bus.name) {
-        bus.named.add(node, is_own);
+        bus.named.add_node(node, is_own);
     }
     for node in bus.database.canopen_nodes() {
-        bus.named.add(NodeId::Canopen(node), false);
+        bus.named.add_node(NodeId::Canopen(node), false);
     }
 }
 
@@ -88,9 +89,9 @@ fn give_areas(bus: &mut Bus, options: &SessionOptions, name: &str) {
     for node in &mut bus.nodes {
         let mut pdos = Vec::new();
         for area in &node.device.areas {
-            let entries = options.bus_file.area(name, node.id, &area.name).unwrap_or_default();
+            let entries = options.bus_file.area_entries(name, node.id, &area.name).unwrap_or_default();
             let names = area.pdos.iter().filter_map(|name| name.parse().ok());
-            pdos.extend(names.zip(slices(entries)));
+            pdos.extend(names.zip(split_area(entries)));
         }
         node.given_pdos = Arc::new(pdos);
     }
@@ -100,12 +101,12 @@ fn give_areas(bus: &mut Bus, options: &SessionOptions, name: &str) {
 fn give_object(bus: &mut Bus, object: &InitialValue) {
     let (id, address) = (object.node, object.address);
     let Some(node) = bus.node_mut(id) else { return };
-    let entry = node.device.dictionary.find(address).and_then(|found| found.entry);
+    let entry = node.device.dictionary.find_object(address).and_then(|found| found.entry);
     let bytes = match &object.value {
         ObjectValue::Bytes(bytes) => bytes.clone(),
         ObjectValue::Number(number) => {
             let data_type = entry.and_then(|entry| entry.data_type);
-            match encode(*number, data_type).or_else(|_| encode(*number, None)) {
+            match encode_number(*number, data_type).or_else(|_| encode_number(*number, None)) {
                 Ok(bytes) => bytes,
                 Err(_) => return,
             }
@@ -118,21 +119,21 @@ fn give_object(bus: &mut Bus, object: &InitialValue) {
         Some(ValueOrigin::Pdo) => OriginKind::Pdo,
     };
     // Frames of the earlier capture have no number in this one.
-    let origin = Origin { kind, frame: 0, time: None };
-    let effect = entry.map_or(Effect::Unknown, |entry| entry.effect);
+    let origin = StoredOrigin { kind, frame: 0, time: None };
+    let effect = entry.map_or(WriteEffect::Unknown, |entry| entry.effect);
     let store = Arc::make_mut(&mut node.store);
     match object.role {
-        ValueRole::Pending => store.wait(address, PendingValue { value: bytes, effect, origin }),
+        ValueRole::Pending => store.add_waiting(address, PendingValue { value: bytes, effect, origin }),
         ValueRole::Stored => store.set_kept(address, bytes),
         ValueRole::Process if bytes.len() <= 8 => {
-            node.behaviour.note(address, little_endian(&bytes));
+            node.behaviour.note_value(address, little_endian(&bytes));
         }
         ValueRole::Process => {}
         ValueRole::Effective => {
             // If the store is full, the value is ignored: no real file lists that many objects.
             if store.set(address, &bytes, origin).is_ok() {
                 if object.is_assumed {
-                    store.doubt(address);
+                    store.mark_doubtful(address);
                 }
                 apply_object(bus, id, address);
             }
@@ -142,7 +143,7 @@ fn give_object(bus: &mut Bus, object: &InitialValue) {
 
 /// Emits the states in the bus file at the first frame, so that observers know them.
 #[cold]
-pub(in crate::session) fn emit_given_states(frame: &Frame, cx: &mut Context<'_>) {
+pub(in crate::session) fn emit_given_states(frame: &Frame, cx: &mut MachineContext<'_>) {
     cx.bus.has_given_states = false;
     let now = cx.bus.clock.now();
     let given = cx.bus.nodes.iter_mut().filter_map(|node| {
@@ -159,7 +160,7 @@ pub(in crate::session) fn emit_given_states(frame: &Frame, cx: &mut Context<'_>)
             after: None,
             certainty: nmt.certainty,
         };
-        cx.emit(frame, id, true, EventKind::NmtState(change));
+        cx.emit_event(frame, id, true, EventKind::NmtState(change));
     }
 }
 
@@ -169,7 +170,7 @@ fn give_state(bus: &mut Bus, id: NodeId, state: &InitialState) {
     let Some(node) = bus.node_mut(id) else { return };
     node.nmt = state.nmt.map(|nmt| NmtStatus {
         state: nmt.state,
-        certainty: if nmt.is_assumed { Certainty::Presumed } else { Certainty::Confirmed },
+        certainty: if nmt.is_assumed { StateCertainty::Presumed } else { StateCertainty::Confirmed },
         cause: StateCause::BusFile { is_reported: nmt.is_reported },
         frame: 0,
         since,
@@ -178,39 +179,39 @@ fn give_state(bus: &mut Bus, id: NodeId, state: &InitialState) {
         node.j1939_state().name = Some(name);
     }
     node.reset_frame = state.reset.map(|reset| match reset {
-        PendingReset::Communication => (0, Restart::Communication),
-        PendingReset::Node => (0, Restart::Node),
+        PendingReset::Communication => (0, RestartType::Communication),
+        PendingReset::Node => (0, RestartType::Node),
     });
     node.was_present = true;
     node.lost = state.is_lost;
     node.saved = state.is_saved;
     for code in &state.errors {
-        node.raise(*code);
+        node.raise_error(*code);
     }
     node.refresh_attention();
     let device = Arc::clone(&node.device);
     let known = device.machines.iter().zip(&state.device).map(|(machine, name)| {
         let place = machine.states.iter().position(|state| state.name == *name);
         let state = place.and_then(|place| u8::try_from(place).ok());
-        let control = node.behaviour.word(machine.control.object.object);
+        let control = node.behaviour.last_word(machine.control.object.object);
         MachineState { state, since, control, control_since: since, ..MachineState::default() }
     });
     node.behaviour.machines = known.collect();
 }
 
 /// SDO channel of a node with the identifiers in the bus file; a missing identifier has its default value.
-fn given_channel(bus: &mut Bus, node: u8, owners: &[(CanId, Owner)]) -> Option<u16> {
+fn given_channel(bus: &mut Bus, node: u8, owners: &[(CanId, IdentifierOwner)]) -> Option<u16> {
     let find = |side, base: u16| {
-        let given = owners.iter().find(|(_, owner)| *owner == Owner::Sdo(side, node));
-        given.map_or(CanId::standard(base + u16::from(node)), |(id, _)| *id)
+        let given = owners.iter().find(|(_, owner)| *owner == IdentifierOwner::Sdo(side, node));
+        given.map_or(CanId::from_standard(base + u16::from(node)), |(id, _)| *id)
     };
-    let (request, response) = (find(Side::Client, 0x600), find(Side::Server, 0x580));
-    bus.channels.add(node, GIVEN_CHANNEL, request, response, None)
+    let (request, response) = (find(SdoSide::Client, 0x600), find(SdoSide::Server, 0x580));
+    bus.channels.add_channel(node, GIVEN_CHANNEL, request, response, None)
 }
 
 /// Splits the entries of an area into PDOs of eight bytes. An entry that continues in the next PDO is not
 /// decoded: both its parts are placeholders.
-fn slices(entries: &[AreaEntry]) -> Vec<Vec<PdoField>> {
+fn split_area(entries: &[AreaEntry]) -> Vec<Vec<PdoField>> {
     const PDO_BITS: u16 = 64;
     let mut pdos = vec![Vec::new()];
     let mut free = PDO_BITS;
@@ -219,7 +220,7 @@ fn slices(entries: &[AreaEntry]) -> Vec<Vec<PdoField>> {
         let whole = bits <= free;
         while bits > 0 {
             let taken = bits.min(free);
-            let object = whole.then_some(Reference { object: entry.object, step: Some(0) });
+            let object = whole.then_some(ObjectReference { object: entry.object, step: Some(0) });
             if let Some(pdo) = pdos.last_mut() {
                 pdo.push(PdoField { object, bits: taken, constant: None });
             }
@@ -268,7 +269,7 @@ mod tests {
     #[test]
     fn an_area_is_sliced_in_order() {
         let entry = |index, bytes| AreaEntry { object: ObjectAddress::new(index, 0), bytes };
-        let pdos = slices(&[entry(0x2001, 4), entry(0x2002, 2), entry(0x2003, 4), entry(0x2004, 2)]);
+        let pdos = split_area(&[entry(0x2001, 4), entry(0x2002, 2), entry(0x2003, 4), entry(0x2004, 2)]);
         let shown: Vec<Vec<_>> = pdos
             .iter()
             .map(|pdo| pdo.iter().map(|it| (it.object.map(|of| of.object.index), it.bits)).collect())
@@ -289,7 +290,7 @@ mod tests {
             service = "sdo-response"
             node = 5
         "#);
-        let (request, response) = (CanId::extended(0x18DA_05F1), CanId::extended(0x18DA_F105));
+        let (request, response) = (CanId::from_extended(0x18DA_05F1), CanId::from_extended(0x18DA_F105));
         let events = events(
             &mut bus,
             &[
@@ -314,9 +315,9 @@ mod tests {
         let events = events(
             &mut bus,
             &[
-                (CanId::standard(0x605), &[0x23, 0x00, 0x18, 1, 0xA0, 1, 0, 0]),
-                (CanId::standard(0x585), &[0x60, 0x00, 0x18, 1, 0, 0, 0, 0]),
-                (CanId::standard(0x1A0), &[1]),
+                (CanId::from_standard(0x605), &[0x23, 0x00, 0x18, 1, 0xA0, 1, 0, 0]),
+                (CanId::from_standard(0x585), &[0x60, 0x00, 0x18, 1, 0, 0, 0, 0]),
+                (CanId::from_standard(0x1A0), &[1]),
             ],
         );
         let pdos = events.iter().filter_map(|event| match &event.kind {
@@ -336,7 +337,7 @@ mod tests {
             object = "1A00:00"
             value = 1
         "#);
-        let events = events(&mut bus, &[(CanId::standard(0x185), &[0x37, 0x02])]);
+        let events = events(&mut bus, &[(CanId::from_standard(0x185), &[0x37, 0x02])]);
         let layout = events.iter().find_map(|event| match &event.kind {
             EventKind::Pdo(pdo) => pdo.layout.clone(),
             _ => None,

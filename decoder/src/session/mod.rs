@@ -33,10 +33,10 @@ mod uds;
 
 pub use crate::profile::device::GateStatus;
 pub use bus::{
-    Bus, EmittedSetPoint, Entry, GateState, LifeSign, NmtStatus, Node, Origin, OriginKind, PendingNodeId,
-    PendingValue, SdoPairHint, Store, UdsPairHint, Watch,
+    Bus, EmittedSetPoint, GateState, LifeSign, LifeWatch, NmtStatus, Node, ObjectStore, OriginKind,
+    PendingNodeId, PendingValue, SdoPairHint, StoredObject, StoredOrigin, UdsPairHint,
 };
-pub(crate) use bus::{Signs, SkippedTimes};
+pub(crate) use bus::{ProfileSigns, SkippedTimes};
 pub use buses::Buses;
 pub use decoder::BusDecoder;
 pub use limits::{
@@ -46,6 +46,6 @@ pub use limits::{
 
 pub use crate::event::AssignedBy;
 pub(crate) use limits::CLOCK_SET;
-pub use observer::{NoObserver, Observer, Preview};
+pub use observer::{MessagePreview, NoObserver, Observer};
 pub use options::{Assignment, ProtocolChoice, SessionOptions};
 pub use snapshot::BusSnapshot;

@@ -10,29 +10,29 @@ use crate::frame::Timestamp;
 /// whether it needs the event; if no observer does, the session updates only times and counters.
 pub trait Observer {
     /// `event` happened on `bus`; `bus` is in the state after the event.
-    fn event(&mut self, event: &Event, bus: &Bus);
+    fn on_event(&mut self, event: &Event, bus: &Bus);
 
     /// Whether the observer needs the event of a frame; the default is yes. `bus` is in the state before the frame.
-    fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
+    fn needs_event(&self, _preview: &MessagePreview, _bus: &Bus) -> bool {
         true
     }
 
     /// Takes note of a frame without its event; `false` if the observer needs the event, which follows. `bus` is in the
-    /// state before the frame. An observer that consists of several asks [`Self::needs`] of all but one of them first.
-    fn skip(&mut self, preview: &Preview, bus: &Bus) -> bool {
-        !self.needs(preview, bus)
+    /// state before the frame. An observer that consists of several asks [`Self::needs_event`] of all but one of them first.
+    fn skip_event(&mut self, preview: &MessagePreview, bus: &Bus) -> bool {
+        !self.needs_event(preview, bus)
     }
 
-    /// Whether [`Self::skip`] saves work at events that the observer needs, too; otherwise it is asked rarely if it needed
+    /// Whether [`Self::skip_event`] saves work at events that the observer needs, too; otherwise it is asked rarely if it needed
     /// many frames in a row.
-    fn is_selective(&self, _preview: &Preview, _bus: &Bus) -> bool {
+    fn is_selective(&self, _preview: &MessagePreview, _bus: &Bus) -> bool {
         false
     }
 }
 
 /// PDO or J1939 message before its event. The frame has the data length of the last frame with its identifier.
 #[derive(Debug, Clone, Copy)]
-pub struct Preview {
+pub struct MessagePreview {
     /// Index of the identifier on its bus, in order of appearance.
     pub identifier: usize,
     /// Number of the frame in the capture.
@@ -52,15 +52,15 @@ pub struct Preview {
 pub struct NoObserver;
 
 impl Observer for NoObserver {
-    fn event(&mut self, _event: &Event, _bus: &Bus) {}
+    fn on_event(&mut self, _event: &Event, _bus: &Bus) {}
 
-    fn needs(&self, _preview: &Preview, _bus: &Bus) -> bool {
+    fn needs_event(&self, _preview: &MessagePreview, _bus: &Bus) -> bool {
         false
     }
 }
 
 impl<F: FnMut(&Event, &Bus)> Observer for F {
-    fn event(&mut self, event: &Event, bus: &Bus) {
+    fn on_event(&mut self, event: &Event, bus: &Bus) {
         self(event, bus);
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::bus_file::BusFile;
 use crate::event::AssignedBy;
 use crate::profile::dbc::Database;
-use crate::profile::{Catalogue, Device};
+use crate::profile::{Catalogue, DeviceProfile};
 use crate::wire::NodeId;
 
 pub use crate::bus_file::ProtocolChoice;
@@ -41,7 +41,7 @@ pub struct Assignment {
     /// Node to which the device is assigned.
     pub node: NodeId,
     /// Profile of the device.
-    pub device: Arc<Device>,
+    pub device: Arc<DeviceProfile>,
     /// Source of the assignment.
     pub by: AssignedBy,
 }
@@ -80,7 +80,7 @@ impl SessionOptions {
         let options = self.named.iter().filter_map(|(named, node)| on(named.as_deref(), *node));
         let devices = self.assignments.iter().filter_map(|it| on(it.bus.as_deref(), it.node));
         let mut nodes: Vec<_> = options.chain(devices).chain(self.bus_file.named_nodes(bus)).collect();
-        nodes.sort_unstable_by_key(|(node, is_own)| (node.place(), !is_own));
+        nodes.sort_unstable_by_key(|(node, is_own)| (node.table_place(), !is_own));
         nodes.dedup_by_key(|(node, _)| *node);
         nodes
     }

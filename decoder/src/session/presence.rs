@@ -1,22 +1,22 @@
 //! Presence of a node: last frame, loss and return.
 
-use crate::event::{EventKind, MonitoringMethod, Silence};
+use crate::event::{EventKind, MonitoringMethod, NodeSilence};
 use crate::frame::Frame;
 use crate::session::bus::Node;
-use crate::session::context::Context;
+use crate::session::context::MachineContext;
 use crate::wire::NodeId;
 
 /// Registers a frame of the node; a lost node is back.
-pub(in crate::session) fn mark_alive(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+pub(in crate::session) fn mark_alive(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
     let now = cx.bus.clock.now();
     let Some(node) = cx.bus.node_mut(id) else { return };
     if std::mem::replace(&mut node.lost, false) {
         let gap = now.saturating_sub(node.last_heard);
         let is_guarded = node.guarding.last_reply.is_some();
         let monitored_by = if is_guarded { MonitoringMethod::Guarding } else { MonitoringMethod::Heartbeat };
-        let kind = EventKind::NodeBack(silence(node, gap, monitored_by));
+        let kind = EventKind::NodeBack(build_silence(node, gap, monitored_by));
         node.refresh_attention();
-        cx.emit(frame, id, false, kind);
+        cx.emit_event(frame, id, false, kind);
     }
     let Some(node) = cx.bus.node_mut(id) else { return };
     node.last_frame = frame.number;
@@ -33,19 +33,19 @@ pub(in crate::session) fn emit_node_lost(
     gap: i64,
     monitored_by: MonitoringMethod,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let Some(node) = cx.bus.node_mut(id) else { return };
     if std::mem::replace(&mut node.lost, true) {
         return;
     }
     node.refresh_attention();
-    let silence = silence(node, gap, monitored_by);
-    cx.emit(frame, id, false, EventKind::NodeLost(silence));
+    let silence = build_silence(node, gap, monitored_by);
+    cx.emit_event(frame, id, false, EventKind::NodeLost(silence));
 }
 
-fn silence(node: &Node, gap: i64, monitored_by: MonitoringMethod) -> Silence {
-    Silence {
+fn build_silence(node: &Node, gap: i64, monitored_by: MonitoringMethod) -> NodeSilence {
+    NodeSilence {
         last_frame: node.last_frame,
         last_state: node.nmt.map(|nmt| nmt.state),
         last_emcy: node.last_error,

@@ -5,10 +5,10 @@
 //! gap, and its protocol and sender are known. Everything that later events depend on is updated: clock, intervals,
 //! last frame of bus, node and identifier.
 
-use super::bus::{Bus, IdentifierState, Service};
+use super::bus::{Bus, IdentifierService, IdentifierState};
 use super::canopen::copy_payload;
 use super::decoder::BusDecoder;
-use super::observer::{Observer, Preview};
+use super::observer::{MessagePreview, Observer};
 use crate::event::{EventKind, FrameRange};
 use crate::frame::Frame;
 
@@ -29,14 +29,14 @@ impl BusDecoder {
     /// the observer needs it. `false`, without any effect, for all other frames.
     #[inline]
     pub(super) fn take_quickly(&mut self, identifier: usize, frame: &Frame, out: &mut dyn Observer) -> bool {
-        let Some(preview) = self.shared.bus.preview(identifier, frame) else { return false };
+        let Some(preview) = self.shared.bus.preview_frame(identifier, frame) else { return false };
         if self.shared.timers.is_due(preview.now) {
             return false;
         }
         if self.may_skip(frame) {
-            if out.skip(&preview, &self.shared.bus) {
+            if out.skip_event(&preview, &self.shared.bus) {
                 self.needed_in_a_row = 0;
-                self.shared.bus.advance(&preview, false);
+                self.shared.bus.advance_frame(&preview, false);
                 return true;
             }
             self.needed_in_a_row = self.needed_in_a_row.saturating_add(1);
@@ -49,7 +49,7 @@ impl BusDecoder {
 
     /// Sends the event of a PDO that the observer needs; `false` for a message of another protocol.
     #[inline(never)]
-    fn send_pdo(&mut self, preview: &Preview, frame: &Frame, out: &mut dyn Observer) -> bool {
+    fn send_pdo(&mut self, preview: &MessagePreview, frame: &Frame, out: &mut dyn Observer) -> bool {
         let state = self.shared.bus.routes.slot_mut(preview.identifier);
         let Some(event) = state.and_then(|state| state.prepared.as_deref_mut()) else { return false };
         let EventKind::Pdo(pdo) = &mut event.kind else { return false };
@@ -57,8 +57,8 @@ impl BusDecoder {
         (event.presumed, event.routine) = (false, preview.change == 0);
         (pdo.length, pdo.is_request) = (frame.length, false);
         copy_payload(&mut pdo.bytes, frame);
-        self.shared.bus.advance(preview, true);
-        self.shared.lend(out).send_prepared(preview.identifier);
+        self.shared.bus.advance_frame(preview, true);
+        self.shared.lend_context(out).send_prepared(preview.identifier);
         true
     }
 }
@@ -66,14 +66,14 @@ impl BusDecoder {
 impl Bus {
     /// A frame whose event the session itself does not need; `None` for all other frames.
     #[inline]
-    fn preview(&self, identifier: usize, frame: &Frame) -> Option<Preview> {
+    fn preview_frame(&self, identifier: usize, frame: &Frame) -> Option<MessagePreview> {
         let state = self.routes.slot(identifier)?;
         let needed = state.needed?;
         let time = frame.time?;
-        let now = self.clock.regular(time)?;
+        let now = self.clock.regular_time(time)?;
         let (payload, change) = state.last.next(frame)?;
         let is_settled = change & needed == 0 && self.is_settled_sender(state);
-        is_settled.then_some(Preview { identifier, frame: frame.number, time, now, payload, change })
+        is_settled.then_some(MessagePreview { identifier, frame: frame.number, time, now, payload, change })
     }
 
     /// Whether the protocol of a PDO or message is confirmed, and its sender present in a known state.
@@ -81,8 +81,10 @@ impl Bus {
     fn is_settled_sender(&self, state: &IdentifierState) -> bool {
         let sender = self.node_at(usize::from(state.sender));
         match state.service {
-            Service::Pdo(..) => self.canopen.is_confirmed() && sender.is_none_or(|sender| !sender.attention),
-            Service::J1939(_) => self.j1939.is_confirmed() && sender.is_some(),
+            IdentifierService::Pdo(..) => {
+                self.canopen.is_confirmed() && sender.is_none_or(|sender| !sender.attention)
+            }
+            IdentifierService::J1939(_) => self.j1939.is_confirmed() && sender.is_some(),
             _ => false,
         }
     }
@@ -90,12 +92,12 @@ impl Bus {
     /// Updates clock, identifier and sender at a frame that the session does not need; `has_event` if an observer needs it.
     #[expect(clippy::inline_always, reason = "the call alone costs a tenth of a skipped frame")]
     #[inline(always)]
-    fn advance(&mut self, preview: &Preview, has_event: bool) {
+    fn advance_frame(&mut self, preview: &MessagePreview, has_event: bool) {
         self.clock.advance_regularly(preview.time, preview.now);
         (self.last_frame, self.last_time) = (preview.frame, Some(preview.time));
         let Some(state) = self.routes.slot_mut(preview.identifier) else { return };
-        state.hear(preview.now);
-        state.last.set(preview.payload);
+        state.note_frame(preview.now);
+        state.last.set_word(preview.payload);
         if !has_event && state.is_received() {
             state.skipped.get_or_insert_default().push(preview.time, preview.frame);
         }

@@ -1,13 +1,13 @@
 //! Present state of buses as settings of a bus file, with which a later part of a capture is decoded as within the
 //! whole capture.
 
-use super::bus::{Bus, Node, Origin, OriginKind, Restart};
+use super::bus::{Bus, Node, OriginKind, RestartType, StoredOrigin};
 use super::buses::Buses;
 use crate::bus_file::{
-    BaseFile, InitialNmtState, InitialState, InitialValue, ObjectValue, PendingReset, ProtocolChoice,
-    Settings, SpannedText, ValueOrigin, ValueRole, write,
+    BaseFile, BusSettings, InitialNmtState, InitialState, InitialValue, ObjectValue, PendingReset,
+    ProtocolChoice, SpannedText, ValueOrigin, ValueRole, write_bus_file,
 };
-use crate::event::{AssignedBy, Certainty};
+use crate::event::{AssignedBy, StateCertainty};
 use crate::profile::{DataType, TextError};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
@@ -22,28 +22,28 @@ const LISTED: usize = 20;
 #[derive(Debug, Clone, Default)]
 pub struct BusSnapshot {
     /// Settings of all buses.
-    pub everywhere: Settings,
+    pub everywhere: BusSettings,
     /// Settings by bus name.
-    pub buses: Vec<(String, Settings)>,
+    pub buses: Vec<(String, BusSettings)>,
     /// Values that are too large for the file, as text.
     omitted: Vec<String>,
 }
 
 impl BusSnapshot {
     /// Present state of the buses.
-    pub fn of(buses: Buses<'_>) -> Self {
+    pub fn snapshot_of(buses: Buses<'_>) -> Self {
         let mut snapshot = Self::default();
         for bus in buses {
-            let settings = snapshot.settings(bus);
+            let settings = snapshot.bus_settings(bus);
             snapshot.buses.push((bus.name().to_owned(), settings));
         }
         snapshot
     }
 
     /// Settings of a bus, created if needed.
-    pub fn bus_mut(&mut self, name: &str) -> &mut Settings {
+    pub fn bus_mut(&mut self, name: &str) -> &mut BusSettings {
         let place = self.buses.iter().position(|(known, _)| known == name).unwrap_or_else(|| {
-            self.buses.push((name.to_owned(), Settings::default()));
+            self.buses.push((name.to_owned(), BusSettings::default()));
             self.buses.len() - 1
         });
         match self.buses.get_mut(place) {
@@ -56,22 +56,22 @@ impl BusSnapshot {
     ///
     /// # Errors
     /// The base is not a TOML file.
-    pub fn text(&self, base: &BaseFile<'_>, title: &str) -> Result<String, TextError> {
+    pub fn bus_file_text(&self, base: &BaseFile<'_>, title: &str) -> Result<String, TextError> {
         let mut comments = vec![title.to_owned()];
         comments.extend(self.omitted.iter().take(LISTED).cloned());
         if let Some(more) = self.omitted.len().checked_sub(LISTED).filter(|more| *more > 0) {
             comments.push(format!("and {more} more values omitted"));
         }
-        write(base, &self.everywhere, &self.buses, &comments)
+        write_bus_file(base, &self.everywhere, &self.buses, &comments)
     }
 
-    fn settings(&mut self, bus: &Bus) -> Settings {
+    fn bus_settings(&mut self, bus: &Bus) -> BusSettings {
         let given = bus.options.bus_file.uds(bus.name()).count();
-        let mut settings = Settings {
-            protocol: protocol(bus),
+        let mut settings = BusSettings {
+            protocol: proven_protocol(bus),
             bit_rate: bus.bit_rate(),
-            uds: bus.uds_pairs.list().iter().skip(given).cloned().collect(),
-            ..Settings::default()
+            uds: bus.uds_pairs.all_pairs().iter().skip(given).cloned().collect(),
+            ..BusSettings::default()
         };
         for node in &bus.nodes {
             // An entry would settle the protocol of a node whose traffic may be something else.
@@ -82,12 +82,14 @@ impl BusSnapshot {
         settings
     }
 
-    fn add_node(&mut self, bus: &Bus, node: &Node, settings: &mut Settings) {
+    fn add_node(&mut self, bus: &Bus, node: &Node, settings: &mut BusSettings) {
         let id = node.id;
         settings.nodes.push(id);
         settings.names.extend(node.name().map(|name| (id, name.to_owned())));
-        settings.devices.extend(device(bus, node).map(|text| (id, SpannedText { text, span: 0..0 })));
-        settings.states.extend(state(node).map(|state| (id, state)));
+        settings
+            .devices
+            .extend(assigned_device(bus, node).map(|text| (id, SpannedText { text, span: 0..0 })));
+        settings.states.extend(initial_state(node).map(|state| (id, state)));
         let store = node.store();
         for (address, entry) in store.sorted() {
             if matches!(entry.origin.kind, OriginKind::BusFile | OriginKind::DeviceFile) {
@@ -97,33 +99,38 @@ impl BusSnapshot {
                 self.omitted.push(format!(
                     "omitted: {} {} {address}, {} bytes (limit {VALUE_LIMIT})",
                     bus.name(),
-                    id.words(),
+                    id.sentence_label(),
                     entry.size
                 ));
                 continue;
             }
             settings.objects.push(InitialValue {
                 is_assumed: entry.stale,
-                ..value(id, address, &entry.value, Some(entry.origin))
+                ..initial_value(id, address, &entry.value, Some(entry.origin))
             });
         }
         for (address, raw) in &node.behaviour.words {
             let bytes = word_bytes(node, *address, *raw);
-            let object = value(id, *address, &bytes, None);
+            let object = initial_value(id, *address, &bytes, None);
             settings.objects.push(InitialValue { role: ValueRole::Process, ..object });
         }
         for (address, pending) in store.all_waiting() {
-            let object = value(id, address, &pending.value, Some(pending.origin));
+            let object = initial_value(id, address, &pending.value, Some(pending.origin));
             settings.objects.push(InitialValue { role: ValueRole::Pending, ..object });
         }
         for (address, kept) in store.all_kept() {
-            let object = value(id, address, kept, None);
+            let object = initial_value(id, address, kept, None);
             settings.objects.push(InitialValue { role: ValueRole::Stored, ..object });
         }
     }
 }
 
-fn value(node: NodeId, address: ObjectAddress, bytes: &[u8], origin: Option<Origin>) -> InitialValue {
+fn initial_value(
+    node: NodeId,
+    address: ObjectAddress,
+    bytes: &[u8],
+    origin: Option<StoredOrigin>,
+) -> InitialValue {
     let kind = origin.and_then(|origin| match origin.kind {
         OriginKind::Download => Some(ValueOrigin::Download),
         OriginKind::Upload => Some(ValueOrigin::Upload),
@@ -144,7 +151,7 @@ fn word_bytes(node: &Node, address: ObjectAddress, raw: u64) -> Vec<u8> {
 }
 
 /// Protocol that the user stated or the traffic proved.
-fn protocol(bus: &Bus) -> Option<ProtocolChoice> {
+fn proven_protocol(bus: &Bus) -> Option<ProtocolChoice> {
     match bus.protocol {
         ProtocolChoice::Auto if bus.canopen.is_confirmed() => Some(ProtocolChoice::Canopen),
         ProtocolChoice::Auto if bus.j1939.is_confirmed() => Some(ProtocolChoice::J1939),
@@ -160,7 +167,7 @@ fn is_without_protocol(bus: &Bus) -> bool {
 }
 
 /// Profile that the user assigned or the identity selected. A generic one for a device type is found again.
-fn device(bus: &Bus, node: &Node) -> Option<String> {
+fn assigned_device(bus: &Bus, node: &Node) -> Option<String> {
     let is_own = matches!(
         node.assigned?,
         AssignedBy::Option | AssignedBy::BusFile | AssignedBy::DeviceFile | AssignedBy::Identity
@@ -177,20 +184,20 @@ fn device_states(node: &Node) -> Vec<String> {
 }
 
 /// State of a node; `None` if nothing is known.
-fn state(node: &Node) -> Option<InitialState> {
+fn initial_state(node: &Node) -> Option<InitialState> {
     let state = InitialState {
         nmt: node.nmt.map(|nmt| InitialNmtState {
             state: nmt.state,
-            is_assumed: nmt.certainty == Certainty::Presumed,
+            is_assumed: nmt.certainty == StateCertainty::Presumed,
             is_reported: nmt.is_reported(),
         }),
         is_lost: node.lost,
         is_saved: node.saved,
         errors: node.active_errors.clone(),
         reset: node.reset_frame.and_then(|(_, restart)| match restart {
-            Restart::Communication => Some(PendingReset::Communication),
-            Restart::Node => Some(PendingReset::Node),
-            Restart::PowerOn => None,
+            RestartType::Communication => Some(PendingReset::Communication),
+            RestartType::Node => Some(PendingReset::Node),
+            RestartType::PowerOn => None,
         }),
         name: node.j1939_name(),
         device: device_states(node),

@@ -7,12 +7,12 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use crate::session::bus::Link;
+use crate::session::bus::UdsLink;
 use crate::wire::NodeId;
 
 /// Subject of a deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Subject {
+pub(super) enum DeadlineSubject {
     /// Open transfer of an SDO channel.
     SdoChannel(u16),
     /// NMT error control of a node.
@@ -24,9 +24,9 @@ pub(super) enum Subject {
     /// DM1 of a node with active trouble codes.
     Dm1(NodeId),
     /// Incomplete ISO-TP message.
-    IsoTp(Link),
+    IsoTp(UdsLink),
     /// Waiting UDS requests of a link.
-    UdsRequest(Link),
+    UdsRequest(UdsLink),
     /// J1939 transfer, by its index in the table of transfers.
     Transport(u16),
     /// Incomplete fast packets of the bus.
@@ -36,7 +36,7 @@ pub(super) enum Subject {
 /// Deadlines in monotonic ns.
 #[derive(Debug, Clone)]
 pub(super) struct Timers {
-    queue: BinaryHeap<Reverse<(i64, Subject)>>,
+    queue: BinaryHeap<Reverse<(i64, DeadlineSubject)>>,
     /// Earliest entry; `i64::MAX` if the queue is empty.
     next: i64,
 }
@@ -49,7 +49,7 @@ impl Default for Timers {
 
 impl Timers {
     /// Adds a deadline for `subject`, which must not be in the queue.
-    pub(super) fn add(&mut self, deadline: i64, subject: Subject) {
+    pub(super) fn add_deadline(&mut self, deadline: i64, subject: DeadlineSubject) {
         self.queue.push(Reverse((deadline, subject)));
         self.next = self.next.min(deadline);
     }
@@ -61,7 +61,7 @@ impl Timers {
     }
 
     /// Removes and returns the earliest entry if it is before `now`.
-    pub(super) fn take_due(&mut self, now: i64) -> Option<(i64, Subject)> {
+    pub(super) fn take_due(&mut self, now: i64) -> Option<(i64, DeadlineSubject)> {
         let due = match self.queue.peek() {
             Some(Reverse((deadline, _))) if *deadline < now => self.queue.pop().map(|Reverse(entry)| entry),
             _ => None,
@@ -71,14 +71,14 @@ impl Timers {
     }
 
     /// Removes all entries of a subject.
-    pub(super) fn remove(&mut self, subject: Subject) {
+    pub(super) fn remove_subject(&mut self, subject: DeadlineSubject) {
         self.queue.retain(|Reverse((_, queued))| *queued != subject);
         self.next = self.queue.peek().map_or(i64::MAX, |Reverse((deadline, _))| *deadline);
     }
 
     /// Bytes held by the queue.
     pub(super) fn footprint(&self) -> usize {
-        self.queue.len() * size_of::<(i64, Subject)>()
+        self.queue.len() * size_of::<(i64, DeadlineSubject)>()
     }
 }
 
@@ -89,16 +89,16 @@ mod tests {
     #[test]
     fn entries_come_out_in_order_and_only_when_due() {
         let mut timers = Timers::default();
-        timers.add(30, Subject::Heartbeat(NodeId::Canopen(3)));
-        timers.add(10, Subject::SdoChannel(1));
+        timers.add_deadline(30, DeadlineSubject::Heartbeat(NodeId::Canopen(3)));
+        timers.add_deadline(10, DeadlineSubject::SdoChannel(1));
         assert!(!timers.is_due(10) && timers.is_due(11));
-        assert_eq!(timers.take_due(31), Some((10, Subject::SdoChannel(1))));
+        assert_eq!(timers.take_due(31), Some((10, DeadlineSubject::SdoChannel(1))));
         assert_eq!(timers.take_due(30), None);
-        assert_eq!(timers.take_due(31), Some((30, Subject::Heartbeat(NodeId::Canopen(3)))));
+        assert_eq!(timers.take_due(31), Some((30, DeadlineSubject::Heartbeat(NodeId::Canopen(3)))));
         assert_eq!(timers.take_due(i64::MAX), None);
-        timers.add(10, Subject::SdoChannel(1));
-        timers.add(20, Subject::Heartbeat(NodeId::Canopen(3)));
-        timers.remove(Subject::SdoChannel(1));
+        timers.add_deadline(10, DeadlineSubject::SdoChannel(1));
+        timers.add_deadline(20, DeadlineSubject::Heartbeat(NodeId::Canopen(3)));
+        timers.remove_subject(DeadlineSubject::SdoChannel(1));
         assert!(!timers.is_due(20) && timers.is_due(21));
     }
 }

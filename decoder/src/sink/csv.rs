@@ -7,14 +7,14 @@
 
 use std::io::{self, Write};
 
-use super::values::{self, FieldNames, GroupNames, Groups};
+use super::values::{self, CachedGroups, FieldNames, GroupNames};
 use super::{EventContent, EventFormat, EventSink};
 use crate::ascii::push_seconds;
 use crate::escape::push_escaped;
 use crate::event::Event;
 use crate::frame::Timestamp;
-use crate::profile::word;
-use crate::query::record::{FieldValue, quantity};
+use crate::profile::as_word;
+use crate::query::record::{FieldValue, quantity_value};
 use crate::session::Bus;
 
 /// Header row.
@@ -27,24 +27,24 @@ pub(super) const FORMAT: EventFormat = EventFormat {
     help: "Values of PDOs, messages and transfers: one row per value, with units",
     content: EventContent::Values,
     is_binary: false,
-    sink: |files, _| Ok(Box::new(Csv::new(files.whole()?))),
+    sink: |files, _| Ok(Box::new(CsvSink::new(files.whole_file()?))),
 };
 
 /// Writer for CSV with one row per value. After the first write error nothing more is written; `finish`
 /// returns the error.
-struct Csv<W> {
+struct CsvSink<W> {
     output: W,
-    groups: Groups<GroupNames>,
+    groups: CachedGroups<GroupNames>,
     line: Vec<u8>,
     has_begun: bool,
     error: Option<io::Error>,
 }
 
-impl<W: Write> Csv<W> {
+impl<W: Write> CsvSink<W> {
     fn new(output: W) -> Self {
         Self {
             output,
-            groups: Groups::default(),
+            groups: CachedGroups::default(),
             line: Vec::with_capacity(256),
             has_begun: false,
             error: None,
@@ -52,19 +52,19 @@ impl<W: Write> Csv<W> {
     }
 
     /// Writes the values of an event.
-    fn values(&mut self, event: &Event, bus: &Bus) {
-        let Some(carried) = values::carried(event).filter(|_| self.error.is_none()) else { return };
-        self.begin();
-        let named = self.groups.of(&carried, || GroupNames::of(&carried, bus));
-        for (signal, FieldNames { name, id, label }) in carried.with(&mut named.fields) {
-            let reading = values::reading(&signal, label);
+    fn write_values(&mut self, event: &Event, bus: &Bus) {
+        let Some(carried) = values::carried_values(event).filter(|_| self.error.is_none()) else { return };
+        self.begin_row();
+        let named = self.groups.cached_or_learn(&carried, || GroupNames::names_of(&carried, bus));
+        for (signal, FieldNames { name, id, label }) in carried.zip_values(&mut named.fields) {
+            let reading = values::signal_reading(&signal, label);
             self.line.clear();
-            let cells = Cells {
+            let cells = CsvCells {
                 group: &named.group,
                 name,
                 id,
                 value: reading.value,
-                unit: values::unit(signal.field),
+                unit: values::field_unit(signal.field),
                 label: reading.label.unwrap_or_default(),
                 raw: Some(signal.raw),
             };
@@ -77,49 +77,51 @@ impl<W: Write> Csv<W> {
     }
 
     /// Writes the value that an SDO or UDS service transferred.
-    fn transferred(&mut self, event: &Event, bus: &Bus) {
-        let Some(value) = values::transferred(event, bus).filter(|_| self.error.is_none()) else { return };
-        self.begin();
+    fn write_transferred(&mut self, event: &Event, bus: &Bus) {
+        let Some(value) = values::transferred_value(event, bus).filter(|_| self.error.is_none()) else {
+            return;
+        };
+        self.begin_row();
         self.line.clear();
         let meaning = value.meaning;
         let label = meaning.and_then(|meaning| meaning.description(&value.value)).unwrap_or_default();
-        let cells = Cells {
+        let cells = CsvCells {
             group: &value.group,
             name: value.name,
             id: &value.id,
-            value: quantity(meaning, &value.value),
+            value: quantity_value(meaning, &value.value),
             unit: meaning.map_or("", |meaning| &meaning.unit),
             label: &label,
-            raw: word(&value.value),
+            raw: as_word(&value.value),
         };
         cells.push(event, bus, &mut self.line);
         self.error = self.output.write_all(&self.line).err();
     }
 
-    fn begin(&mut self) {
+    fn begin_row(&mut self) {
         if !std::mem::replace(&mut self.has_begun, true) {
             self.error = self.output.write_all(HEADER.as_bytes()).err();
         }
     }
 }
 
-impl<W: Write> EventSink for Csv<W> {
+impl<W: Write> EventSink for CsvSink<W> {
     fn begin_capture(&mut self, _name: &str) {
-        self.groups = Groups::default();
+        self.groups = CachedGroups::default();
     }
 
-    fn write(&mut self, event: &Event, bus: &Bus) -> bool {
-        self.values(event, bus);
-        self.transferred(event, bus);
+    fn write_event(&mut self, event: &Event, bus: &Bus) -> bool {
+        self.write_values(event, bus);
+        self.write_transferred(event, bus);
         true
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.finish()
+        self.finish_output()
     }
 
-    fn finish(&mut self) -> io::Result<()> {
-        self.begin();
+    fn finish_output(&mut self) -> io::Result<()> {
+        self.begin_row();
         match self.error.take() {
             Some(error) => Err(error),
             None => self.output.flush(),
@@ -132,7 +134,7 @@ impl<W: Write> EventSink for Csv<W> {
 }
 
 /// Cells of a row, except for those of the event.
-struct Cells<'a> {
+struct CsvCells<'a> {
     group: &'a str,
     name: &'a str,
     id: &'a str,
@@ -142,7 +144,7 @@ struct Cells<'a> {
     raw: Option<u64>,
 }
 
-impl Cells<'_> {
+impl CsvCells<'_> {
     /// Appends the row.
     fn push(&self, event: &Event, bus: &Bus, line: &mut Vec<u8>) {
         if let Some(Timestamp(time)) = event.time {

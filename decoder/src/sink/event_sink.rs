@@ -19,19 +19,19 @@ pub trait EventSink {
     fn observe_time(&mut self, _time: Option<Timestamp>) {}
 
     /// Writes an event; returns `false` if the format omits it as a repetition.
-    fn write(&mut self, event: &Event, bus: &Bus) -> bool;
+    fn write_event(&mut self, event: &Event, bus: &Bus) -> bool;
 
     /// Writes a frame of bus `bus`, before its events ([`EventContent::Capture`]).
-    fn frame(&mut self, _frame: &Frame, _bus: &str) {}
+    fn write_frame(&mut self, _frame: &Frame, _bus: &str) {}
 
     /// Writes a notice of the recorder on bus `bus` ([`EventContent::Capture`]).
-    fn notice(&mut self, _notice: &Notice, _bus: &str) {}
+    fn write_notice(&mut self, _notice: &Notice, _bus: &str) {}
 
     /// Stores a file of the user, such as the bus file or a DBC ([`EventContent::Capture`]).
-    fn attach(&mut self, _name: &str, _media_type: &str, _bytes: &[u8]) {}
+    fn attach_file(&mut self, _name: &str, _media_type: &str, _bytes: &[u8]) {}
 
     /// Stores metadata of the whole file ([`EventContent::Capture`]).
-    fn describe(&mut self, _name: &str, _values: BTreeMap<String, String>) {}
+    fn write_metadata(&mut self, _name: &str, _values: BTreeMap<String, String>) {}
 
     /// Writes buffered data, unless the format is readable only after its end.
     ///
@@ -45,13 +45,13 @@ pub trait EventSink {
     ///
     /// # Errors
     /// The first write error since the start.
-    fn finish(&mut self) -> io::Result<()>;
+    fn finish_output(&mut self) -> io::Result<()>;
 
     /// Whether a write error occurred, so that no more events are needed.
     fn has_failed(&self) -> bool;
 
-    /// Note on values that the output cannot contain; complete after [`EventSink::finish`].
-    fn remark(&self) -> Option<String> {
+    /// Note on values that the output cannot contain; complete after [`EventSink::finish_output`].
+    fn omission_note(&self) -> Option<String> {
         None
     }
 }
@@ -70,19 +70,19 @@ pub trait OutputFiles {
     ///
     /// # Errors
     /// If the file cannot be written.
-    fn whole(&mut self) -> io::Result<Output>;
+    fn whole_file(&mut self) -> io::Result<Output>;
 
     /// One file of a multi-file format, named after its content, buffered.
     ///
     /// # Errors
     /// If the file cannot be written.
-    fn part(&mut self, content: &str) -> io::Result<Output>;
+    fn part_file(&mut self, content: &str) -> io::Result<Output>;
 
     /// An empty temporary file, not buffered.
     ///
     /// # Errors
     /// If no temporary file can be created.
-    fn spool(&mut self) -> io::Result<Box<dyn SpoolFile>>;
+    fn spool_file(&mut self) -> io::Result<Box<dyn SpoolFile>>;
 }
 
 /// Content of an event format.

@@ -1,6 +1,6 @@
 //! Keys of cached lines, packed into integers: one comparison per line instead of one per field.
 
-use crate::event::Pdo;
+use crate::event::DecodedPdo;
 use crate::frame::CanId;
 use crate::session::Bus;
 use crate::wire::NodeId;
@@ -13,13 +13,13 @@ pub(super) const BUS_SLOTS: usize = 83;
 
 /// Slot of a PDO. Collisions are harmless but slow.
 #[inline]
-pub(super) fn pdo_slot(pdo: &Pdo, bus: &Bus) -> usize {
+pub(super) fn pdo_slot(pdo: &DecodedPdo, bus: &Bus) -> usize {
     (pdo.cob_id.number() as usize + usize::from(bus.index().0) * BUS_SLOTS) % PDO_SLOTS
 }
 
 /// COB-ID, direction, number and node of a PDO, below 2^58.
 #[inline]
-pub(super) fn pdo_key(pdo: &Pdo, node: Option<NodeId>) -> u64 {
+pub(super) fn pdo_key(pdo: &DecodedPdo, node: Option<NodeId>) -> u64 {
     let id = match pdo.cob_id {
         CanId::Standard(id) => u64::from(id),
         CanId::Extended(id) => u64::from(id) | 1 << 29,
@@ -45,7 +45,7 @@ mod tests {
 
     #[test]
     fn keys_differ_if_a_field_differs() {
-        let pdo = |cob_id, direction, number| Pdo {
+        let pdo = |cob_id, direction, number| DecodedPdo {
             name: PdoName { direction, number },
             cob_id,
             is_request: false,
@@ -55,15 +55,15 @@ mod tests {
         };
         let (sent, received) = (PdoDirection::Transmit, PdoDirection::Receive);
         let mut keys = vec![
-            pdo_key(&pdo(CanId::standard(0x181), sent, 1), Some(NodeId::Canopen(1))),
-            pdo_key(&pdo(CanId::extended(0x181), sent, 1), Some(NodeId::Canopen(1))),
-            pdo_key(&pdo(CanId::extended(0x1FFF_FFFF), sent, 1), Some(NodeId::Canopen(1))),
-            pdo_key(&pdo(CanId::standard(0x181), received, 1), Some(NodeId::Canopen(1))),
-            pdo_key(&pdo(CanId::standard(0x181), sent, 512), Some(NodeId::Canopen(1))),
-            pdo_key(&pdo(CanId::standard(0x181), sent, u16::MAX), Some(NodeId::Canopen(1))),
-            pdo_key(&pdo(CanId::standard(0x181), sent, 1), Some(NodeId::J1939(1))),
-            pdo_key(&pdo(CanId::standard(0x181), sent, 1), Some(NodeId::J1939(0))),
-            pdo_key(&pdo(CanId::standard(0x181), sent, 1), None),
+            pdo_key(&pdo(CanId::from_standard(0x181), sent, 1), Some(NodeId::Canopen(1))),
+            pdo_key(&pdo(CanId::from_extended(0x181), sent, 1), Some(NodeId::Canopen(1))),
+            pdo_key(&pdo(CanId::from_extended(0x1FFF_FFFF), sent, 1), Some(NodeId::Canopen(1))),
+            pdo_key(&pdo(CanId::from_standard(0x181), received, 1), Some(NodeId::Canopen(1))),
+            pdo_key(&pdo(CanId::from_standard(0x181), sent, 512), Some(NodeId::Canopen(1))),
+            pdo_key(&pdo(CanId::from_standard(0x181), sent, u16::MAX), Some(NodeId::Canopen(1))),
+            pdo_key(&pdo(CanId::from_standard(0x181), sent, 1), Some(NodeId::J1939(1))),
+            pdo_key(&pdo(CanId::from_standard(0x181), sent, 1), Some(NodeId::J1939(0))),
+            pdo_key(&pdo(CanId::from_standard(0x181), sent, 1), None),
         ];
         let count = keys.len();
         keys.sort_unstable();

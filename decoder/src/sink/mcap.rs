@@ -15,16 +15,16 @@ use std::sync::Arc;
 
 use serde_json::json;
 
-use super::jsonl::object::Object;
-use super::text::{Line, Tone};
-use super::values::{self, Group};
+use super::jsonl::object::JsonObjectWriter;
+use super::text::{EventLine, LineTone};
+use super::values::{self, ValueGroupKey};
 use super::{EventContent, EventFormat, EventSink, escape, jsonl};
-use crate::capture::{FrameWriter as _, McapWriter, Notice, Packing, Topic};
+use crate::capture::{CaptureCompression, FrameWriter as _, McapWriter, Notice, WrittenTopic};
 use crate::event::{Event, EventKind};
 use crate::finding::Severity;
 use crate::frame::Frame;
-use crate::profile::{DataType, Layout};
-use crate::query::record::{FieldValue, visit};
+use crate::profile::{DataType, PayloadLayout};
+use crate::query::record::{FieldValue, visit_event};
 use crate::session::Bus;
 
 /// Levels of `foxglove.Log`.
@@ -39,16 +39,16 @@ pub(super) const FORMAT: EventFormat = EventFormat {
     help: "Frames, values, events and event lines for Foxglove and PlotJuggler; requires -o",
     content: EventContent::Capture,
     is_binary: true,
-    sink: |files, options| Ok(Box::new(Mcap::new(files.whole()?, options.packing))),
+    sink: |files, options| Ok(Box::new(McapSink::new(files.whole_file()?, options.packing))),
 };
 
 /// Writer for frames and events as MCAP. After the first write error nothing more is written; `finish`
 /// returns the error.
-struct Mcap<W: Write + Send> {
+struct McapSink<W: Write + Send> {
     file: McapWriter<W>,
-    groups: HashMap<Group, Values>,
+    groups: HashMap<ValueGroupKey, ValueGroup>,
     /// By topic.
-    records: BTreeMap<String, Topic>,
+    records: BTreeMap<String, WrittenTopic>,
     line: Vec<u8>,
     /// Profile ids of the known devices, by `bus:node`.
     devices: BTreeMap<String, String>,
@@ -58,17 +58,17 @@ struct Mcap<W: Write + Send> {
 }
 
 /// A group of values.
-struct Values {
-    topic: Topic,
-    layout: Arc<Layout>,
+struct ValueGroup {
+    topic: WrittenTopic,
+    layout: Arc<PayloadLayout>,
     /// Beginnings of the JSON members, `"key":`.
     keys: Vec<String>,
     /// Last label of each field.
     labels: Vec<values::LabelCache>,
 }
 
-impl<W: Write + Send> Mcap<W> {
-    fn new(output: W, packing: Packing) -> Self {
+impl<W: Write + Send> McapSink<W> {
+    fn new(output: W, packing: CaptureCompression) -> Self {
         Self {
             file: McapWriter::new(output, packing),
             groups: HashMap::new(),
@@ -80,14 +80,14 @@ impl<W: Write + Send> Mcap<W> {
         }
     }
 
-    fn event(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
-        match values::carried(event) {
+    fn write_in_order(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
+        match values::carried_values(event) {
             // The transfer is an event in addition to the values that it carries.
             Some(carried) if matches!(event.kind, EventKind::J1939Transfer(_)) => self
-                .values(event, bus, &carried)
-                .and_then(|()| self.record(event, bus))
-                .and_then(|()| self.log(event, bus)),
-            Some(carried) => self.values(event, bus, &carried),
+                .write_values(event, bus, &carried)
+                .and_then(|()| self.write_record(event, bus))
+                .and_then(|()| self.write_log(event, bus)),
+            Some(carried) => self.write_values(event, bus, &carried),
             None if matches!(
                 event.kind,
                 EventKind::Pdo(_) | EventKind::J1939Message(_) | EventKind::Frame(_)
@@ -95,22 +95,27 @@ impl<W: Write + Send> Mcap<W> {
             {
                 Ok(())
             }
-            None => self.record(event, bus).and_then(|()| self.log(event, bus)),
+            None => self.write_record(event, bus).and_then(|()| self.write_log(event, bus)),
         }
     }
 
-    fn values(&mut self, event: &Event, bus: &Bus, carried: &values::EventValues<'_>) -> io::Result<()> {
+    fn write_values(
+        &mut self,
+        event: &Event,
+        bus: &Bus,
+        carried: &values::EventValues<'_>,
+    ) -> io::Result<()> {
         let is_known =
             self.groups.get(&carried.group).is_some_and(|known| Arc::ptr_eq(&known.layout, carried.layout));
         if !is_known {
-            self.learn(bus, carried)?;
-            self.device(event, bus);
+            self.add_value_topic(bus, carried)?;
+            self.write_device(event, bus);
         }
         let Some(group) = self.groups.get_mut(&carried.group) else { return Ok(()) };
         self.line.clear();
         self.line.push(b'{');
-        for (signal, (key, label)) in carried.with(group.keys.iter().zip(&mut group.labels)) {
-            let reading = values::reading(&signal, label);
+        for (signal, (key, label)) in carried.zip_values(group.keys.iter().zip(&mut group.labels)) {
+            let reading = values::signal_reading(&signal, label);
             // A missing member leaves a gap in a plot.
             let has_value = match reading.value {
                 FieldValue::Null => false,
@@ -125,22 +130,22 @@ impl<W: Write + Send> Mcap<W> {
             }
         }
         self.line.push(b'}');
-        self.file.message(&mut group.topic, event.time, &self.line)
+        self.file.write_message(&mut group.topic, event.time, &self.line)
     }
 
     /// Creates a topic for a new group of values, or for a new layout of a known group.
-    fn learn(&mut self, bus: &Bus, carried: &values::EventValues<'_>) -> io::Result<()> {
-        let name = values::name(carried.group, bus);
-        let keys = values::keys(carried.layout);
-        let schema = schema(&name, carried.layout, &keys);
+    fn add_value_topic(&mut self, bus: &Bus, carried: &values::EventValues<'_>) -> io::Result<()> {
+        let name = values::group_name(carried.group, bus);
+        let keys = values::unique_keys(carried.layout);
+        let schema = json_schema(&name, carried.layout, &keys);
         let topic = self.file.json_topic(&format!("/{name}"), &name.replace('/', "."), &schema)?;
         let labels = keys.iter().map(|_| values::LabelCache::default()).collect();
-        let values = Values { topic, layout: Arc::clone(carried.layout), keys, labels };
+        let values = ValueGroup { topic, layout: Arc::clone(carried.layout), keys, labels };
         self.groups.insert(carried.group, values);
         Ok(())
     }
 
-    fn device(&mut self, event: &Event, bus: &Bus) {
+    fn write_device(&mut self, event: &Event, bus: &Bus) {
         let Some(node) = event.node.and_then(|id| bus.node(id)) else { return };
         if let (Some(id), Some(device)) = (event.node, node.device_id()) {
             self.devices.insert(format!("{}:{}", bus.name(), id.label()), device.to_owned());
@@ -149,7 +154,7 @@ impl<W: Write + Send> Mcap<W> {
     }
 
     /// Writes the event in the form of JSON Lines.
-    fn record(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
+    fn write_record(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
         let topic = match (&event.kind, event.node) {
             (EventKind::FindingOpened(_) | EventKind::FindingClosed(_), _) => "/findings".to_owned(),
             (EventKind::ObjectChange(_), Some(node)) if event.bus.0 == 0 => {
@@ -165,88 +170,88 @@ impl<W: Write + Send> Mcap<W> {
             None => self.file.json_topic(&topic, "cobscope.Event", include_str!("event.schema.json"))?,
         };
         if matches!(event.kind, EventKind::NodeIdentified(_)) {
-            self.device(event, bus);
+            self.write_device(event, bus);
         }
         self.line.clear();
-        let mut object = Object::begin(&mut self.line);
-        visit(event, bus, None, &mut object);
-        object.end();
-        let written = self.file.message(&mut known, event.time, self.line.trim_ascii_end());
+        let mut object = JsonObjectWriter::begin_object(&mut self.line);
+        visit_event(event, bus, None, &mut object);
+        object.end_object();
+        let written = self.file.write_message(&mut known, event.time, self.line.trim_ascii_end());
         self.records.insert(topic, known);
         written
     }
 
-    fn log(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
+    fn write_log(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
         if event.routine {
             return Ok(());
         }
-        let line = Line::of(event, bus);
+        let line = EventLine::describe_event(event, bus);
         let level = match (&event.kind, line.tone) {
             (EventKind::FindingOpened(news), _) if news.severity == Severity::Error => ERROR,
             (EventKind::FindingOpened(news), _) if news.severity == Severity::Warning => WARNING,
-            (_, Tone::Bad) => ERROR,
-            (_, Tone::Caution) => WARNING,
+            (_, LineTone::Bad) => ERROR,
+            (_, LineTone::Caution) => WARNING,
             _ => INFO,
         };
         let what = format!("{} {}", line.kind, escape(&line.what));
-        self.file.log(event.time, level, &escape(&line.who), &what)
+        self.file.write_log(event.time, level, &escape(&line.who), &what)
     }
 
-    fn keep(&mut self, written: io::Result<()>) {
+    fn keep_error(&mut self, written: io::Result<()>) {
         if let Err(error) = written {
             self.error.get_or_insert(error);
         }
     }
 }
 
-impl<W: Write + Send> EventSink for Mcap<W> {
-    fn write(&mut self, event: &Event, bus: &Bus) -> bool {
+impl<W: Write + Send> EventSink for McapSink<W> {
+    fn write_event(&mut self, event: &Event, bus: &Bus) -> bool {
         if self.error.is_none() {
-            let written = self.event(event, bus);
-            self.keep(written);
+            let written = self.write_in_order(event, bus);
+            self.keep_error(written);
         }
         true
     }
 
-    fn frame(&mut self, frame: &Frame, bus: &str) {
+    fn write_frame(&mut self, frame: &Frame, bus: &str) {
         if self.error.is_none() {
             let written = self.file.write(frame, bus);
-            self.keep(written);
+            self.keep_error(written);
         }
     }
 
-    fn notice(&mut self, notice: &Notice, bus: &str) {
+    fn write_notice(&mut self, notice: &Notice, bus: &str) {
         if self.error.is_none() {
             let written = self.file.notice(notice, bus).map(|_| ());
-            self.keep(written);
+            self.keep_error(written);
         }
     }
 
-    fn attach(&mut self, name: &str, media_type: &str, bytes: &[u8]) {
-        let written = self.file.attach(name, media_type, bytes);
-        self.keep(written);
+    fn attach_file(&mut self, name: &str, media_type: &str, bytes: &[u8]) {
+        let written = self.file.attach_file(name, media_type, bytes);
+        self.keep_error(written);
     }
 
-    fn describe(&mut self, name: &str, values: BTreeMap<String, String>) {
-        let written = self.file.metadata(name, values);
-        self.keep(written);
+    fn write_metadata(&mut self, name: &str, values: BTreeMap<String, String>) {
+        let written = self.file.write_metadata(name, values);
+        self.keep_error(written);
     }
 
     /// Ends the current chunk, so that the file is readable up to here. An error is returned by `finish`.
     fn flush(&mut self) -> io::Result<()> {
         if self.error.is_none() {
             let written = self.file.flush();
-            self.keep(written);
+            self.keep_error(written);
         }
         Ok(())
     }
 
-    fn finish(&mut self) -> io::Result<()> {
+    fn finish_output(&mut self) -> io::Result<()> {
         if self.error.is_none() && !self.devices.is_empty() {
             let devices = std::mem::take(&mut self.devices);
-            self.describe("cobscope.devices", devices);
+            self.write_metadata("cobscope.devices", devices);
             let profiles = std::mem::take(&mut self.profiles);
-            self.describe("cobscope.profiles", profiles);
+            self.write_metadata("cobscope.profiles", profiles);
         }
         match self.error.take() {
             Some(error) => Err(error),
@@ -272,10 +277,10 @@ fn push_member(line: &mut Vec<u8>, key: &str, ending: &str, value: FieldValue<'_
 }
 
 /// JSON Schema for the messages of a group.
-fn schema(name: &str, layout: &Layout, keys: &[String]) -> String {
+fn json_schema(name: &str, layout: &PayloadLayout, keys: &[String]) -> String {
     let mut properties = serde_json::Map::new();
     for (field, key) in layout.fields.iter().zip(keys) {
-        let unit = values::unit(field);
+        let unit = values::field_unit(field);
         let id = field.id.to_string();
         let parts = [unit, id.as_str()];
         let description: Vec<_> = parts.into_iter().filter(|part| !part.is_empty()).collect();

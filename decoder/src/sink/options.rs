@@ -1,6 +1,6 @@
 //! Options for event formats.
 
-use crate::capture::Packing;
+use crate::capture::CaptureCompression;
 
 /// Options for all event formats; each format uses its own.
 #[derive(Debug, Clone, Copy, Default)]
@@ -8,7 +8,7 @@ pub struct SinkOptions {
     /// Options for text.
     pub text: TextOptions,
     /// Compression of MCAP chunks.
-    pub packing: Packing,
+    pub packing: CaptureCompression,
 }
 
 /// Content of the time column, as for candump's `-t`.

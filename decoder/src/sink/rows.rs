@@ -4,13 +4,13 @@
 
 use std::borrow::Cow;
 
-use super::jsonl::Lines;
-use super::text::Line;
-use super::values::{self, EventValues, FieldNames, GroupNames, Groups};
+use super::jsonl::JsonLines;
+use super::text::EventLine;
+use super::values::{self, CachedGroups, EventValues, FieldNames, GroupNames};
 use crate::ascii::push_hex;
 use crate::event::Event;
 use crate::frame::Timestamp;
-use crate::query::record::{FieldValue, protocol};
+use crate::query::record::{FieldValue, protocol_name};
 use crate::session::Bus;
 use crate::wire::NodeId;
 
@@ -47,17 +47,17 @@ pub struct EventRow<'a> {
 
 /// Rows of the table of events.
 #[derive(Default)]
-pub struct EventRows(Lines);
+pub struct EventTableRows(JsonLines);
 
-impl EventRows {
+impl EventTableRows {
     /// Adds the name of the capture to the JSON objects.
     pub fn set_capture(&mut self, name: &str) {
         self.0.set_capture(name);
     }
 
     /// The row of an event.
-    pub fn row<'a>(&'a mut self, event: &Event, bus: &'a Bus) -> EventRow<'a> {
-        let words = Line::of(event, bus);
+    pub fn event_row<'a>(&'a mut self, event: &Event, bus: &'a Bus) -> EventRow<'a> {
+        let words = EventLine::describe_event(event, bus);
         let blank = if words.who.is_empty() { "" } else { " " };
         let node = event.node.and_then(|node| bus.node(node));
         EventRow {
@@ -66,14 +66,14 @@ impl EventRows {
             first_frame: event.frames.first,
             last_frame: event.frames.last,
             kind: event.kind.name(),
-            protocol: protocol(event.protocol),
+            protocol: protocol_name(event.protocol),
             node: event.node.map(NodeId::number),
             node_name: node.and_then(|node| node.name()),
             device: node.and_then(|node| node.device_id()),
             presumed: event.presumed,
             routine: event.routine,
             text: format!("{}{blank}{} {}", words.who, words.kind, words.what),
-            json: String::from_utf8_lossy(self.0.of(event, bus).trim_ascii_end()),
+            json: String::from_utf8_lossy(self.0.line_of(event, bus).trim_ascii_end()),
         }
     }
 }
@@ -119,16 +119,16 @@ pub struct ValueCells<'a> {
 /// Receiver of the rows of the table of values.
 pub trait ValueTable {
     /// Adds the cells of a value, except for those of its source.
-    fn value(&mut self, source: &ValueSource<'_>, cells: &ValueCells<'_>);
+    fn add_value(&mut self, source: &ValueSource<'_>, cells: &ValueCells<'_>);
 
     /// Adds the common cells of the last `count` values, of which `signal_number` was the last one.
-    fn source(&mut self, source: &ValueSource<'_>, signal_number: u32, count: usize);
+    fn add_source(&mut self, source: &ValueSource<'_>, signal_number: u32, count: usize);
 }
 
 /// Rows of the table of values.
 #[derive(Default)]
 pub struct ValueRows {
-    groups: Groups<NumberedNames>,
+    groups: CachedGroups<NumberedNames>,
     signals: u32,
 }
 
@@ -141,10 +141,11 @@ struct NumberedNames {
 impl ValueRows {
     /// Adds all values of an event to a table.
     #[inline]
-    pub fn visit(&mut self, event: &Event, bus: &Bus, table: &mut impl ValueTable) {
-        let Some(carried) = values::carried(event) else { return };
+    pub fn visit_values(&mut self, event: &Event, bus: &Bus, table: &mut impl ValueTable) {
+        let Some(carried) = values::carried_values(event) else { return };
         let Self { groups, signals } = self;
-        let NumberedNames { first, names } = groups.of(&carried, || numbered(&carried, bus, signals));
+        let NumberedNames { first, names } =
+            groups.cached_or_learn(&carried, || number_names(&carried, bus, signals));
         let source = ValueSource {
             time: event.time,
             bus: bus.name(),
@@ -156,25 +157,25 @@ impl ValueRows {
         let numbers = *first..;
         let (mut count, mut last) = (0, 0);
         for (signal, (FieldNames { name, id, label }, signal_number)) in
-            carried.with(names.fields.iter_mut().zip(numbers))
+            carried.zip_values(names.fields.iter_mut().zip(numbers))
         {
-            let reading = values::reading(&signal, label);
+            let reading = values::signal_reading(&signal, label);
             let (value, text) = number_or_text(reading.value);
-            let unit = values::unit(signal.field);
+            let unit = values::field_unit(signal.field);
             let (label, raw) = (reading.label, signal.raw);
             let cells = ValueCells { signal_number, signal: name, id, value, text, unit, label, raw };
-            table.value(&source, &cells);
+            table.add_value(&source, &cells);
             (count, last) = (count + 1, signal_number);
         }
         if count > 0 {
-            table.source(&source, last, count);
+            table.add_source(&source, last, count);
         }
     }
 }
 
 /// Names of a group, with the next numbers.
-fn numbered(carried: &EventValues<'_>, bus: &Bus, signals: &mut u32) -> NumberedNames {
-    let names = GroupNames::of(carried, bus);
+fn number_names(carried: &EventValues<'_>, bus: &Bus, signals: &mut u32) -> NumberedNames {
+    let names = GroupNames::names_of(carried, bus);
     let first = *signals;
     *signals = signals.saturating_add(u32::try_from(names.fields.len()).unwrap_or(u32::MAX));
     NumberedNames { first, names }

@@ -4,7 +4,7 @@ use crate::escape::escape;
 
 /// Alignment of the cells of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Align {
+pub enum CellAlignment {
     /// Left-aligned, for text.
     Left,
     /// Right-aligned, for numbers.
@@ -13,20 +13,20 @@ pub enum Align {
 
 /// A text table; column widths follow the widest cell.
 #[derive(Debug)]
-pub struct Table {
-    aligns: Vec<Align>,
+pub struct TextTable {
+    aligns: Vec<CellAlignment>,
     rows: Vec<Vec<String>>,
 }
 
-impl Table {
+impl TextTable {
     /// Creates a table with one heading per column; an empty column keeps its heading.
-    pub fn new(columns: &[(&str, Align)]) -> Self {
+    pub fn new(columns: &[(&str, CellAlignment)]) -> Self {
         let (headings, aligns) = columns.iter().map(|(text, align)| ((*text).to_owned(), *align)).unzip();
         Self { aligns, rows: vec![headings] }
     }
 
     /// Adds a row; control characters in its cells are escaped.
-    pub fn row(&mut self, cells: impl IntoIterator<Item = String>) {
+    pub fn add_row(&mut self, cells: impl IntoIterator<Item = String>) {
         self.rows.push(cells.into_iter().map(|cell| escape(&cell).into_owned()).collect());
     }
 
@@ -36,7 +36,7 @@ impl Table {
     }
 
     /// Appends the table to `text`, indented by `indent` blanks.
-    pub fn write(&self, indent: usize, text: &mut String) {
+    pub fn write_table(&self, indent: usize, text: &mut String) {
         let width = |column: usize| {
             let cells = self.rows.iter().filter_map(|row| row.get(column));
             cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
@@ -48,8 +48,8 @@ impl Table {
             for (cell, (width, align)) in row.iter().zip(&columns) {
                 let blanks = " ".repeat(width.saturating_sub(cell.chars().count()));
                 match align {
-                    Align::Left => line.extend([cell, blanks.as_str()]),
-                    Align::Right => line.extend([blanks.as_str(), cell]),
+                    CellAlignment::Left => line.extend([cell, blanks.as_str()]),
+                    CellAlignment::Right => line.extend([blanks.as_str(), cell]),
                 }
                 line.push_str("  ");
             }
@@ -65,11 +65,11 @@ mod tests {
 
     #[test]
     fn columns_align_and_control_characters_are_shown() {
-        let mut table = Table::new(&[("Name", Align::Left), ("ms", Align::Right)]);
-        table.row(["größe".into(), "1.5".into()]);
-        table.row(["a\u{1b}".into(), "100.0".into()]);
+        let mut table = TextTable::new(&[("Name", CellAlignment::Left), ("ms", CellAlignment::Right)]);
+        table.add_row(["größe".into(), "1.5".into()]);
+        table.add_row(["a\u{1b}".into(), "100.0".into()]);
         let mut text = String::new();
-        table.write(2, &mut text);
+        table.write_table(2, &mut text);
         assert_eq!(text, "  Name        ms\n  größe      1.5\n  a\\u{1b}  100.0\n");
     }
 }

@@ -7,28 +7,34 @@ use std::sync::Arc;
 
 use foldhash::fast::FixedState;
 
-use crate::event::{Direction, Event, EventKind, ExchangeOutcome, Outcome, SdoTransfer};
+use crate::event::{Event, EventKind, ExchangeOutcome, SdoDirection, SdoOutcome, SdoTransfer};
 use crate::frame::{BusIndex, CanId};
-use crate::profile::{Field, Layout, Meaning, PdoName, Signal, SignalId, Value, ValueIn, uds};
-use crate::query::record::{FieldValue, quantity};
+use crate::profile::{
+    DecodedSignal, DecodedValue, ObjectMeaning, PayloadLayout, PdoName, SignalField, SignalId, ValueIn,
+    uds_names,
+};
+use crate::query::record::{FieldValue, quantity_value};
 use crate::session::Bus;
 use crate::wire::NodeId;
 
 /// Decoded values of an event.
 pub(super) struct EventValues<'a> {
-    pub(super) group: Group,
-    pub(super) layout: &'a Arc<Layout>,
+    pub(super) group: ValueGroupKey,
+    pub(super) layout: &'a Arc<PayloadLayout>,
     pub(super) payload: &'a [u8],
 }
 
 impl<'a> EventValues<'a> {
     /// Each value in the payload, with the entry of `others` for its field; `others` has one entry per field
     /// of the layout.
-    pub(super) fn with<I: IntoIterator>(&self, others: I) -> impl Iterator<Item = (Signal<'a>, I::Item)> {
-        let layout: &'a Layout = self.layout;
+    pub(super) fn zip_values<I: IntoIterator>(
+        &self,
+        others: I,
+    ) -> impl Iterator<Item = (DecodedSignal<'a>, I::Item)> {
+        let layout: &'a PayloadLayout = self.layout;
         // Absent fields leave gaps, so entries are matched by field, not by position.
         let mut others = layout.fields.iter().zip(others);
-        layout.signals(self.payload).filter_map(move |signal| {
+        layout.decode_signals(self.payload).filter_map(move |signal| {
             let (_, other) = others.find(|(field, _)| std::ptr::eq(*field, signal.field))?;
             Some((signal, other))
         })
@@ -37,7 +43,7 @@ impl<'a> EventValues<'a> {
 
 /// Identity of a group of values over time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(super) enum Group {
+pub(super) enum ValueGroupKey {
     /// A PDO of a node.
     Pdo(BusIndex, u8, PdoName),
     /// A parameter group from one source address.
@@ -47,17 +53,17 @@ pub(super) enum Group {
 }
 
 /// Cached data per group; recomputed if the layout changes.
-pub(super) struct Groups<T>(HashMap<Group, (Arc<Layout>, T), FixedState>);
+pub(super) struct CachedGroups<T>(HashMap<ValueGroupKey, (Arc<PayloadLayout>, T), FixedState>);
 
-impl<T> Default for Groups<T> {
+impl<T> Default for CachedGroups<T> {
     fn default() -> Self {
         Self(HashMap::default())
     }
 }
 
-impl<T> Groups<T> {
+impl<T> CachedGroups<T> {
     /// Cached data of a group; `learn` computes it for a new group or a new layout.
-    pub(super) fn of(&mut self, carried: &EventValues<'_>, learn: impl FnOnce() -> T) -> &mut T {
+    pub(super) fn cached_or_learn(&mut self, carried: &EventValues<'_>, learn: impl FnOnce() -> T) -> &mut T {
         let learned = || (Arc::clone(carried.layout), learn());
         match self.0.entry(carried.group) {
             Entry::Vacant(unknown) => &mut unknown.insert(learned()).1,
@@ -87,7 +93,7 @@ pub(super) struct GroupNames {
 }
 
 impl GroupNames {
-    pub(super) fn of(carried: &EventValues<'_>, bus: &Bus) -> Self {
+    pub(super) fn names_of(carried: &EventValues<'_>, bus: &Bus) -> Self {
         let fields = carried.layout.fields.iter();
         let fields = fields.map(|field| FieldNames {
             name: field_name(field),
@@ -95,22 +101,22 @@ impl GroupNames {
             label: LabelCache::default(),
         });
         let fields = fields.collect();
-        Self { group: name(carried.group, bus), fields }
+        Self { group: group_name(carried.group, bus), fields }
     }
 }
 
 /// Values of an event; `None` without a layout.
-pub(super) fn carried(event: &Event) -> Option<EventValues<'_>> {
+pub(super) fn carried_values(event: &Event) -> Option<EventValues<'_>> {
     let (layout, payload) = event.laid_out()?;
     let group = match &event.kind {
-        EventKind::Pdo(pdo) => Group::Pdo(event.bus, event.node?.number(), pdo.name),
+        EventKind::Pdo(pdo) => ValueGroupKey::Pdo(event.bus, event.node?.number(), pdo.name),
         EventKind::J1939Message(message) => {
-            Group::Parameters(event.bus, message.id.source, message.id.pgn.number())
+            ValueGroupKey::Parameters(event.bus, message.id.source, message.id.pgn.number())
         }
         EventKind::J1939Transfer(transfer) => {
-            Group::Parameters(event.bus, transfer.source, transfer.pgn?.number())
+            ValueGroupKey::Parameters(event.bus, transfer.source, transfer.pgn?.number())
         }
-        EventKind::Frame(frame) => Group::Frame(event.bus, frame.frame.id),
+        EventKind::Frame(frame) => ValueGroupKey::Frame(event.bus, frame.frame.id),
         _ => return None,
     };
     Some(EventValues { group, layout, payload })
@@ -123,12 +129,12 @@ pub(super) struct TransferredValue<'a> {
     pub(super) name: &'a str,
     /// Object or data identifier.
     pub(super) id: String,
-    pub(super) value: Value,
-    pub(super) meaning: Option<&'a Meaning>,
+    pub(super) value: DecodedValue,
+    pub(super) meaning: Option<&'a ObjectMeaning>,
 }
 
 /// Value of a completed SDO transfer or UDS service; `None` for all other events.
-pub(super) fn transferred<'a>(event: &'a Event, bus: &Bus) -> Option<TransferredValue<'a>> {
+pub(super) fn transferred_value<'a>(event: &'a Event, bus: &Bus) -> Option<TransferredValue<'a>> {
     let node = match event.node {
         Some(NodeId::Canopen(id)) => format!("node/{id}/"),
         Some(NodeId::J1939(address)) => format!("sa/{address:02X}/"),
@@ -138,8 +144,8 @@ pub(super) fn transferred<'a>(event: &'a Event, bus: &Bus) -> Option<Transferred
     match &event.kind {
         EventKind::SdoTransfer(transfer) => transferred_object(transfer, &place),
         EventKind::UdsExchange(exchange) => {
-            let is_read = uds().service(exchange.service)?.value_in() == Some(ValueIn::Response);
-            let value = exchange.decoded().filter(|_| exchange.outcome == ExchangeOutcome::Positive)?;
+            let is_read = uds_names().service_by_id(exchange.service)?.value_in() == Some(ValueIn::Response);
+            let value = exchange.decoded_value().filter(|_| exchange.outcome == ExchangeOutcome::Positive)?;
             Some(TransferredValue {
                 group: format!("{place}uds-{}", if is_read { "read" } else { "write" }),
                 name: exchange.name().unwrap_or_default(),
@@ -153,31 +159,33 @@ pub(super) fn transferred<'a>(event: &'a Event, bus: &Bus) -> Option<Transferred
 }
 
 fn transferred_object<'a>(transfer: &'a SdoTransfer, place: &str) -> Option<TransferredValue<'a>> {
-    let is_whole = transfer.outcome == Outcome::Complete && !transfer.truncated && !transfer.cut_start;
+    let is_whole = transfer.outcome == SdoOutcome::Complete && !transfer.truncated && !transfer.cut_start;
     let (object, direction) = transfer.object.zip(transfer.direction)?;
     if !is_whole || transfer.data.is_empty() {
         return None;
     }
     let meaning = transfer.meaning.as_deref();
     Some(TransferredValue {
-        group: format!("{place}sdo-{}", if direction == Direction::Upload { "read" } else { "write" }),
+        group: format!("{place}sdo-{}", if direction == SdoDirection::Upload { "read" } else { "write" }),
         name: meaning.map_or("", |meaning| &meaning.name),
         id: object.to_string(),
-        value: meaning
-            .map_or_else(|| Value::Bytes(transfer.data.clone()), |meaning| meaning.decode(&transfer.data)),
+        value: meaning.map_or_else(
+            || DecodedValue::Bytes(transfer.data.clone()),
+            |meaning| meaning.decode(&transfer.data),
+        ),
         meaning,
     })
 }
 
 /// Name of a group: `node/2/tpdo1`, `sa/80/61444`, `frame/0C8`; prefixed with the bus name on all buses but
 /// the first.
-pub(super) fn name(group: Group, bus: &Bus) -> String {
+pub(super) fn group_name(group: ValueGroupKey, bus: &Bus) -> String {
     let (index, name) = match group {
-        Group::Pdo(index, node, name) => {
+        ValueGroupKey::Pdo(index, node, name) => {
             (index, format!("node/{node}/{}", name.to_string().to_ascii_lowercase()))
         }
-        Group::Parameters(index, source, pgn) => (index, format!("sa/{source:02X}/{pgn}")),
-        Group::Frame(index, id) => (index, format!("frame/{id}")),
+        ValueGroupKey::Parameters(index, source, pgn) => (index, format!("sa/{source:02X}/{pgn}")),
+        ValueGroupKey::Frame(index, id) => (index, format!("frame/{id}")),
     };
     if index == BusIndex::default() { name } else { format!("{}/{name}", bus.name()) }
 }
@@ -196,7 +204,10 @@ pub(super) struct LabelCache {
 }
 
 /// Value of a signal in its unit, and its label.
-pub(super) fn reading<'a>(signal: &'a Signal<'a>, cache: &'a mut LabelCache) -> SignalReading<'a> {
+pub(super) fn signal_reading<'a>(
+    signal: &'a DecodedSignal<'a>,
+    cache: &'a mut LabelCache,
+) -> SignalReading<'a> {
     let meaning = signal.field.meaning.as_deref();
     let composed = meaning.filter(|meaning| meaning.is_composed());
     let label = match (composed, meaning) {
@@ -207,18 +218,18 @@ pub(super) fn reading<'a>(signal: &'a Signal<'a>, cache: &'a mut LabelCache) -> 
             }
             cache.text.as_deref()
         }
-        (None, meaning) => meaning.and_then(|meaning| meaning.label(&signal.value)),
+        (None, meaning) => meaning.and_then(|meaning| meaning.value_label(&signal.value)),
     };
-    SignalReading { value: quantity(meaning, &signal.value), label }
+    SignalReading { value: quantity_value(meaning, &signal.value), label }
 }
 
 /// Unit of the values of a field; empty without one.
-pub(super) fn unit(field: &Field) -> &str {
+pub(super) fn field_unit(field: &SignalField) -> &str {
     field.meaning.as_deref().map_or("", |meaning| &meaning.unit)
 }
 
 /// Name of a field: its own name, else its object or parameter, else its bit position.
-pub(super) fn field_name(field: &Field) -> String {
+pub(super) fn field_name(field: &SignalField) -> String {
     match (field.name(), field.id) {
         (Some(name), _) if !name.is_empty() => name.to_owned(),
         (_, SignalId::Name) => format!("bits {}", field.bit),
@@ -234,10 +245,10 @@ pub(super) fn not_taken(taken: &[String], spell: impl Fn(Option<u32>) -> String)
 
 /// Unique identifiers for all fields of a layout, made of letters, digits and `_`.
 #[cfg(feature = "mcap")]
-pub(super) fn keys(layout: &Layout) -> Vec<String> {
+pub(super) fn unique_keys(layout: &PayloadLayout) -> Vec<String> {
     let mut keys: Vec<String> = Vec::new();
     for field in &layout.fields {
-        let plain = identifier(&field_name(field));
+        let plain = to_identifier(&field_name(field));
         keys.push(not_taken(&keys, |number| {
             number.map_or(plain.clone(), |number| format!("{plain}_{number}"))
         }));
@@ -246,7 +257,7 @@ pub(super) fn keys(layout: &Layout) -> Vec<String> {
 }
 
 #[cfg(feature = "mcap")]
-fn identifier(name: &str) -> String {
+fn to_identifier(name: &str) -> String {
     let mut key = String::new();
     for letter in name.chars() {
         if letter.is_ascii_alphanumeric() {
@@ -271,11 +282,11 @@ mod tests {
 
     #[test]
     fn names_become_unique_identifiers() {
-        assert_eq!(identifier("Actual pressure (p1)"), "Actual_pressure_p1");
-        assert_eq!(identifier("6041:00"), "_6041_00");
-        assert_eq!(identifier("°"), "_");
-        let field = |index| Field::of_object(ObjectAddress::new(index, 0), 0, 8, DataType::Unsigned8);
-        let layout = Layout { fields: vec![field(0x6041), field(0x6041)], ..Layout::default() };
-        assert_eq!(keys(&layout), ["_6041_00", "_6041_00_2"]);
+        assert_eq!(to_identifier("Actual pressure (p1)"), "Actual_pressure_p1");
+        assert_eq!(to_identifier("6041:00"), "_6041_00");
+        assert_eq!(to_identifier("°"), "_");
+        let field = |index| SignalField::of_object(ObjectAddress::new(index, 0), 0, 8, DataType::Unsigned8);
+        let layout = PayloadLayout { fields: vec![field(0x6041), field(0x6041)], ..PayloadLayout::default() };
+        assert_eq!(unique_keys(&layout), ["_6041_00", "_6041_00_2"]);
     }
 }

@@ -9,7 +9,7 @@ const EXPECTED_WITHIN: i64 = 2_000_000_000;
 
 /// How the capture of a bus begins for its CANopen nodes.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Beginning {
+pub struct CaptureBeginning {
     /// Nodes that were running before the capture; if others start in it, only those heard at its start.
     pub running: Vec<NodeId>,
     /// Nodes whose first frame is a boot sign.
@@ -18,7 +18,7 @@ pub struct Beginning {
     pub is_reset: bool,
 }
 
-impl Beginning {
+impl CaptureBeginning {
     /// Name in JSON output: `power-on`, `nmt-reset` or `operation`.
     pub const fn name(&self) -> &'static str {
         match (self.running.is_empty(), self.is_reset) {
@@ -31,7 +31,7 @@ impl Beginning {
 
 impl BusStatistics {
     /// How the capture begins; `None` without a CANopen node.
-    pub fn beginning(&self) -> Option<Beginning> {
+    pub fn capture_beginning(&self) -> Option<CaptureBeginning> {
         let first = self.nodes().filter_map(|(id, node)| Some((id, node.first_frame?)));
         let (mut running, starting): (Vec<_>, Vec<_>) =
             first.partition(|(_, (first, _))| *first == FirstFrame::Running);
@@ -45,7 +45,7 @@ impl BusStatistics {
             };
             running.retain(|(_, (_, at))| !is_late(*at));
         }
-        Some(Beginning {
+        Some(CaptureBeginning {
             is_reset: starting.iter().all(|(_, (first, _))| *first == FirstFrame::Reset),
             running: running.into_iter().map(|(id, _)| id).collect(),
             starting: starting.into_iter().map(|(id, _)| id).collect(),
@@ -57,27 +57,27 @@ impl BusStatistics {
 mod tests {
     use super::*;
 
-    fn beginning(first: &[FirstFrame]) -> Option<Beginning> {
+    fn capture_beginning(first: &[FirstFrame]) -> Option<CaptureBeginning> {
         let mut bus = BusStatistics::default();
         for (id, first) in (1..).zip(first) {
             let first_frame = Some((*first, Some(i64::from(id) * 1_000_000_000)));
             bus.nodes.entry(NodeId::Canopen(id)).unwrap().first_frame = first_frame;
         }
-        bus.beginning()
+        bus.capture_beginning()
     }
 
     #[test]
     fn a_running_node_decides() {
         use FirstFrame::{PowerOn, Reset, Running};
-        let name = |first: &[FirstFrame]| beginning(first).map(|it| it.name());
+        let name = |first: &[FirstFrame]| capture_beginning(first).map(|it| it.name());
         assert_eq!(name(&[]), None);
         assert_eq!(name(&[PowerOn, PowerOn]), Some("power-on"));
         assert_eq!(name(&[PowerOn, Reset]), Some("power-on"));
         assert_eq!(name(&[Reset, Reset]), Some("nmt-reset"));
-        let mixed = beginning(&[PowerOn, Running]).unwrap();
+        let mixed = capture_beginning(&[PowerOn, Running]).unwrap();
         assert_eq!((mixed.name(), mixed.running.len(), mixed.starting.len()), ("operation", 1, 1));
         // Node 4 is first heard 3 s after node 1.
         assert_eq!(name(&[PowerOn, Reset, Reset, Running]), Some("power-on"));
-        assert_eq!(beginning(&[Running; 5]).unwrap().running.len(), 5);
+        assert_eq!(capture_beginning(&[Running; 5]).unwrap().running.len(), 5);
     }
 }

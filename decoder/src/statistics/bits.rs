@@ -25,7 +25,7 @@ const CRC_BYTES: usize = 5 + 8;
 /// CRC of a byte that is followed by n bytes of zeros, by n. The CRC of bytes is the sum of their CRCs.
 static CRC: [[u16; 256]; CRC_BYTES] = crc_table();
 
-/// Stuffing table: by state and bits, the next state and the number of stuff bits as in [`Stuffing`]. Rows beyond
+/// Stuffing table: by state and bits, the next state and the number of stuff bits as in [`BitStuffing`]. Rows beyond
 /// the states are unused.
 type StuffTable = [u32; 16 << 8];
 
@@ -96,13 +96,13 @@ const fn stuff_step(state: usize, bit: bool) -> (u32, usize) {
 
 /// Bits sent so far: stuffing state in bits 8 to 11, number of stuff bits in bits 16 to 31.
 #[derive(Debug, Clone, Copy, Default)]
-struct Stuffing(u32);
+struct BitStuffing(u32);
 
-impl Stuffing {
+impl BitStuffing {
     const STATE: u32 = 0xF00;
 
     #[inline]
-    fn send(&mut self, table: &StuffTable, bits: u8) {
+    fn send_bits(&mut self, table: &StuffTable, bits: u8) {
         let entry = table.get((self.0 & Self::STATE | u32::from(bits)) as usize).copied().unwrap_or(0);
         self.0 = (self.0 & !Self::STATE).wrapping_add(entry);
     }
@@ -122,7 +122,7 @@ struct FrameShape {
 }
 
 impl FrameShape {
-    fn of(frame: &Frame) -> Self {
+    fn shape_of(frame: &Frame) -> Self {
         let is_remote = frame.flags.contains(FrameFlags::REMOTE);
         let length = frame.length.min(8);
         let dlc = if frame.raw_dlc > 8 { frame.raw_dlc } else { length };
@@ -132,36 +132,36 @@ impl FrameShape {
 
 /// Data bytes of a classic frame as one number, the first byte highest, and zeros after them.
 #[inline]
-fn payload(frame: &Frame, mask: u64) -> u64 {
+fn payload_number(frame: &Frame, mask: u64) -> u64 {
     u64::from_be_bytes(frame.bytes.first_chunk().copied().unwrap_or_default()) & mask
 }
 
-/// Mask of [`payload`] for up to eight bytes.
-fn mask(length: u8) -> u64 {
+/// Mask of [`payload_number`] for up to eight bytes.
+fn payload_mask(length: u8) -> u64 {
     !u64::MAX.checked_shr(8 * u32::from(length)).unwrap_or(0)
 }
 
 /// State after SOF to DLC, and the CRC of these bits with the data as zeros.
 #[derive(Debug, Clone, Copy, Default)]
-struct Header {
+struct FrameHeader {
     crc: u16,
-    stuffing: Stuffing,
+    stuffing: BitStuffing,
     /// Bits of the frame without stuff bits.
     bits: u32,
     length: u8,
 }
 
-impl Header {
-    fn of(id: CanId, FrameShape { is_remote, dlc, length }: FrameShape) -> Self {
+impl FrameHeader {
+    fn header_of(id: CanId, FrameShape { is_remote, dlc, length }: FrameShape) -> Self {
         let end = u64::from(is_remote) << 6 | u64::from(dlc & 0xF);
-        let mut stuffing = Stuffing::default();
+        let mut stuffing = BitStuffing::default();
         let following = usize::from(length);
         let (mut crc, width, last) = match id {
             CanId::Standard(id) => {
                 // SOF, identifier, RTR, IDE, r0, DLC.
                 let [last, middle, first, ..] = (u64::from(id & 0x7FF) << 7 | end).to_le_bytes();
-                stuffing.send(&STUFF_PART, 1 << 3 | first);
-                stuffing.send(&STUFF, middle);
+                stuffing.send_bits(&STUFF_PART, 1 << 3 | first);
+                stuffing.send_bits(&STUFF, middle);
                 (crc_of(first, following + 2) ^ crc_of(middle, following + 1), 19, last)
             }
             CanId::Extended(id) => {
@@ -169,21 +169,21 @@ impl Header {
                 let id = u64::from(id & 0x1FFF_FFFF);
                 let bits = id >> 18 << 27 | 0b11 << 25 | (id & 0x3_FFFF) << 7 | end;
                 let [last, fourth, third, second, first, ..] = bits.to_le_bytes();
-                stuffing.send(&STUFF_PART, 1 << 7 | first);
+                stuffing.send_bits(&STUFF_PART, 1 << 7 | first);
                 for byte in [second, third, fourth] {
-                    stuffing.send(&STUFF, byte);
+                    stuffing.send_bits(&STUFF, byte);
                 }
                 let upper = crc_of(first, following + 4) ^ crc_of(second, following + 3);
                 (upper ^ crc_of(third, following + 2) ^ crc_of(fourth, following + 1), 39, last)
             }
         };
-        stuffing.send(&STUFF, last);
+        stuffing.send_bits(&STUFF, last);
         crc ^= crc_of(last, following);
         Self { crc, stuffing, bits: width + 8 * u32::from(length) + 15 + UNSTUFFED, length }
     }
 
-    /// Number of bits of a frame with this header and [`payload`].
-    fn with(self, payload: u64) -> u32 {
+    /// Number of bits of a frame with this header and [`payload_number`].
+    fn count_bits(self, payload: u64) -> u32 {
         let Self { mut crc, mut stuffing, bits, length } = self;
         // The last byte is the lowest. Bytes of zeros in front of the data do not change the CRC.
         let aligned = payload.checked_shr(64 - 8 * u32::from(length)).unwrap_or(0).to_le_bytes();
@@ -192,12 +192,12 @@ impl Header {
         }
         let mut rest = payload.swap_bytes();
         for _ in 0..length {
-            stuffing.send(&STUFF, rest.to_le_bytes()[0]);
+            stuffing.send_bits(&STUFF, rest.to_le_bytes()[0]);
             rest >>= 8;
         }
         let [high, low] = crc.to_be_bytes();
-        stuffing.send(&STUFF_PART, 1 << 7 | high);
-        stuffing.send(&STUFF, low);
+        stuffing.send_bits(&STUFF_PART, 1 << 7 | high);
+        stuffing.send_bits(&STUFF, low);
         bits + stuffing.stuff_bits()
     }
 }
@@ -219,8 +219,8 @@ pub fn frame_bits(frame: &Frame) -> Option<u32> {
     if is_unknown(frame) {
         return None;
     }
-    let header = Header::of(frame.id, FrameShape::of(frame));
-    Some(header.with(payload(frame, mask(header.length))))
+    let header = FrameHeader::header_of(frame.id, FrameShape::shape_of(frame));
+    Some(header.count_bits(payload_number(frame, payload_mask(header.length))))
 }
 
 /// Number of bits of the last frame of one identifier: computed again only if the frame changes.
@@ -228,7 +228,7 @@ pub fn frame_bits(frame: &Frame) -> Option<u32> {
 pub(super) struct LastFrameBits {
     /// Length, DLC and flags of the last frame; the last byte is 0 before the first frame.
     shape: [u8; 4],
-    header: Header,
+    header: FrameHeader,
     mask: u64,
     payload: u64,
     bits: u32,
@@ -237,7 +237,7 @@ pub(super) struct LastFrameBits {
 impl LastFrameBits {
     /// As [`frame_bits`], for a frame of the same identifier as all others.
     #[inline]
-    pub(super) fn of(&mut self, frame: &Frame) -> Option<u32> {
+    pub(super) fn count_bits(&mut self, frame: &Frame) -> Option<u32> {
         if is_unknown(frame) {
             return None;
         }
@@ -245,10 +245,10 @@ impl LastFrameBits {
         if shape != self.shape {
             self.set_shape(frame, shape);
         }
-        let payload = payload(frame, self.mask);
+        let payload = payload_number(frame, self.mask);
         if payload != self.payload {
             self.payload = payload;
-            self.bits = self.header.with(payload);
+            self.bits = self.header.count_bits(payload);
         }
         Some(self.bits)
     }
@@ -256,10 +256,10 @@ impl LastFrameBits {
     #[cold]
     fn set_shape(&mut self, frame: &Frame, shape: [u8; 4]) {
         self.shape = shape;
-        self.header = Header::of(frame.id, FrameShape::of(frame));
-        self.mask = mask(self.header.length);
-        self.payload = payload(frame, self.mask);
-        self.bits = self.header.with(self.payload);
+        self.header = FrameHeader::header_of(frame.id, FrameShape::shape_of(frame));
+        self.mask = payload_mask(self.header.length);
+        self.payload = payload_number(frame, self.mask);
+        self.bits = self.header.count_bits(self.payload);
     }
 }
 
@@ -278,12 +278,12 @@ mod tests {
             let data: Vec<u8> = (0..length).map(|n| 0x55 ^ u8::try_from(n).unwrap()).collect();
             let plain = 47 + 8 * length;
             let most = plain + (34 + 8 * length - 1) / 4;
-            assert!((plain..=most).contains(&bits(CanId::standard(0x555), &data)));
-            let zeros = bits(CanId::standard(0), &vec![0; length as usize]);
+            assert!((plain..=most).contains(&bits(CanId::from_standard(0x555), &data)));
+            let zeros = bits(CanId::from_standard(0), &vec![0; length as usize]);
             assert!((plain + 4..=most).contains(&zeros), "{length}: {zeros}");
             let plain = 67 + 8 * length;
             let most = plain + (54 + 8 * length - 1) / 4;
-            assert!((plain..=most).contains(&bits(CanId::extended(0x1555_5555), &data)));
+            assert!((plain..=most).contains(&bits(CanId::from_extended(0x1555_5555), &data)));
         }
     }
 
@@ -327,7 +327,7 @@ mod tests {
                 (proptest::collection::vec(0_u8.., 0..=8), 0_u8..16, proptest::bool::ANY, 0_u8..3), 1..6
             ),
         ) {
-            let id = if is_long { CanId::extended(id) } else { CanId::standard((id & 0x7FF) as u16) };
+            let id = if is_long { CanId::from_extended(id) } else { CanId::from_standard((id & 0x7FF) as u16) };
             let mut last = LastFrameBits::default();
             for (data, raw_dlc, is_remote, repeats) in frames {
                 let raw_dlc = if data.len() == 8 { raw_dlc } else { 0 };
@@ -341,7 +341,7 @@ mod tests {
                 let expected = Some(slowly(&frame));
                 proptest::prop_assert_eq!(frame_bits(&frame), expected);
                 for _ in 0..=repeats {
-                    proptest::prop_assert_eq!(last.of(&frame), expected);
+                    proptest::prop_assert_eq!(last.count_bits(&frame), expected);
                 }
             }
         }
@@ -350,12 +350,12 @@ mod tests {
     #[test]
     fn frames_without_a_known_length_have_no_bits() {
         let mut last = LastFrameBits::default();
-        let frame = Frame::data_frame(CanId::standard(0x555), &[]);
+        let frame = Frame::data_frame(CanId::from_standard(0x555), &[]);
         for flags in [FrameFlags::FD, FrameFlags::ERROR] {
             let frame = Frame { flags, ..frame };
-            assert_eq!((frame_bits(&frame), last.of(&frame)), (None, None));
+            assert_eq!((frame_bits(&frame), last.count_bits(&frame)), (None, None));
         }
-        assert_eq!(last.of(&frame), Some(48));
+        assert_eq!(last.count_bits(&frame), Some(48));
     }
 
     #[test]
@@ -363,6 +363,6 @@ mod tests {
         // 0x555, no data: 0 10101010101 0 0 0 0000 and CRC. After the last 1 of the identifier there are
         // seven zeros, so one stuff bit after five of them. The CRC of these 19 bits is 0x674C
         // (110011101001100); it needs no stuff bit.
-        assert_eq!(bits(CanId::standard(0x555), &[]), 47 + 1);
+        assert_eq!(bits(CanId::from_standard(0x555), &[]), 47 + 1);
     }
 }

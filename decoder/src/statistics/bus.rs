@@ -3,11 +3,11 @@
 use super::bits::LastFrameBits;
 use super::identifier_index::IdentifierIndex;
 use super::node_table::NodeTable;
-use super::{Intervals, Load, NodeStatistics, frame_bits};
-use crate::event::{Event, EventKind, Protocol};
+use super::{BusLoad, IntervalStatistics, NodeStatistics, frame_bits};
+use crate::event::{Event, EventKind, EventProtocol};
 use crate::frame::{CanId, Frame, FrameFlags};
 use crate::profile::PdoName;
-use crate::session::{Bus, Preview};
+use crate::session::{Bus, MessagePreview};
 use crate::wire::NodeId;
 use crate::wire::canopen::nmt::NmtService;
 
@@ -20,7 +20,7 @@ pub struct IdStatistics {
     /// Number of frames.
     pub frames: u64,
     /// Time between frames.
-    pub intervals: Intervals,
+    pub intervals: IntervalStatistics,
     bits: LastFrameBits,
 }
 
@@ -30,7 +30,7 @@ pub struct MasterStatistics {
     /// NMT commands by service.
     pub commands: Vec<(NmtService, u64)>,
     /// Time between SYNC messages.
-    pub sync: Intervals,
+    pub sync: IntervalStatistics,
     /// Number of SYNC messages.
     pub syncs: u64,
     /// Gaps in the SYNC counter.
@@ -50,7 +50,7 @@ pub struct BusStatistics {
     /// Number of frames of further identifiers, beyond the first 4,096.
     pub other_ids: u64,
     /// Bus load.
-    pub load: Load,
+    pub load: BusLoad,
     pub(super) nodes: NodeTable,
     /// NMT master and SYNC producer.
     pub master: MasterStatistics,
@@ -64,13 +64,13 @@ pub struct BusStatistics {
 
 impl BusStatistics {
     /// Counts a frame.
-    pub fn frame(&mut self, frame: &Frame) {
+    pub fn count_frame(&mut self, frame: &Frame) {
         let bits = self.count_identifier(frame);
-        self.load.add(bits, frame.time.map(|time| time.0));
+        self.load.count_bits(bits, frame.time.map(|time| time.0));
     }
 
     /// Counts frames.
-    pub(super) fn frames(&mut self, frames: &[Frame]) {
+    pub(super) fn count_frames(&mut self, frames: &[Frame]) {
         let mut pending = (0, 0);
         for frame in frames {
             let bits = self.count_identifier(frame);
@@ -79,7 +79,7 @@ impl BusStatistics {
                 pending = (pending.0 + 1, pending.1 + u64::from(bits));
             } else {
                 self.load.add_many(std::mem::take(&mut pending));
-                self.load.add(bits, time);
+                self.load.count_bits(bits, time);
             }
         }
         self.load.add_many(pending);
@@ -94,9 +94,9 @@ impl BusStatistics {
         } else if let Some(id) = self.id_entry(frame) {
             id.frames += 1;
             if let Some(time) = time {
-                id.intervals.add(time);
+                id.intervals.add_time(time);
             }
-            id.bits.of(frame)
+            id.bits.count_bits(frame)
         } else {
             self.other_ids += 1;
             frame_bits(frame)
@@ -108,7 +108,7 @@ impl BusStatistics {
     #[inline]
     fn id_entry(&mut self, frame: &Frame) -> Option<&mut IdStatistics> {
         let rows = self.ids.len();
-        let place = self.index.place(frame, rows, MOST_IDS)?;
+        let place = self.index.row_of(frame, rows, MOST_IDS)?;
         if place == rows {
             let key = (frame.id, frame.flags.contains(FrameFlags::REMOTE));
             self.ids.push((key, IdStatistics::default()));
@@ -146,17 +146,17 @@ impl BusStatistics {
 
     /// Counts a PDO without an event. Its identifier is known from an event.
     #[inline]
-    pub(super) fn skip(&mut self, (pdo, node): (PdoName, NodeId), preview: &Preview) {
+    pub(super) fn skip_pdo(&mut self, (pdo, node): (PdoName, NodeId), preview: &MessagePreview) {
         let Some(node) = self.nodes.entry(node) else { return };
         node.pdos += 1;
         if preview.change != 0 {
-            node.reactions.pdo(pdo, preview.time.0, preview.frame);
+            node.reactions.change_pdo(pdo, preview.time.0, preview.frame);
         }
     }
 
     /// Removes the CANopen figures of a bus that proved not to be CANopen; nodes that the user named keep theirs.
     /// Removes nodes of which only PDOs on predefined identifiers were received. Call it after the last event.
-    pub fn withdraw(&mut self, bus: &Bus) {
+    pub fn withdraw_canopen(&mut self, bus: &Bus) {
         if bus.is_withdrawn(None) {
             self.master = MasterStatistics::default();
             let (messages, malformed) = std::mem::take(&mut self.presumed);
@@ -168,11 +168,11 @@ impl BusStatistics {
         }
         // The predefined connection set assigns every identifier to a node, present or not.
         let is_absent = |id, node: &NodeStatistics| bus.node(id).is_none() && node.has_only_pdos();
-        self.nodes.retain(|id, node| !bus.is_withdrawn(Some(id)) && !is_absent(id, node));
+        self.nodes.retain_nodes(|id, node| !bus.is_withdrawn(Some(id)) && !is_absent(id, node));
     }
 
     /// Counts an event.
-    pub fn event(&mut self, event: &Event) {
+    pub fn count_event(&mut self, event: &Event) {
         match &event.kind {
             EventKind::NmtCommand { service, .. } => {
                 let commands = &mut self.master.commands;
@@ -185,10 +185,10 @@ impl BusStatistics {
                 self.master.syncs += 1;
                 self.master.sync_gaps += u64::from(expected.is_some());
                 if let Some(time) = event.time {
-                    self.master.sync.add(time.0);
+                    self.master.sync.add_time(time.0);
                 }
             }
-            EventKind::BusSilent { .. } | EventKind::ClockStep { .. } => self.master.sync.interrupt(),
+            EventKind::BusSilent { .. } | EventKind::ClockStep { .. } => self.master.sync.interrupt_series(),
             EventKind::Time { .. } => self.master.times += 1,
             EventKind::Frame(frame) => self.undecoded += u64::from(frame.message.is_none()),
             EventKind::Malformed { .. } => self.malformed += 1,
@@ -197,11 +197,11 @@ impl BusStatistics {
         if matches!(event.kind, EventKind::GuardRequest) {
             self.master.guard_requests += 1;
         }
-        if event.presumed && event.protocol == Protocol::Canopen {
+        if event.presumed && event.protocol == EventProtocol::Canopen {
             self.count_presumed(event);
         }
         if let Some(node) = event.node.and_then(|node| self.nodes.entry(node)) {
-            node.event(event);
+            node.count_event(event);
         }
     }
 }
@@ -214,25 +214,27 @@ mod tests {
     fn identifiers_beyond_the_limit_are_counted_together() {
         let mut bus = BusStatistics::default();
         for id in 0..5_000 {
-            bus.frame(&Frame::data_frame(CanId::extended(id), &[]));
+            bus.count_frame(&Frame::data_frame(CanId::from_extended(id), &[]));
         }
         assert_eq!((bus.ids().len(), bus.other_ids), (MOST_IDS, 5_000 - MOST_IDS as u64));
-        let bits = (0..5_000).map(|id| frame_bits(&Frame::data_frame(CanId::extended(id), &[])).unwrap());
+        let bits =
+            (0..5_000).map(|id| frame_bits(&Frame::data_frame(CanId::from_extended(id), &[])).unwrap());
         assert_eq!(bus.load.bits, bits.map(u64::from).sum::<u64>());
     }
 
     #[test]
     fn identifiers_are_sorted_and_remote_frames_counted_apart() {
         let mut bus = BusStatistics::default();
-        let remote = Frame { flags: FrameFlags::REMOTE, ..Frame::data_frame(CanId::standard(0x705), &[]) };
-        let data = Frame::data_frame(CanId::standard(0x705), &[5]);
-        let error = Frame { flags: FrameFlags::ERROR, ..Frame::data_frame(CanId::extended(4), &[0; 8]) };
-        for frame in [Frame::data_frame(CanId::extended(1), &[]), remote, data, data, error] {
-            bus.frame(&frame);
+        let remote =
+            Frame { flags: FrameFlags::REMOTE, ..Frame::data_frame(CanId::from_standard(0x705), &[]) };
+        let data = Frame::data_frame(CanId::from_standard(0x705), &[5]);
+        let error = Frame { flags: FrameFlags::ERROR, ..Frame::data_frame(CanId::from_extended(4), &[0; 8]) };
+        for frame in [Frame::data_frame(CanId::from_extended(1), &[]), remote, data, data, error] {
+            bus.count_frame(&frame);
         }
         let ids: Vec<_> = bus.ids().iter().map(|(id, is_remote, it)| (*id, *is_remote, it.frames)).collect();
-        let id = CanId::standard(0x705);
-        assert_eq!(ids, [(id, false, 2), (id, true, 1), (CanId::extended(1), false, 1)]);
+        let id = CanId::from_standard(0x705);
+        assert_eq!(ids, [(id, false, 2), (id, true, 1), (CanId::from_extended(1), false, 1)]);
         assert_eq!(bus.load.frames, 5);
     }
 }

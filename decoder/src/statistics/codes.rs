@@ -14,7 +14,7 @@ pub struct CodeCounts {
 
 impl CodeCounts {
     /// Counts an occurrence.
-    pub fn add(&mut self, code: u32) {
+    pub fn count_code(&mut self, code: u32) {
         let has_room = self.codes.len() < MOST_CODES;
         match self.codes.iter_mut().find(|(known, _)| *known == code) {
             Some((_, count)) => *count += 1,
@@ -24,12 +24,12 @@ impl CodeCounts {
     }
 
     /// Number of occurrences of all codes.
-    pub fn total(&self) -> u64 {
+    pub fn total_count(&self) -> u64 {
         self.codes.iter().map(|(_, count)| count).sum::<u64>().saturating_add(self.others)
     }
 
     /// Codes with their number of occurrences, most frequent first.
-    pub fn sorted(&self) -> Vec<(u32, u64)> {
+    pub fn sort_by_count(&self) -> Vec<(u32, u64)> {
         let mut codes = self.codes.clone();
         codes.sort_by_key(|(code, count)| (std::cmp::Reverse(*count), *code));
         codes

@@ -11,7 +11,7 @@ const CLASSES: usize = 59 * STEPS as usize;
 
 /// Distribution of durations in ns.
 #[derive(Debug, Clone, Default)]
-pub struct Distribution {
+pub struct DurationDistribution {
     count: u64,
     min: i64,
     max: i64,
@@ -19,10 +19,10 @@ pub struct Distribution {
     classes: Vec<u64>,
 }
 
-impl Distribution {
+impl DurationDistribution {
     /// Adds a duration; a negative one counts as 0.
     #[inline]
-    pub fn add(&mut self, value: i64) {
+    pub fn add_duration(&mut self, value: i64) {
         let value = value.max(0);
         self.min = if self.count == 0 { value } else { self.min.min(value) };
         self.max = self.max.max(value);
@@ -30,7 +30,7 @@ impl Distribution {
         if self.classes.is_empty() {
             self.add_exact(value);
         } else {
-            count(&mut self.classes, value);
+            duration_count(&mut self.classes, value);
         }
     }
 
@@ -42,13 +42,13 @@ impl Distribution {
         }
         self.classes = vec![0; CLASSES];
         for value in std::mem::take(&mut self.exact) {
-            count(&mut self.classes, value);
+            duration_count(&mut self.classes, value);
         }
-        count(&mut self.classes, value);
+        duration_count(&mut self.classes, value);
     }
 
     /// Number of durations.
-    pub fn count(&self) -> u64 {
+    pub fn duration_count(&self) -> u64 {
         self.count
     }
 
@@ -77,18 +77,18 @@ impl Distribution {
             seen += u128::from(*count);
             seen >= rank
         })?;
-        Some(middle(class).clamp(self.min, self.max))
+        Some(class_middle(class).clamp(self.min, self.max))
     }
 }
 
-fn count(classes: &mut [u64], value: i64) {
-    if let Some(class) = classes.get_mut(class(value.unsigned_abs())) {
+fn duration_count(classes: &mut [u64], value: i64) {
+    if let Some(class) = classes.get_mut(class_of(value.unsigned_abs())) {
         *class += 1;
     }
 }
 
 /// Class of a value: one class per value below 32, then 32 classes per octave.
-fn class(value: u64) -> usize {
+fn class_of(value: u64) -> usize {
     let octave = value.max(1).ilog2();
     if octave < 5 {
         return usize::try_from(value).unwrap_or(0);
@@ -97,7 +97,7 @@ fn class(value: u64) -> usize {
     usize::try_from(u64::from((octave - 4) * STEPS) + step).unwrap_or(CLASSES - 1)
 }
 
-fn middle(class: usize) -> i64 {
+fn class_middle(class: usize) -> i64 {
     let class = i64::try_from(class).unwrap_or(0);
     let (octave, step) = (class / 32, class % 32);
     if octave == 0 {
@@ -113,10 +113,10 @@ mod tests {
 
     #[test]
     fn few_values_are_exact() {
-        let mut distribution = Distribution::default();
+        let mut distribution = DurationDistribution::default();
         assert_eq!(distribution.percentile(50), None);
         for value in (1..=10).rev() {
-            distribution.add(value);
+            distribution.add_duration(value);
         }
         let percentiles = [0, 50, 90, 99, 100].map(|percent| distribution.percentile(percent).unwrap());
         assert_eq!(percentiles, [1, 5, 9, 10, 10]);
@@ -124,21 +124,24 @@ mod tests {
 
     #[test]
     fn many_values_are_close_and_bounded() {
-        let mut distribution = Distribution::default();
+        let mut distribution = DurationDistribution::default();
         for value in 1..=100_000 {
-            distribution.add(value * 1_000);
+            distribution.add_duration(value * 1_000);
         }
         let median = distribution.percentile(50).unwrap();
         assert!((median - 50_000_000).abs() < 50_000_000 / 64, "{median}");
-        assert_eq!((distribution.percentile(100), distribution.count()), (Some(100_000_000), 100_000));
+        assert_eq!(
+            (distribution.percentile(100), distribution.duration_count()),
+            (Some(100_000_000), 100_000)
+        );
         assert!(distribution.exact.is_empty());
     }
 
     #[test]
     fn every_duration_has_a_class() {
         for value in [0, 1, 31, 32, 33, 63, 64, 1_000_000, i64::MAX] {
-            let middle = middle(class(value.unsigned_abs()));
-            assert!(class(value.unsigned_abs()) < CLASSES);
+            let middle = class_middle(class_of(value.unsigned_abs()));
+            assert!(class_of(value.unsigned_abs()) < CLASSES);
             assert!((middle - value).abs() <= value / 64 + 1, "{value} {middle}");
         }
     }

@@ -1,6 +1,6 @@
 //! Meaning of the first frame of a node.
 
-use crate::event::{BootCause, Event, EventKind, Outcome};
+use crate::event::{BootCause, Event, EventKind, SdoOutcome};
 use crate::profile::PdoDirection;
 
 /// First frame of a CANopen node in the capture.
@@ -16,7 +16,7 @@ pub enum FirstFrame {
 
 impl FirstFrame {
     /// Meaning of a message of the node; `None` for messages to the node.
-    pub(super) fn of(event: &Event) -> Option<Self> {
+    pub(super) fn meaning_of(event: &Event) -> Option<Self> {
         let start = |cause: &BootCause| match cause {
             BootCause::Commanded { .. } => Self::Reset,
             BootCause::PresumedPowerOn { .. } => Self::PowerOn,
@@ -29,7 +29,7 @@ impl FirstFrame {
                 Some(Self::Running)
             }
             EventKind::SdoTransfer(transfer)
-                if transfer.outcome == Outcome::Complete || transfer.awaits_client =>
+                if transfer.outcome == SdoOutcome::Complete || transfer.awaits_client =>
             {
                 Some(Self::Running)
             }

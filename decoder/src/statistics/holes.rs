@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::span::span;
-use crate::event::{BootCause, DtcAction, Event, EventKind, FrameRange, MessageOutcome, Outcome};
+use super::span::format_span;
+use crate::event::{BootCause, DtcAction, Event, EventKind, FrameRange, MessageOutcome, SdoOutcome};
 use crate::frame::BusIndex;
 use crate::session::CLOCK_SET;
 use crate::wire::NodeId;
@@ -16,7 +16,7 @@ const AFTER: i64 = 2_000_000_000;
 
 /// Presumed cause of a gap, strongest evidence last.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Cause {
+enum GapCause {
     Unknown,
     ClockStep,
     Missing,
@@ -44,13 +44,13 @@ pub(crate) const fn is_evidence(kind: &EventKind) -> bool {
 
 /// A gap of the whole bus.
 #[derive(Debug, Clone)]
-struct Hole {
+struct CaptureGap {
     bus: BusIndex,
     frames: FrameRange,
     gap: i64,
     /// Timestamp in ns until which evidence is collected.
     until: i64,
-    cause: Cause,
+    cause: GapCause,
     evidence: String,
     /// SYNC counter before the gap, until the first SYNC after it.
     counter: Option<u8>,
@@ -60,17 +60,17 @@ struct Hole {
 
 /// The gaps of a capture.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Holes {
-    listed: Vec<Hole>,
+pub(super) struct CaptureGaps {
+    listed: Vec<CaptureGap>,
     /// Last SYNC counter by bus.
     counters: Vec<Option<u8>>,
     /// Last toggle bit by bus and node.
     toggles: BTreeMap<(BusIndex, NodeId), bool>,
 }
 
-impl Holes {
+impl CaptureGaps {
     /// Takes an event that may be evidence.
-    pub(super) fn event(&mut self, event: &Event) {
+    pub(super) fn take_event(&mut self, event: &Event) {
         let bus = usize::from(event.bus.0);
         if let EventKind::Sync { counter, .. } = &event.kind {
             if self.counters.len() <= bus {
@@ -81,7 +81,7 @@ impl Holes {
             }
         }
         if let EventKind::BusSilent { gap } = event.kind {
-            return self.begin(event, gap);
+            return self.begin_gap(event, gap);
         }
         if let EventKind::ClockStep { step } = event.kind {
             return self.step_back(event, step);
@@ -94,12 +94,12 @@ impl Holes {
         else {
             return;
         };
-        if let Some((cause, evidence)) = hole.evidence(event).filter(|(cause, _)| *cause > hole.cause) {
+        if let Some((cause, evidence)) = hole.gap_evidence(event).filter(|(cause, _)| *cause > hole.cause) {
             (hole.cause, hole.evidence) = (cause, evidence);
         }
     }
 
-    fn begin(&mut self, event: &Event, gap: i64) {
+    fn begin_gap(&mut self, event: &Event, gap: i64) {
         if self.listed.len() >= LISTED {
             return;
         }
@@ -107,8 +107,8 @@ impl Holes {
         let toggles = of_bus.map(|((_, node), toggle)| (*node, *toggle)).collect();
         let set = gap > CLOCK_SET;
         let (cause, evidence) =
-            if set { (Cause::ClockStep, "longer than a year") } else { (Cause::Unknown, "") };
-        self.listed.push(Hole {
+            if set { (GapCause::ClockStep, "longer than a year") } else { (GapCause::Unknown, "") };
+        self.listed.push(CaptureGap {
             bus: event.bus,
             frames: event.frames,
             gap,
@@ -129,9 +129,12 @@ impl Holes {
             return;
         }
         if step.saturating_neg().saturating_mul(2) >= hole.gap {
-            let evidence =
-                format!("timestamps jump back by {} {{{}}}", span(step.saturating_neg()), event.frames.last);
-            (hole.cause, hole.evidence) = (Cause::ClockStep, evidence);
+            let evidence = format!(
+                "timestamps jump back by {} {{{}}}",
+                format_span(step.saturating_neg()),
+                event.frames.last
+            );
+            (hole.cause, hole.evidence) = (GapCause::ClockStep, evidence);
         }
         if step <= -AFTER {
             hole.until = i64::MIN;
@@ -139,39 +142,41 @@ impl Holes {
     }
 
     /// One statement per gap.
-    pub(super) fn words(&self) -> impl Iterator<Item = String> {
-        self.listed.iter().map(Hole::words)
+    pub(super) fn gap_texts(&self) -> impl Iterator<Item = String> {
+        self.listed.iter().map(CaptureGap::gap_text)
     }
 }
 
-impl Hole {
+impl CaptureGap {
     /// Cause that an event after the gap shows.
-    fn evidence(&mut self, event: &Event) -> Option<(Cause, String)> {
+    fn gap_evidence(&mut self, event: &Event) -> Option<(GapCause, String)> {
         let at = event.frames.last;
         let node = event.node.map_or_else(String::new, |node| format!(" of node {node}"));
         match &event.kind {
-            EventKind::CanError(_) => Some((Cause::DeadBus, format!("error frame {{{at}}}"))),
-            EventKind::Link { .. } => Some((Cause::DeadBus, "change of the link".to_owned())),
+            EventKind::CanError(_) => Some((GapCause::DeadBus, format!("error frame {{{at}}}"))),
+            EventKind::Link { .. } => Some((GapCause::DeadBus, "change of the link".to_owned())),
             EventKind::BootUp { cause: BootCause::PresumedPowerOn { .. }, .. } => {
-                Some((Cause::DeadBus, format!("boot-up{node} {{{at}}}")))
+                Some((GapCause::DeadBus, format!("boot-up{node} {{{at}}}")))
             }
             EventKind::Emcy(emcy) if emcy.boot.is_some() => {
-                Some((Cause::DeadBus, format!("boot sign{node} {{{at}}}")))
+                Some((GapCause::DeadBus, format!("boot sign{node} {{{at}}}")))
             }
             // Communication, CAN passive, life guard or heartbeat: CiA 301 §7.2.7.1, table 26.
             EventKind::Emcy(emcy) if matches!(emcy.code, Some(0x8100 | 0x8102 | 0x8130)) => {
                 let code = emcy.code.unwrap_or_default();
-                Some((Cause::DeadBus, format!("EMCY {code:04X}{node} {{{at}}}")))
+                Some((GapCause::DeadBus, format!("EMCY {code:04X}{node} {{{at}}}")))
             }
             // Abnormal update rate, received network data in error: SAE J1939-73, failure mode identifiers.
             EventKind::Dtc(dtc) if matches!(dtc.fmi, 9 | 19) && dtc.action == DtcAction::Raised => {
-                Some((Cause::DeadBus, format!("DTC {}/{}{node} {{{at}}}", dtc.spn, dtc.fmi)))
+                Some((GapCause::DeadBus, format!("DTC {}/{}{node} {{{at}}}", dtc.spn, dtc.fmi)))
             }
-            EventKind::Sync { counter: Some(counter), expected } => self.sync(*counter, *expected, at),
+            EventKind::Sync { counter: Some(counter), expected } => {
+                self.sync_evidence(*counter, *expected, at)
+            }
             EventKind::GuardReply { toggle, .. } => {
                 let before = self.toggles.remove(&event.node?)?;
                 let verb = if before == *toggle { "repeats" } else { "continues" };
-                let cause = if before == *toggle { Cause::Missing } else { Cause::ClockStep };
+                let cause = if before == *toggle { GapCause::Missing } else { GapCause::ClockStep };
                 Some((cause, format!("guarding{node} {verb} the toggle bit {{{at}}}")))
             }
             _ if !(event.frames.first..event.frames.last).contains(&self.frames.first) => None,
@@ -180,7 +185,7 @@ impl Hole {
                 Some(transfer_evidence("SDO transfer", &node, is_whole, at))
             }
             EventKind::J1939Transfer(transfer) => {
-                let is_whole = transfer.outcome == Outcome::Complete;
+                let is_whole = transfer.outcome == SdoOutcome::Complete;
                 (is_whole || transfer.missing > 0)
                     .then(|| transfer_evidence("transport session", &node, is_whole, at))
             }
@@ -194,54 +199,56 @@ impl Hole {
     }
 
     /// Evidence of the first SYNC counter after the gap.
-    fn sync(&mut self, counter: u8, expected: Option<u8>, at: u64) -> Option<(Cause, String)> {
+    fn sync_evidence(&mut self, counter: u8, expected: Option<u8>, at: u64) -> Option<(GapCause, String)> {
         let before = self.counter.take()?;
         Some(match expected {
             Some(expected) => {
-                (Cause::Missing, format!("SYNC counter {counter} instead of {expected} {{{at}}}"))
+                (GapCause::Missing, format!("SYNC counter {counter} instead of {expected} {{{at}}}"))
             }
             // A counter that restarts at 1 shows nothing: the overflow value may be unknown.
             None if counter == 1 => return None,
-            None => (Cause::ClockStep, format!("SYNC counter continues from {before} to {counter} {{{at}}}")),
+            None => {
+                (GapCause::ClockStep, format!("SYNC counter continues from {before} to {counter} {{{at}}}"))
+            }
         })
     }
 
-    fn words(&self) -> String {
-        let (gap, frames) = (span(self.gap), self.frames);
+    fn gap_text(&self) -> String {
+        let (gap, frames) = (format_span(self.gap), self.frames);
         let between = format!("no frame for {gap} between {{{}}} and {{{}}}", frames.first, frames.last);
         let evidence = &self.evidence;
         match self.cause {
-            Cause::Unknown => format!(
+            GapCause::Unknown => format!(
                 "{between}, cause unknown: no counter, error frame or restart after it; no time limit applies across it"
             ),
-            Cause::ClockStep => format!("{between}, presumably a step of the clock: {evidence}"),
-            Cause::Missing => format!("{between}, presumably frames missing in the capture: {evidence}"),
-            Cause::DeadBus => format!("{between}, presumably a dead bus or power off: {evidence}"),
+            GapCause::ClockStep => format!("{between}, presumably a step of the clock: {evidence}"),
+            GapCause::Missing => format!("{between}, presumably frames missing in the capture: {evidence}"),
+            GapCause::DeadBus => format!("{between}, presumably a dead bus or power off: {evidence}"),
         }
     }
 }
 
 /// Evidence of a transfer that started before the gap and ended after it.
-fn transfer_evidence(what: &str, node: &str, is_whole: bool, at: u64) -> (Cause, String) {
+fn transfer_evidence(what: &str, node: &str, is_whole: bool, at: u64) -> (GapCause, String) {
     if is_whole {
-        (Cause::ClockStep, format!("{what}{node} continues {{{at}}}"))
+        (GapCause::ClockStep, format!("{what}{node} continues {{{at}}}"))
     } else {
-        (Cause::Missing, format!("{what}{node} has missing frames {{{at}}}"))
+        (GapCause::Missing, format!("{what}{node} has missing frames {{{at}}}"))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::Protocol;
+    use crate::event::EventProtocol;
     use crate::frame::Timestamp;
 
-    fn event(seconds: i64, frames: (u64, u64), kind: EventKind) -> Event {
+    fn take_event(seconds: i64, frames: (u64, u64), kind: EventKind) -> Event {
         Event {
             time: Some(Timestamp(seconds * 1_000_000_000)),
             bus: BusIndex(0),
             frames: FrameRange { first: frames.0, last: frames.1 },
-            protocol: Protocol::Can,
+            protocol: EventProtocol::Can,
             node: None,
             presumed: false,
             routine: false,
@@ -260,27 +267,27 @@ mod tests {
                 "presumably frames missing in the capture: guarding of node 2 repeats the toggle bit {8}",
             ),
         ] {
-            let mut holes = Holes::default();
+            let mut holes = CaptureGaps::default();
             let by_node = |mut event: Event| {
                 event.node = Some(NodeId::Canopen(2));
                 event
             };
-            holes.event(&by_node(event(1, (7, 7), reply(false))));
-            holes.event(&event(61, (7, 8), EventKind::BusSilent { gap: 60_000_000_000 }));
-            holes.event(&by_node(event(61, (8, 8), reply(toggle))));
-            let words: String = holes.words().collect();
+            holes.take_event(&by_node(take_event(1, (7, 7), reply(false))));
+            holes.take_event(&take_event(61, (7, 8), EventKind::BusSilent { gap: 60_000_000_000 }));
+            holes.take_event(&by_node(take_event(61, (8, 8), reply(toggle))));
+            let words: String = holes.gap_texts().collect();
             assert!(words.ends_with(expected), "{words}");
         }
     }
 
     fn after(kinds: &[EventKind]) -> String {
-        let mut holes = Holes::default();
-        holes.event(&event(1, (7, 7), EventKind::Sync { counter: Some(9), expected: None }));
-        holes.event(&event(61, (7, 8), EventKind::BusSilent { gap: 60_000_000_000 }));
+        let mut holes = CaptureGaps::default();
+        holes.take_event(&take_event(1, (7, 7), EventKind::Sync { counter: Some(9), expected: None }));
+        holes.take_event(&take_event(61, (7, 8), EventKind::BusSilent { gap: 60_000_000_000 }));
         for (kind, number) in kinds.iter().zip(8..) {
-            holes.event(&event(61, (number, number), kind.clone()));
+            holes.take_event(&take_event(61, (number, number), kind.clone()));
         }
-        holes.words().collect()
+        holes.gap_texts().collect()
     }
 
     #[test]

@@ -24,7 +24,7 @@ impl IdentifierIndex {
     /// Row number of the identifier of a frame: `rows`, the number of all rows, if it is new. None for a new
     /// identifier if there are `most` rows.
     #[inline]
-    pub(super) fn place(&mut self, frame: &Frame, rows: usize, most: usize) -> Option<usize> {
+    pub(super) fn row_of(&mut self, frame: &Frame, rows: usize, most: usize) -> Option<usize> {
         if let CanId::Standard(id) = frame.id
             && let Some(found) = self.standard.get(standard_key(id, frame))
             && *found != NONE
@@ -82,16 +82,16 @@ mod tests {
     #[test]
     fn identifiers_have_the_number_of_their_first_appearance() {
         let mut index = IdentifierIndex::default();
-        let short = Frame::data_frame(CanId::standard(0x705), &[]);
-        let long = Frame::data_frame(CanId::extended(0x705), &[]);
+        let short = Frame::data_frame(CanId::from_standard(0x705), &[]);
+        let long = Frame::data_frame(CanId::from_extended(0x705), &[]);
         let of_remote = |frame| Frame { flags: FrameFlags::REMOTE, ..frame };
         let frames = [short, of_remote(short), long, of_remote(long)];
         for (row, frame) in frames.iter().enumerate() {
-            assert_eq!(index.place(frame, row, 4), Some(row));
+            assert_eq!(index.row_of(frame, row, 4), Some(row));
         }
-        assert_eq!(frames.map(|frame| index.place(&frame, 4, 4)), [0, 1, 2, 3].map(Some));
-        for id in [CanId::standard(1), CanId::extended(1)] {
-            assert_eq!(index.place(&Frame::data_frame(id, &[]), 4, 4), None, "{id}");
+        assert_eq!(frames.map(|frame| index.row_of(&frame, 4, 4)), [0, 1, 2, 3].map(Some));
+        for id in [CanId::from_standard(1), CanId::from_extended(1)] {
+            assert_eq!(index.row_of(&Frame::data_frame(id, &[]), 4, 4), None, "{id}");
         }
     }
 }

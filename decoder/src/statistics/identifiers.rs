@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use super::Intervals;
+use super::IntervalStatistics;
 use super::identifier_index::IdentifierIndex;
 use crate::event::{Event, EventKind};
 use crate::frame::{BusIndex, CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
-use crate::profile::{Layout, PdoName};
+use crate::profile::{PayloadLayout, PdoName};
 use crate::wire::NodeId;
 
 /// Maximum number of rows on all buses; frames of further identifiers are only counted.
@@ -24,7 +24,7 @@ pub struct IdentifierRow {
     /// Number of frames.
     pub count: u64,
     /// Time between frames.
-    pub intervals: Intervals,
+    pub intervals: IntervalStatistics,
     /// Number of the last frame.
     pub last_frame: u64,
     /// Time of the last frame.
@@ -40,7 +40,7 @@ pub struct IdentifierRow {
     /// Name, if the identifier belongs to a PDO.
     pub pdo: Option<PdoName>,
     /// Layout of the payload, if known.
-    pub layout: Option<Arc<Layout>>,
+    pub layout: Option<Arc<PayloadLayout>>,
     length: u8,
     bytes: [u8; MAX_DATA],
     previous_length: u8,
@@ -54,7 +54,7 @@ impl IdentifierRow {
     }
 
     /// Payload of the frame before the last one; None after the first frame.
-    pub fn previous(&self) -> Option<&[u8]> {
+    pub fn previous_payload(&self) -> Option<&[u8]> {
         let bytes = self.previous_bytes.get(..usize::from(self.previous_length));
         bytes.filter(|_| self.count > 1)
     }
@@ -65,7 +65,7 @@ impl IdentifierRow {
             id: frame.id,
             is_remote: frame.flags.contains(FrameFlags::REMOTE),
             count: 0,
-            intervals: Intervals::default(),
+            intervals: IntervalStatistics::default(),
             last_frame: 0,
             last_time: None,
             last_gap: None,
@@ -84,15 +84,15 @@ impl IdentifierRow {
     /// Sets the new length. Bytes that only one of the payloads contains count as changed; unused bytes
     /// become zero.
     #[cold]
-    fn resize(&mut self, before: usize, now: usize) {
-        self.changed |= between(before.min(now), before.max(now));
+    fn set_length(&mut self, before: usize, now: usize) {
+        self.changed |= byte_mask(before.min(now), before.max(now));
         if let Some(rest) = self.bytes.get_mut(now..) {
             rest.fill(0);
         }
         self.length = u8::try_from(now).unwrap_or(0);
     }
 
-    fn take(&mut self, frame: &Frame) {
+    fn take_frame(&mut self, frame: &Frame) {
         let data = frame.data();
         let before = usize::from(self.length);
         self.changed = 0;
@@ -112,7 +112,7 @@ impl IdentifierRow {
             }
         }
         if before != data.len() {
-            self.resize(before, data.len());
+            self.set_length(before, data.len());
         }
         if self.count == 0 {
             self.changed = 0;
@@ -122,7 +122,7 @@ impl IdentifierRow {
         self.last_frame = frame.number;
         if let Some(time) = frame.time {
             self.last_gap = self.last_time.map(|last| time.since(last));
-            self.intervals.add(time.0);
+            self.intervals.add_time(time.0);
         }
         self.last_time = frame.time;
     }
@@ -137,28 +137,28 @@ fn bytes_of(word: u64) -> u64 {
 }
 
 /// Bit mask of the bytes `from` to `to`, exclusive.
-fn between(from: usize, to: usize) -> u64 {
+fn byte_mask(from: usize, to: usize) -> u64 {
     (from..to.min(MAX_DATA)).fold(0, |bits, at| bits | 1 << at)
 }
 
 /// Rows of all identifiers, in order of appearance.
 #[derive(Debug, Clone, Default)]
-pub struct Identifiers {
+pub struct IdentifierRows {
     rows: Vec<IdentifierRow>,
     /// By bus.
     indexes: Vec<IdentifierIndex>,
     others: u64,
 }
 
-impl Identifiers {
+impl IdentifierRows {
     /// Counts a frame; returns the index of its row.
-    pub fn frame(&mut self, frame: &Frame) -> Option<usize> {
+    pub fn count_frame(&mut self, frame: &Frame) -> Option<usize> {
         if frame.flags.contains(FrameFlags::ERROR) {
             return None;
         }
-        let place = self.place(frame);
+        let place = self.place_of(frame);
         match place.and_then(|place| self.rows.get_mut(place)) {
-            Some(row) => row.take(frame),
+            Some(row) => row.take_frame(frame),
             None => self.others += 1,
         }
         place
@@ -166,26 +166,26 @@ impl Identifiers {
 
     /// Updates the row at `place` with an event of its frame.
     #[inline]
-    pub fn event(&mut self, place: usize, event: &Event) {
+    pub fn update_row(&mut self, place: usize, event: &Event) {
         let (layout, name) = match &event.kind {
             EventKind::Pdo(pdo) => (&pdo.layout, Some(pdo.name)),
             EventKind::J1939Message(message) => (&message.layout, None),
             EventKind::Frame(undecoded) => {
                 let layout = undecoded.message.as_ref().map(|message| &message.layout);
-                return self.describe(place, layout, None, event.node);
+                return self.set_layout(place, layout, None, event.node);
             }
             EventKind::Heartbeat { .. } | EventKind::GuardReply { .. } | EventKind::Emcy(_) => {
-                return self.describe(place, None, None, event.node);
+                return self.set_layout(place, None, None, event.node);
             }
             _ => return,
         };
-        self.describe(place, layout.as_ref(), name, event.node);
+        self.set_layout(place, layout.as_ref(), name, event.node);
     }
 
-    fn describe(
+    fn set_layout(
         &mut self,
         place: usize,
-        layout: Option<&Arc<Layout>>,
+        layout: Option<&Arc<PayloadLayout>>,
         pdo: Option<PdoName>,
         node: Option<NodeId>,
     ) {
@@ -201,13 +201,13 @@ impl Identifiers {
         }
     }
 
-    fn place(&mut self, frame: &Frame) -> Option<usize> {
+    fn place_of(&mut self, frame: &Frame) -> Option<usize> {
         let bus = usize::from(frame.bus.0);
         if self.indexes.len() <= bus {
             self.indexes.resize_with(bus + 1, IdentifierIndex::default);
         }
         let rows = self.rows.len();
-        let place = self.indexes.get_mut(bus)?.place(frame, rows, MOST_ROWS)?;
+        let place = self.indexes.get_mut(bus)?.row_of(frame, rows, MOST_ROWS)?;
         if place == rows {
             self.rows.push(IdentifierRow::new(frame));
         }
@@ -220,7 +220,7 @@ impl Identifiers {
     }
 
     /// Number of frames of identifiers beyond [`MOST_ROWS`].
-    pub fn others(&self) -> u64 {
+    pub fn other_frames(&self) -> u64 {
         self.others
     }
 
@@ -242,42 +242,42 @@ mod tests {
 
     #[test]
     fn a_row_contains_the_last_payload_and_its_changes() {
-        let mut all = Identifiers::default();
-        let id = CanId::standard(0x185);
-        all.frame(&frame(10, id, &[1, 2, 3]));
-        all.frame(&frame(20, id, &[1, 9, 3]));
-        all.frame(&frame(35, id, &[1, 9, 3, 4]));
+        let mut all = IdentifierRows::default();
+        let id = CanId::from_standard(0x185);
+        all.count_frame(&frame(10, id, &[1, 2, 3]));
+        all.count_frame(&frame(20, id, &[1, 9, 3]));
+        all.count_frame(&frame(35, id, &[1, 9, 3, 4]));
         let row = &all.rows()[0];
         assert_eq!((row.count, row.payload()), (3, &[1, 9, 3, 4][..]));
         // The fourth byte is new; the second changed before.
         assert_eq!((row.changed, row.ever_changed), (0b1000, 0b1010));
-        assert_eq!(row.previous(), Some(&[1, 9, 3][..]));
+        assert_eq!(row.previous_payload(), Some(&[1, 9, 3][..]));
         assert_eq!((row.last_gap, row.intervals.mean()), (Some(15_000_000), Some(12_500_000)));
-        all.frame(&frame(45, id, &[1, 9, 3, 4]));
-        assert_eq!((all.rows()[0].changed, all.rows()[0].previous()), (0, Some(&[1, 9, 3, 4][..])));
-        all.frame(&frame(50, CanId::standard(0x186), &[7]));
-        assert_eq!(all.rows()[1].previous(), None, "the first frame");
+        all.count_frame(&frame(45, id, &[1, 9, 3, 4]));
+        assert_eq!((all.rows()[0].changed, all.rows()[0].previous_payload()), (0, Some(&[1, 9, 3, 4][..])));
+        all.count_frame(&frame(50, CanId::from_standard(0x186), &[7]));
+        assert_eq!(all.rows()[1].previous_payload(), None, "the first frame");
     }
 
     #[test]
     fn remote_frames_and_long_identifiers_are_rows_of_their_own() {
-        let mut all = Identifiers::default();
-        let mut remote = frame(1, CanId::standard(0x705), &[]);
+        let mut all = IdentifierRows::default();
+        let mut remote = frame(1, CanId::from_standard(0x705), &[]);
         remote.flags = FrameFlags::REMOTE;
-        all.frame(&remote);
-        all.frame(&frame(2, CanId::standard(0x705), &[5]));
-        all.frame(&frame(3, CanId::extended(0x705), &[5]));
+        all.count_frame(&remote);
+        all.count_frame(&frame(2, CanId::from_standard(0x705), &[5]));
+        all.count_frame(&frame(3, CanId::from_extended(0x705), &[5]));
         assert_eq!(all.rows().iter().map(|row| row.count).collect::<Vec<_>>(), [1, 1, 1]);
     }
 
     #[test]
     fn rows_are_bounded() {
-        let mut all = Identifiers::default();
+        let mut all = IdentifierRows::default();
         for id in 0..5_000 {
-            all.frame(&frame(u64::from(id), CanId::extended(id), &[]));
+            all.count_frame(&frame(u64::from(id), CanId::from_extended(id), &[]));
         }
-        all.frame(&frame(1, CanId::standard(1), &[]));
-        assert_eq!((all.rows().len(), all.others()), (MOST_ROWS, 5_001 - MOST_ROWS as u64));
+        all.count_frame(&frame(1, CanId::from_standard(1), &[]));
+        assert_eq!((all.rows().len(), all.other_frames()), (MOST_ROWS, 5_001 - MOST_ROWS as u64));
         assert!(all.footprint() < 2 * 1024 * 1024);
     }
 }

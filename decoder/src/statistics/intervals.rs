@@ -5,7 +5,7 @@ const ENOUGH: u64 = 3;
 
 /// Shortest, longest and mean interval, and the start of the longest one.
 #[derive(Debug, Clone, Default)]
-pub struct Intervals {
+pub struct IntervalStatistics {
     last: Option<i64>,
     count: u64,
     sum: i64,
@@ -14,9 +14,9 @@ pub struct Intervals {
     longest_began: i64,
 }
 
-impl Intervals {
+impl IntervalStatistics {
     /// Adds an event at `time`, in ns. A time before the last one adds no interval.
-    pub fn add(&mut self, time: i64) {
+    pub fn add_time(&mut self, time: i64) {
         if let Some(last) = self.last.replace(time)
             && time >= last
         {
@@ -36,12 +36,12 @@ impl Intervals {
     }
 
     /// Starts a new series: the time until the next event is not counted.
-    pub fn interrupt(&mut self) {
+    pub fn interrupt_series(&mut self) {
         self.last = None;
     }
 
     /// Time of the first event, calculated from the last one and the sum of intervals.
-    pub fn began(&self) -> Option<i64> {
+    pub fn first_time(&self) -> Option<i64> {
         Some(self.last?.saturating_sub(self.sum))
     }
 
@@ -93,9 +93,9 @@ mod tests {
 
     #[test]
     fn shortest_longest_and_where_it_began() {
-        let mut intervals = Intervals::default();
+        let mut intervals = IntervalStatistics::default();
         for time in [0, 10, 30, 35, 20, 25] {
-            intervals.add(time);
+            intervals.add_time(time);
         }
         // Intervals 10, 20, 5; none for the step back; 5.
         assert_eq!(
@@ -108,9 +108,9 @@ mod tests {
     #[test]
     fn silence_requires_regular_events() {
         let of = |times: &[i64]| {
-            let mut intervals = Intervals::default();
+            let mut intervals = IntervalStatistics::default();
             for time in times {
-                intervals.add(*time);
+                intervals.add_time(*time);
             }
             intervals
         };

@@ -6,7 +6,7 @@ const PARTS: i64 = 10;
 
 /// Bus load.
 #[derive(Debug, Clone, Default)]
-pub struct Load {
+pub struct BusLoad {
     /// Number of frames.
     pub frames: u64,
     /// Bits on the wire including stuffing, without FD and error frames.
@@ -28,9 +28,9 @@ pub struct Load {
     offset: i64,
 }
 
-impl Load {
+impl BusLoad {
     /// Counts a frame of `bits` at `time`.
-    pub(super) fn add(&mut self, bits: u32, time: Option<i64>) {
+    pub(super) fn count_bits(&mut self, bits: u32, time: Option<i64>) {
         let bits = u64::from(bits);
         let Some(time) = time else {
             self.frames += 1;
@@ -68,17 +68,17 @@ impl Load {
     /// Maximum number of frames in one second, and its start in ns.
     pub fn worst_frames(&self) -> (u64, i64) {
         let (frames, _) = self.worst;
-        if self.window.0 > frames.0 { (self.window.0, self.began()) } else { frames }
+        if self.window.0 > frames.0 { (self.window.0, self.window_start()) } else { frames }
     }
 
     /// Maximum number of bits in one second, and its start in ns.
     pub fn worst_bits(&self) -> (u64, i64) {
         let (_, bits) = self.worst;
-        if self.window.1 > bits.0 { (self.window.1, self.began()) } else { bits }
+        if self.window.1 > bits.0 { (self.window.1, self.window_start()) } else { bits }
     }
 
     /// Start of the window.
-    fn began(&self) -> i64 {
+    fn window_start(&self) -> i64 {
         (self.part - PARTS + 1).saturating_mul(PART).saturating_sub(self.offset).max(self.first)
     }
 
@@ -123,10 +123,10 @@ mod tests {
     use super::*;
 
     /// Load of frames of 48 bits at the given times in ms.
-    fn load(milliseconds: impl Iterator<Item = i64>) -> Load {
-        let mut load = Load::default();
+    fn load(milliseconds: impl Iterator<Item = i64>) -> BusLoad {
+        let mut load = BusLoad::default();
         for time in milliseconds {
-            load.add(48, Some(time * 1_000_000));
+            load.count_bits(48, Some(time * 1_000_000));
         }
         load
     }

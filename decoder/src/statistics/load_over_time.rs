@@ -36,12 +36,12 @@ impl Default for LoadOverTime {
 
 impl LoadOverTime {
     /// Counts a frame. A timestamp before the first one counts in the first step.
-    pub fn add(&mut self, frame: &Frame) {
+    pub fn count_frame(&mut self, frame: &Frame) {
         let Some(time) = frame.time else { return };
         let start = *self.start.get_or_insert(time.0);
         let since = time.0.saturating_sub(start).max(0);
         while since / self.step >= MOST_STEPS {
-            self.halve();
+            self.merge_steps();
         }
         let place = usize::try_from(since / self.step).unwrap_or(0);
         if self.steps.len() <= place {
@@ -54,7 +54,7 @@ impl LoadOverTime {
         }
     }
 
-    fn halve(&mut self) {
+    fn merge_steps(&mut self) {
         self.step = self.step.saturating_mul(2);
         let pair = |pair: &[LoadStep]| {
             pair.iter().fold(LoadStep::default(), |sum, step| LoadStep {
@@ -82,9 +82,10 @@ impl LoadOverTime {
     }
 
     /// Traffic in the `width` ns up to a time, scaled from whole steps.
-    pub fn over(&self, time: i64, width: i64) -> LoadStep {
+    pub fn load_before(&self, time: i64, width: i64) -> LoadStep {
         let count = (width / self.step).max(1);
-        let at = |back: i64| self.at(time.saturating_sub(back.saturating_mul(self.step))).unwrap_or_default();
+        let at =
+            |back: i64| self.step_at(time.saturating_sub(back.saturating_mul(self.step))).unwrap_or_default();
         let sum = (0..count).map(at).fold(LoadStep::default(), |sum, step| LoadStep {
             frames: sum.frames + step.frames,
             bits: sum.bits + step.bits,
@@ -99,7 +100,7 @@ impl LoadOverTime {
     }
 
     /// The step that contains a time.
-    pub fn at(&self, time: i64) -> Option<LoadStep> {
+    pub fn step_at(&self, time: i64) -> Option<LoadStep> {
         let since = time.checked_sub(self.start?).filter(|since| *since >= 0)?;
         self.steps.get(usize::try_from(since / self.step).ok()?).copied()
     }
@@ -117,14 +118,14 @@ mod tests {
         for second in 0..1_000 {
             let frame = Frame {
                 time: Some(Timestamp(second * 1_000_000_000)),
-                ..Frame::data_frame(CanId::standard(0x555), &[])
+                ..Frame::data_frame(CanId::from_standard(0x555), &[])
             };
-            load.add(&frame);
+            load.count_frame(&frame);
         }
         // 999 s need 2,498 steps of 400 ms, after 100 and 200 ms.
         assert_eq!((load.step(), load.steps().len()), (400_000_000, 2_498));
         assert_eq!(load.steps().iter().map(|step| step.frames).sum::<u64>(), 1_000);
-        assert_eq!(load.at(10_000_000_000).map(|step| step.bits), Some(48));
-        assert_eq!(load.at(-1), None);
+        assert_eq!(load.step_at(10_000_000_000).map(|step| step.bits), Some(48));
+        assert_eq!(load.step_at(-1), None);
     }
 }

@@ -19,77 +19,77 @@ mod quality;
 mod reactions;
 mod span;
 
-pub use beginning::Beginning;
+pub use beginning::CaptureBeginning;
 pub use bits::frame_bits;
 pub use bus::{BusStatistics, IdStatistics, MasterStatistics};
 
 pub use codes::{CodeCounts, dtc_of_key};
 pub use codes::{MOST_CODES, dtc_key};
-pub use distribution::Distribution;
+pub use distribution::DurationDistribution;
 pub use first_frame::FirstFrame;
 pub(crate) use holes::is_evidence;
-pub use identifiers::{IdentifierRow, Identifiers, MOST_ROWS};
-pub use intervals::Intervals;
+pub use identifiers::{IdentifierRow, IdentifierRows, MOST_ROWS};
+pub use intervals::IntervalStatistics;
 pub use j1939::AddressStatistics;
-pub use load::Load;
+pub use load::BusLoad;
 pub use load_over_time::{LoadOverTime, LoadStep};
 pub use node::NodeStatistics;
-pub use quality::Quality;
-pub use reactions::{ReactionTime, Reactions};
-pub use span::span;
+pub use quality::CaptureQuality;
+pub use reactions::{ReactionTime, ReactionTimes};
+pub use span::format_span;
 
 use crate::event::Event;
 use crate::frame::Frame;
-use crate::session::{Bus, Buses, Preview};
+use crate::session::{Bus, Buses, MessagePreview};
 
 /// Statistics of one capture.
 #[derive(Debug, Clone, Default)]
 pub struct Statistics {
     /// Quality of the capture.
-    pub quality: Quality,
+    pub quality: CaptureQuality,
     /// Statistics per bus, in order of appearance.
     pub buses: Vec<BusStatistics>,
 }
 
 impl Statistics {
     /// Counts a frame; call it before the events of the frame.
-    pub fn frame(&mut self, frame: &Frame) {
-        self.quality.frame(frame);
-        self.bus(frame.bus.0).frame(frame);
+    pub fn count_frame(&mut self, frame: &Frame) {
+        self.quality.count_frame(frame);
+        self.bus_entry(frame.bus.0).count_frame(frame);
     }
 
     /// Counts frames before the events of the first one.
-    pub fn frames(&mut self, frames: &[Frame]) {
+    pub fn count_frames(&mut self, frames: &[Frame]) {
         self.quality.add_frames(frames);
         for of_bus in frames.chunk_by(|frame, next| frame.bus == next.bus) {
             if let Some(first) = of_bus.first() {
-                self.bus(first.bus.0).frames(of_bus);
+                self.bus_entry(first.bus.0).count_frames(of_bus);
             }
         }
     }
 
     /// Counts an event.
-    pub fn event(&mut self, event: &Event) {
-        self.quality.event(event);
-        self.bus(event.bus.0).event(event);
+    pub fn count_event(&mut self, event: &Event) {
+        self.quality.count_event(event);
+        self.bus_entry(event.bus.0).count_event(event);
     }
 
-    /// Counts a PDO or J1939 message without an event; see [`Observer::skip`](crate::session::Observer::skip).
+    /// Counts a PDO or J1939 message without an event; see [`Observer::skip_event`](crate::session::Observer::skip_event).
     #[inline]
-    pub fn skip(&mut self, preview: &Preview, bus: &Bus) {
+    pub fn skip_event(&mut self, preview: &MessagePreview, bus: &Bus) {
         if let Some((pdo, node)) = bus.pdo_at(preview.identifier) {
-            self.bus(bus.index().0).skip((pdo, node), preview);
+            self.bus_entry(bus.index().0).skip_pdo((pdo, node), preview);
         }
     }
 
     /// Removes figures of services that the traffic of a bus proved not to use; call it after the last event.
-    pub fn withdraw(&mut self, buses: Buses<'_>) {
+    pub fn withdraw_canopen(&mut self, buses: Buses<'_>) {
         for (statistics, bus) in self.buses.iter_mut().zip(buses) {
-            statistics.withdraw(bus);
+            statistics.withdraw_canopen(bus);
         }
     }
 
-    fn bus(&mut self, index: u8) -> &mut BusStatistics {
+    fn bus_entry(&mut self, index: u8) -> &mut BusStatistics {
         let place = usize::from(index);
         if self.buses.len() <= place {
             self.add_buses(place);

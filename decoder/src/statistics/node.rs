@@ -1,7 +1,9 @@
 //! Statistics of one node.
 
-use super::{CodeCounts, Distribution, FirstFrame, Intervals, MOST_CODES, Reactions, dtc_key};
-use crate::event::{DtcAction, Event, EventKind, Outcome, SdoTransfer};
+use super::{
+    CodeCounts, DurationDistribution, FirstFrame, IntervalStatistics, MOST_CODES, ReactionTimes, dtc_key,
+};
+use crate::event::{DtcAction, Event, EventKind, SdoOutcome, SdoTransfer};
 use crate::frame::CanId;
 use crate::profile::PdoName;
 
@@ -11,9 +13,9 @@ pub struct NodeStatistics {
     /// First frame of a CANopen node, with its time in ns; `None` if it sent none.
     pub first_frame: Option<(FirstFrame, Option<i64>)>,
     /// Time between heartbeats; a boot-up or silence starts a new series.
-    pub heartbeat: Intervals,
+    pub heartbeat: IntervalStatistics,
     /// Distribution of the time between heartbeats.
-    pub heartbeat_distribution: Distribution,
+    pub heartbeat_distribution: DurationDistribution,
     last_heartbeat: Option<i64>,
     /// Number of guarding requests and responses.
     pub guarding: (u64, u64),
@@ -26,14 +28,14 @@ pub struct NodeStatistics {
     /// SDO transfers with the node as server, by outcome.
     pub sdo: SdoCounts,
     /// Duration of complete and aborted transfers.
-    pub sdo_duration: Distribution,
+    pub sdo_duration: DurationDistribution,
     /// Time from the end of a transfer to the client's next request.
-    pub think_time: Distribution,
+    pub think_time: DurationDistribution,
     last_transfer: Option<i64>,
     /// SDO transfers with the node as server, by abort code.
     pub aborts: CodeCounts,
     /// Time between guarding requests to the node.
-    pub guard_requests: Intervals,
+    pub guard_requests: IntervalStatistics,
     /// Number of address claims of a J1939 device, including lost ones.
     pub claims: u64,
     /// J1939 diagnostic trouble codes, by [`dtc_key`].
@@ -45,7 +47,7 @@ pub struct NodeStatistics {
     /// Index in `pdo_ids` of the PDO that is expected next.
     next_pdo_id: usize,
     /// Reaction times of the controller.
-    pub reactions: Reactions,
+    pub reactions: ReactionTimes,
 }
 
 /// Number of transfers by outcome.
@@ -76,40 +78,40 @@ impl NodeStatistics {
     }
 
     /// Counts an event of this node.
-    pub fn event(&mut self, event: &Event) {
+    pub fn count_event(&mut self, event: &Event) {
         let time = event.time.map(|time| time.0);
         if self.first_frame.is_none() {
-            self.first_frame = FirstFrame::of(event).map(|first| (first, time));
+            self.first_frame = FirstFrame::meaning_of(event).map(|first| (first, time));
         }
-        self.reactions.event(event);
+        self.reactions.take_event(event);
         match &event.kind {
-            EventKind::Heartbeat { .. } => self.beat(time),
+            EventKind::Heartbeat { .. } => self.count_heartbeat(time),
             EventKind::BootUp { .. } => {
                 self.boots += 1;
                 self.last_heartbeat = None;
-                self.heartbeat.interrupt();
+                self.heartbeat.interrupt_series();
             }
             EventKind::GuardRequest => {
                 self.guarding.0 += 1;
                 if let Some(time) = time {
-                    self.guard_requests.add(time);
+                    self.guard_requests.add_time(time);
                 }
             }
             EventKind::GuardReply { .. } => self.guarding.1 += 1,
             EventKind::NodeLost(_) => self.lost += 1,
             EventKind::Emcy(emergency) => {
                 if let Some(code) = emergency.code.filter(|code| *code != 0) {
-                    self.emcy.add(u32::from(code));
+                    self.emcy.count_code(u32::from(code));
                 }
             }
             EventKind::Pdo(pdo) => {
                 self.pdos += 1;
                 self.count_pdo_id((pdo.name, pdo.cob_id));
             }
-            EventKind::SdoTransfer(transfer) => self.transfer(transfer, time),
+            EventKind::SdoTransfer(transfer) => self.count_transfer(transfer, time),
             EventKind::AddressClaim(_) => self.claims += 1,
             EventKind::Dtc(dtc) if dtc.action == DtcAction::Raised => {
-                self.dtcs.add(dtc_key(dtc.spn, dtc.fmi));
+                self.dtcs.count_code(dtc_key(dtc.spn, dtc.fmi));
             }
             _ => {}
         }
@@ -134,34 +136,34 @@ impl NodeStatistics {
         }
     }
 
-    fn beat(&mut self, time: Option<i64>) {
+    fn count_heartbeat(&mut self, time: Option<i64>) {
         let Some(time) = time else { return };
         if let Some(last) = self.last_heartbeat.replace(time).filter(|last| *last <= time) {
-            self.heartbeat_distribution.add(time.saturating_sub(last));
+            self.heartbeat_distribution.add_duration(time.saturating_sub(last));
         }
-        self.heartbeat.add(time);
+        self.heartbeat.add_time(time);
     }
 
-    fn transfer(&mut self, transfer: &SdoTransfer, end: Option<i64>) {
+    fn count_transfer(&mut self, transfer: &SdoTransfer, end: Option<i64>) {
         match transfer.outcome {
             _ if transfer.waited.is_some() => self.sdo.timeout += 1,
-            Outcome::Complete => self.sdo.complete += 1,
-            Outcome::Aborted => self.sdo.aborted += 1,
-            Outcome::Timeout => self.sdo.timeout += 1,
-            Outcome::Superseded | Outcome::Incomplete | Outcome::Unfinished => self.sdo.other += 1,
+            SdoOutcome::Complete => self.sdo.complete += 1,
+            SdoOutcome::Aborted => self.sdo.aborted += 1,
+            SdoOutcome::Timeout => self.sdo.timeout += 1,
+            SdoOutcome::Superseded | SdoOutcome::Incomplete | SdoOutcome::Unfinished => self.sdo.other += 1,
         }
         if let Some(abort) = transfer.abort {
-            self.aborts.add(abort.code);
+            self.aborts.count_code(abort.code);
         }
-        let answered =
-            matches!(transfer.outcome, Outcome::Complete | Outcome::Aborted) && transfer.waited.is_none();
+        let answered = matches!(transfer.outcome, SdoOutcome::Complete | SdoOutcome::Aborted)
+            && transfer.waited.is_none();
         let (Some(end), Some(duration)) = (end, transfer.duration) else { return };
         if answered && transfer.frame_count > 1 {
-            self.sdo_duration.add(duration);
+            self.sdo_duration.add_duration(duration);
         }
         let start = end.saturating_sub(duration);
         if let Some(last) = self.last_transfer.filter(|last| *last <= start) {
-            self.think_time.add(start.saturating_sub(last));
+            self.think_time.add_duration(start.saturating_sub(last));
         }
         self.last_transfer = answered.then_some(end);
     }
@@ -176,7 +178,7 @@ mod tests {
     fn pdos_are_listed_once_in_order_of_appearance() {
         let pdo = |number: u16| {
             let name = PdoName { direction: PdoDirection::Transmit, number };
-            (name, CanId::standard(0x180 + number))
+            (name, CanId::from_standard(0x180 + number))
         };
         let mut node = NodeStatistics::default();
         for number in [1, 2, 1, 2, 3, 1, 3, 2, 1, 2, 3] {

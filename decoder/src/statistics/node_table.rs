@@ -8,7 +8,7 @@ use crate::wire::{NODE_PLACES, NodeId};
 pub(super) struct NodeTable {
     /// In order of appearance.
     rows: Vec<(NodeId, NodeStatistics)>,
-    /// Index + 1 in `rows` by [`NodeId::place`], 0 for none.
+    /// Index + 1 in `rows` by [`NodeId::table_place`], 0 for none.
     places: Vec<u16>,
 }
 
@@ -16,16 +16,16 @@ impl NodeTable {
     /// Statistics of a node, created if missing.
     #[inline]
     pub(super) fn entry(&mut self, node: NodeId) -> Option<&mut NodeStatistics> {
-        let place = self.places.get(node.place()).copied().unwrap_or(0);
+        let place = self.places.get(node.table_place()).copied().unwrap_or(0);
         let row = match usize::from(place).checked_sub(1) {
             Some(row) => row,
-            None => self.add(node),
+            None => self.add_node(node),
         };
         self.rows.get_mut(row).map(|(_, statistics)| statistics)
     }
 
     #[cold]
-    fn add(&mut self, node: NodeId) -> usize {
+    fn add_node(&mut self, node: NodeId) -> usize {
         // Invalid numbers share the last place, so these nodes are found by search.
         if let Some(row) = self.rows.iter().position(|(known, _)| *known == node) {
             return row;
@@ -33,7 +33,7 @@ impl NodeTable {
         let row = self.rows.len();
         self.rows.push((node, NodeStatistics::default()));
         self.places.resize(NODE_PLACES, 0);
-        if let (Some(place), Ok(number)) = (self.places.get_mut(node.place()), u16::try_from(row + 1)) {
+        if let (Some(place), Ok(number)) = (self.places.get_mut(node.table_place()), u16::try_from(row + 1)) {
             *place = number;
         }
         row
@@ -52,7 +52,7 @@ impl NodeTable {
     }
 
     /// Removes the nodes for which `keeps` is false.
-    pub(super) fn retain(&mut self, mut keeps: impl FnMut(NodeId, &NodeStatistics) -> bool) {
+    pub(super) fn retain_nodes(&mut self, mut keeps: impl FnMut(NodeId, &NodeStatistics) -> bool) {
         let rows = std::mem::take(self).rows;
         for (node, statistics) in rows.into_iter().filter(|(node, statistics)| keeps(*node, statistics)) {
             if let Some(entry) = self.entry(node) {
@@ -81,7 +81,7 @@ mod tests {
             table.iter().map(|(node, it)| (node, it.boots)).collect::<Vec<_>>(),
             sorted.map(|it| (it, 2))
         );
-        table.retain(|node, _| node != NodeId::J1939(3));
+        table.retain_nodes(|node, _| node != NodeId::J1939(3));
         table.entry(NodeId::Canopen(7)).unwrap().boots += 5;
         assert_eq!(table.get(NodeId::Canopen(7)).unwrap().boots, 7);
         assert!(table.get(NodeId::J1939(3)).is_none());

@@ -1,11 +1,11 @@
 //! Quality of a capture: timestamps, gaps, lost frames.
 
-use super::holes::{Holes, is_evidence};
-use super::span::span;
+use super::holes::{CaptureGaps, is_evidence};
+use super::span::format_span;
 use crate::event::{Event, EventKind};
 use crate::frame::{Frame, FrameFlags, Timestamp};
 use crate::profile;
-use crate::words::plural;
+use crate::words::count_noun;
 
 /// Number of frames used to assess the timestamps.
 const JUDGED: u64 = 1_000;
@@ -19,7 +19,7 @@ const STEPS: [i64; 10] =
 
 /// Quality of a capture.
 #[derive(Debug, Clone, Default)]
-pub struct Quality {
+pub struct CaptureQuality {
     /// Number of frames, including error frames.
     pub frames: u64,
     /// First timestamp in ns.
@@ -42,12 +42,12 @@ pub struct Quality {
     pub clock_sets: u64,
     /// Number of gaps without any frame, and the longest one in ns.
     pub silences: (u64, i64),
-    holes: Holes,
-    stamps: Stamps,
+    holes: CaptureGaps,
+    stamps: TimestampSource,
 }
 
 #[derive(Debug, Clone, Default)]
-struct Stamps {
+struct TimestampSource {
     count: u64,
     first: i64,
     last: i64,
@@ -61,10 +61,10 @@ struct Stamps {
 /// Class of reports that contain only error counters (linux/can/error.h, `CAN_ERR_CNT`).
 const COUNTERS: u32 = 0x200;
 
-impl Quality {
+impl CaptureQuality {
     /// Counts a frame.
     #[inline]
-    pub fn frame(&mut self, frame: &Frame) {
+    pub fn count_frame(&mut self, frame: &Frame) {
         self.frames += 1;
         if frame.flags.contains(FrameFlags::ERROR) {
             self.error_frame(frame);
@@ -73,7 +73,7 @@ impl Quality {
         match &mut self.last {
             // A later timestamp changes nothing else, once enough of them were judged.
             Some(last) if time >= *last && self.stamps.count >= JUDGED => *last = time,
-            _ => self.stamp(time),
+            _ => self.take_timestamp(time),
         }
     }
 
@@ -91,7 +91,7 @@ impl Quality {
     /// Counts frames.
     pub(super) fn add_frames(&mut self, mut frames: &[Frame]) {
         while let Some((first, rest)) = frames.split_first() {
-            self.frame(first);
+            self.count_frame(first);
             frames = rest;
             let Some(mut latest) = self.latest_final() else { continue };
             let is_counted = |frame: &&Frame| {
@@ -113,7 +113,7 @@ impl Quality {
         // New counters alone are a state of the controller, not an error on the bus.
         self.error_frames += u64::from(frame.id.number() != COUNTERS);
         let names = &profile::can_errors().classes;
-        for name in names.names(frame.id.number() & !COUNTERS) {
+        for name in names.set_names(frame.id.number() & !COUNTERS) {
             match self.error_classes.iter_mut().find(|(known, _)| known == name) {
                 Some((_, count)) => *count += 1,
                 None => self.error_classes.push((name.to_owned(), 1)),
@@ -122,15 +122,15 @@ impl Quality {
     }
 
     #[inline(never)]
-    fn stamp(&mut self, time: i64) {
+    fn take_timestamp(&mut self, time: i64) {
         self.first = Some(self.first.map_or(time, |first| first.min(time)));
         self.last = Some(self.last.map_or(time, |last| last.max(time)));
-        self.stamps.add(time);
+        self.stamps.add_timestamp(time);
     }
 
     /// Counts an event.
     #[inline]
-    pub fn event(&mut self, event: &Event) {
+    pub fn count_event(&mut self, event: &Event) {
         // The most frequent kinds concern only their node.
         if !matches!(event.kind, EventKind::Pdo(_) | EventKind::Heartbeat { .. } | EventKind::J1939Message(_))
         {
@@ -140,7 +140,7 @@ impl Quality {
 
     fn event_of_capture(&mut self, event: &Event) {
         if is_evidence(&event.kind) {
-            self.holes.event(event);
+            self.holes.take_event(event);
         }
         match &event.kind {
             EventKind::Unreadable { count, .. } => self.unreadable += count,
@@ -166,7 +166,7 @@ impl Quality {
     }
 
     /// Properties of the capture that limit the verdicts, as text.
-    pub fn limits(&self) -> Vec<String> {
+    pub fn limit_texts(&self) -> Vec<String> {
         let mut limits = Vec::new();
         if self.first.is_none() {
             limits.push("no timestamps: timing rules not exercised".to_owned());
@@ -175,12 +175,12 @@ impl Quality {
             limits.push("all timestamps equal (no times): timing rules not exercised".to_owned());
         }
         if let Some(interval) = self.made_up_interval() {
-            let interval = span(interval);
+            let interval = format_span(interval);
             limits.push(format!("timestamps synthetic (one every {interval}): timing rules not exercised"));
         }
         match self.lost {
             0 => {}
-            lost => limits.push(format!("recorder lost {}", plural(lost, "frame"))),
+            lost => limits.push(format!("recorder lost {}", count_noun(lost, "frame"))),
         }
         match self.unreadable {
             0 => {}
@@ -188,11 +188,11 @@ impl Quality {
             unreadable => limits.push(format!("{unreadable} lines or records unreadable")),
         }
         if self.missing_segments > 0 {
-            let segments = plural(self.missing_segments, "segment");
+            let segments = count_noun(self.missing_segments, "segment");
             limits.push(format!("{segments} of SDO transfers not captured (the other side received them)"));
         }
         let (steps, largest) = self.clock_steps;
-        let largest = span(largest.saturating_neg());
+        let largest = format_span(largest.saturating_neg());
         match steps {
             0 => {}
             1 => limits.push(format!("timestamps jumped back once, by {largest}")),
@@ -203,16 +203,16 @@ impl Quality {
             1 => limits.push("clock set forward once".to_owned()),
             sets => limits.push(format!("clock set forward {sets} times")),
         }
-        limits.extend(self.holes.words());
+        limits.extend(self.holes.gap_texts());
         if self.error_frames > 0 {
-            limits.push(plural(self.error_frames, "error frame"));
+            limits.push(count_noun(self.error_frames, "error frame"));
         }
         limits
     }
 
     /// One statement per gap of a whole bus: duration, frames, presumed cause and its evidence.
-    pub fn holes(&self) -> impl Iterator<Item = String> {
-        self.holes.words()
+    pub fn gap_texts(&self) -> impl Iterator<Item = String> {
+        self.holes.gap_texts()
     }
 
     /// Whether at least 20 frames have a timestamp and all timestamps are equal: the recorder had no clock, or a
@@ -245,8 +245,8 @@ impl Quality {
     }
 }
 
-impl Stamps {
-    fn add(&mut self, stamp: i64) {
+impl TimestampSource {
+    fn add_timestamp(&mut self, stamp: i64) {
         if self.count >= JUDGED {
             return;
         }
@@ -273,14 +273,19 @@ mod tests {
     fn spans_have_a_readable_unit() {
         let said =
             [1_500, 20_000_000, 1_250_000_000, 90_000_000_000, 5_400_000_000_000, 1_197_906_557_000_000];
-        assert_eq!(span(86_400_000_000_000), "1 day");
-        assert_eq!(said.map(span), ["1.5 µs", "20 ms", "1.25 s", "1.5 min", "1.5 h", "13.9 days"]);
+        assert_eq!(format_span(86_400_000_000_000), "1 day");
+        assert_eq!(said.map(format_span), ["1.5 µs", "20 ms", "1.25 s", "1.5 min", "1.5 h", "13.9 days"]);
     }
 
     #[test]
     fn limits_count_as_people_do() {
-        let mut quality =
-            Quality { first: Some(0), lost: 1, unreadable: 1, error_frames: 1, ..Quality::default() };
+        let mut quality = CaptureQuality {
+            first: Some(0),
+            lost: 1,
+            unreadable: 1,
+            error_frames: 1,
+            ..CaptureQuality::default()
+        };
         quality.clock_steps = (1, -1_197_906_557_000_000);
         let once = [
             "recorder lost 1 frame",
@@ -288,7 +293,7 @@ mod tests {
             "timestamps jumped back once, by 13.9 days",
             "1 error frame",
         ];
-        assert_eq!(quality.limits(), once);
+        assert_eq!(quality.limit_texts(), once);
         (quality.lost, quality.unreadable, quality.error_frames) = (2, 2, 2);
         quality.clock_steps = (2, -20_000_000);
         let often = [
@@ -297,16 +302,16 @@ mod tests {
             "timestamps jumped back 2 times, by up to 20 ms",
             "2 error frames",
         ];
-        assert_eq!(quality.limits(), often);
+        assert_eq!(quality.limit_texts(), often);
     }
     use crate::frame::{CanId, Timestamp};
 
-    fn quality(stamps: impl Iterator<Item = i64>) -> Quality {
-        let mut quality = Quality::default();
+    fn quality(stamps: impl Iterator<Item = i64>) -> CaptureQuality {
+        let mut quality = CaptureQuality::default();
         for stamp in stamps {
-            let mut frame = Frame::data_frame(CanId::standard(1), &[]);
+            let mut frame = Frame::data_frame(CanId::from_standard(1), &[]);
             frame.time = Some(Timestamp(stamp));
-            quality.frame(&frame);
+            quality.count_frame(&frame);
         }
         quality
     }
@@ -329,7 +334,7 @@ mod tests {
         assert!(!few.has_equal_stamps() && few.is_timed());
         let real = quality((0..20).map(|n| i64::from(n == 19)));
         assert!(!real.has_equal_stamps() && real.is_timed());
-        assert!(!Quality::default().is_timed());
+        assert!(!CaptureQuality::default().is_timed());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Time spans as text.
 
 /// A time span with three digits, in the largest unit that gives a value of at least 1.
-pub fn span(nanoseconds: i64) -> String {
+pub fn format_span(nanoseconds: i64) -> String {
     const UNITS: [(i64, &str); 5] = [
         (86_400_000_000_000, "days"),
         (3_600_000_000_000, "h"),
@@ -46,7 +46,7 @@ mod tests {
             (86_400_000_000_000, "1 day"),
             (172_800_000_000_000, "2 days"),
         ] {
-            assert_eq!(span(nanoseconds), text);
+            assert_eq!(format_span(nanoseconds), text);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::event::{ClaimAction, Direction, DtcAction, Event, EventKind, Outcome, StateCause};
+use crate::event::{ClaimAction, DtcAction, Event, EventKind, SdoDirection, SdoOutcome, StateCause};
 use crate::wire::NodeId;
 
 /// Maximum number of changes per node, and of events per moment.
@@ -21,7 +21,7 @@ pub(super) enum ChangeScope {
 }
 
 /// Scope of an event that is a relevant change; `None` for repetitions, PDOs, successful reads and the like.
-pub(super) fn reach(event: &Event) -> Option<ChangeScope> {
+pub(super) fn change_scope(event: &Event) -> Option<ChangeScope> {
     let is_relevant = match &event.kind {
         EventKind::NmtCommand { target, .. } => {
             return Some(if *target == 0 { ChangeScope::Bus } else { ChangeScope::Node((*target).into()) });
@@ -38,10 +38,13 @@ pub(super) fn reach(event: &Event) -> Option<ChangeScope> {
         EventKind::GuardReply { toggle_error, .. } => *toggle_error,
         EventKind::SdoTransfer(transfer) => {
             // A read matters only if there is no response.
-            let is_write = transfer.direction == Some(Direction::Download);
+            let is_write = transfer.direction == Some(SdoDirection::Download);
             transfer.waited.is_some()
                 || is_write
-                    && matches!(transfer.outcome, Outcome::Complete | Outcome::Aborted | Outcome::Timeout)
+                    && matches!(
+                        transfer.outcome,
+                        SdoOutcome::Complete | SdoOutcome::Aborted | SdoOutcome::Timeout
+                    )
         }
         // Previously active faults and responses to a global request for address claimed are not changes.
         EventKind::Dtc(dtc) => dtc.action != DtcAction::PreviouslyActive,
@@ -64,7 +67,7 @@ pub(super) fn reach(event: &Event) -> Option<ChangeScope> {
 }
 
 /// Whether `new` makes `old` redundant.
-fn replaces(new: &EventKind, old: &EventKind) -> bool {
+fn makes_redundant(new: &EventKind, old: &EventKind) -> bool {
     match (new, old) {
         (EventKind::SetPoint(new), EventKind::SetPoint(old)) => {
             (new.object, new.channel, &new.carrier) == (old.object, old.channel, &old.carrier)
@@ -97,22 +100,22 @@ fn replaces(new: &EventKind, old: &EventKind) -> bool {
 
 /// The last changes of a node or of a bus, with their sequence numbers.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Changes(VecDeque<(u64, Event)>);
+pub(super) struct RecentChanges(VecDeque<(u64, Event)>);
 
-impl Changes {
+impl RecentChanges {
     /// Adds a change; `sequence` counts all events of the bus.
-    pub(super) fn add(&mut self, sequence: u64, event: &Event) {
-        if let Some(place) = self.0.iter().position(|(_, old)| replaces(&event.kind, &old.kind)) {
+    pub(super) fn add_change(&mut self, sequence: u64, event: &Event) {
+        if let Some(place) = self.0.iter().position(|(_, old)| makes_redundant(&event.kind, &old.kind)) {
             self.0.remove(place);
         }
-        self.0.push_back((sequence, short(event)));
+        self.0.push_back((sequence, shorten_event(event)));
         if self.0.len() > SHOWN {
             self.0.pop_front();
         }
     }
 
     /// Last changes of several lists after event number `after`, oldest first.
-    pub(super) fn last<'a>(lists: impl IntoIterator<Item = &'a Self>, after: u64) -> Vec<Event> {
+    pub(super) fn last_changes<'a>(lists: impl IntoIterator<Item = &'a Self>, after: u64) -> Vec<Event> {
         let all = lists.into_iter().flat_map(|list| &list.0).filter(|(sequence, _)| *sequence > after);
         let mut all: Vec<_> = all.collect();
         all.sort_by_key(|(sequence, _)| *sequence);
@@ -122,7 +125,7 @@ impl Changes {
 }
 
 /// The event with long data truncated.
-pub(super) fn short(event: &Event) -> Event {
+pub(super) fn shorten_event(event: &Event) -> Event {
     match &event.kind {
         EventKind::SdoTransfer(transfer) if transfer.data.len() > DATA => {
             let mut transfer = transfer.clone();

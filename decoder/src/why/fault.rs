@@ -1,7 +1,7 @@
 //! Classification of events as faults.
 
 use crate::event::{
-    BootCause, DeviceCause, DeviceState, Direction, DtcAction, EmcyAction, Event, EventKind, Outcome,
+    BootCause, DeviceCause, DeviceState, DtcAction, EmcyAction, Event, EventKind, SdoDirection, SdoOutcome,
     SdoTransfer, StateCause, StateChange,
 };
 use crate::profile::device::ProcedureStatus;
@@ -88,7 +88,7 @@ impl FaultKind {
     }
 
     /// Severity of the fault.
-    pub const fn grade(self) -> FaultGrade {
+    pub const fn fault_grade(self) -> FaultGrade {
         match self {
             Self::Emcy(_)
             | Self::Dtc(..)
@@ -125,15 +125,15 @@ impl FaultKind {
 }
 
 /// Kind of fault of an event; `node` is in the state after the event, `was_operational` refers to before it.
-pub(super) fn of(event: &Event, node: Option<&Node>, was_operational: bool) -> Option<FaultKind> {
+pub(super) fn fault_kind(event: &Event, node: Option<&Node>, was_operational: bool) -> Option<FaultKind> {
     match &event.kind {
         EventKind::Emcy(emergency) => match emergency.code {
             Some(code) if code != 0 && emergency.action == EmcyAction::Raised => Some(FaultKind::Emcy(code)),
-            _ => emergency.boot.and_then(|boot| restart(boot, was_operational)),
+            _ => emergency.boot.and_then(|boot| restart_fault(boot, was_operational)),
         },
         EventKind::Dtc(dtc) => matches!(dtc.action, DtcAction::Raised | DtcAction::Recurred)
             .then_some(FaultKind::Dtc(dtc.spn, dtc.fmi)),
-        EventKind::BootUp { cause, .. } => restart(*cause, was_operational),
+        EventKind::BootUp { cause, .. } => restart_fault(*cause, was_operational),
         EventKind::NodeLost(_) => Some(FaultKind::NodeLost),
         EventKind::NmtState(change) => nmt_state(change),
         EventKind::DeviceState(state) => device_state(state, node),
@@ -141,12 +141,12 @@ pub(super) fn of(event: &Event, node: Option<&Node>, was_operational: bool) -> O
         EventKind::Procedure(procedure) => {
             (procedure.status == ProcedureStatus::Error).then_some(FaultKind::Procedure)
         }
-        EventKind::SdoTransfer(transfer) => refused(transfer),
+        EventKind::SdoTransfer(transfer) => refused_write(transfer),
         _ => None,
     }
 }
 
-fn restart(cause: BootCause, was_operational: bool) -> Option<FaultKind> {
+fn restart_fault(cause: BootCause, was_operational: bool) -> Option<FaultKind> {
     let is_own = matches!(cause, BootCause::PresumedPowerOn { .. });
     (is_own && was_operational).then_some(FaultKind::Restart)
 }
@@ -184,9 +184,10 @@ fn left_active(state: &DeviceState, node: &Node) -> bool {
 }
 
 /// A write rejected by the server. Rejected reads are normal during scans.
-fn refused(transfer: &SdoTransfer) -> Option<FaultKind> {
+fn refused_write(transfer: &SdoTransfer) -> Option<FaultKind> {
     let abort = transfer.abort.filter(|abort| !abort.by_client)?;
-    let is_write = transfer.direction == Some(Direction::Download) && transfer.outcome == Outcome::Aborted;
+    let is_write =
+        transfer.direction == Some(SdoDirection::Download) && transfer.outcome == SdoOutcome::Aborted;
     is_write.then_some(FaultKind::Refused(abort.code))
 }
 
@@ -194,7 +195,7 @@ fn refused(transfer: &SdoTransfer) -> Option<FaultKind> {
 mod tests {
     use super::*;
     use crate::profile;
-    use crate::wire::error_frame::ErrorFrame;
+    use crate::wire::error_frame::ErrorFrameFields;
 
     #[test]
     fn every_kind_has_three_hints() {
@@ -222,7 +223,7 @@ mod tests {
 
     #[test]
     fn passive_and_off_are_grave() {
-        let error = |classes, controller| ErrorFrame {
+        let error = |classes, controller| ErrorFrameFields {
             classes,
             arbitration_bit: 0,
             controller,

@@ -1,10 +1,10 @@
 //! PDOs by identifier: what a frame without an event can change in the report.
 
-use super::cadence::{Beat, Rhythm};
+use super::cadence::{MessageRhythm, MessageTimes};
 use super::node_watch::NodeWatch;
 use crate::frame::Timestamp;
 use crate::profile::PdoName;
-use crate::session::{Bus, Preview, SkippedTimes};
+use crate::session::{Bus, MessagePreview, SkippedTimes};
 use crate::wire::{NodeId, NodeMap};
 
 /// Meaning of an identifier for the report.
@@ -19,7 +19,7 @@ pub(super) enum PdoRole {
 }
 
 impl PdoRole {
-    fn of(bus: &Bus, identifier: usize) -> Self {
+    fn role_of(bus: &Bus, identifier: usize) -> Self {
         match bus.pdo_at(identifier) {
             None => Self::None,
             Some((name, node)) if name.is_sent() => Self::Sent(name, node),
@@ -35,20 +35,20 @@ struct FollowedIdentifier {
     version: Option<u32>,
     role: PdoRole,
     /// Times of the last frames with a time, if a node receives them, without the last ones that had no event.
-    beat: Beat,
+    beat: MessageTimes,
     /// Number of frames without an event that are in `beat`.
     seen: u64,
     /// Time in ns of the first changed contents since the last changed PDO to the node, if the node sends them. Later
-    /// changes do not matter for [`crate::statistics::Reactions`].
+    /// changes do not matter for [`crate::statistics::ReactionTimes`].
     changed: Option<i64>,
-    /// Its number in [`crate::statistics::Reactions::number_of_change`].
+    /// Its number in [`crate::statistics::ReactionTimes::number_of_change`].
     number: Option<usize>,
 }
 
 const UNKNOWN: FollowedIdentifier = FollowedIdentifier {
     version: None,
     role: PdoRole::None,
-    beat: Beat::NONE,
+    beat: MessageTimes::NONE,
     seen: 0,
     changed: None,
     number: None,
@@ -61,7 +61,7 @@ pub(super) struct FollowedPdos(Vec<FollowedIdentifier>);
 impl FollowedPdos {
     /// Counts a frame without an event; the meaning of its identifier has not changed since the last event.
     #[inline]
-    pub(super) fn skip(&mut self, preview: &Preview, nodes: &mut NodeMap<Box<NodeWatch>>) {
+    pub(super) fn skip_frame(&mut self, preview: &MessagePreview, nodes: &mut NodeMap<Box<NodeWatch>>) {
         let Some(known) = self.0.get_mut(preview.identifier) else { return };
         match known.role {
             PdoRole::None => {}
@@ -72,14 +72,14 @@ impl FollowedPdos {
             }
             PdoRole::Received(..) => {
                 if preview.change != 0 {
-                    self.react(preview.identifier, (preview.time, preview.frame), nodes);
+                    self.note_reaction(preview.identifier, (preview.time, preview.frame), nodes);
                 }
             }
         }
     }
 
     /// Counts changed contents of a PDO with an event.
-    pub(super) fn change(
+    pub(super) fn count_change(
         &mut self,
         identifier: usize,
         (time, frame): (Timestamp, u64),
@@ -91,13 +91,13 @@ impl FollowedPdos {
             PdoRole::Sent(..) => {
                 known.changed.get_or_insert(time.0);
             }
-            PdoRole::Received(..) => self.react(identifier, (time, frame), nodes),
+            PdoRole::Received(..) => self.note_reaction(identifier, (time, frame), nodes),
         }
     }
 
     /// Changed contents of a PDO to a node: the reaction to the PDOs that changed before.
     #[inline(never)]
-    fn react(
+    fn note_reaction(
         &mut self,
         identifier: usize,
         (time, frame): (Timestamp, u64),
@@ -106,7 +106,7 @@ impl FollowedPdos {
         let Some(PdoRole::Received(pdo, id)) = self.0.get(identifier).map(|known| known.role) else { return };
         self.pass_on(id, nodes);
         if let Some(node) = nodes.get_mut(id) {
-            node.reactions.reacted(pdo, time.0, frame);
+            node.reactions.change_rpdo(pdo, time.0, frame);
         }
     }
 
@@ -131,13 +131,13 @@ impl FollowedPdos {
         if !new.is_empty() {
             new.sort_unstable();
             for (time, pdo) in new {
-                reactions.changed(pdo, time);
+                reactions.change_tpdo(pdo, time);
             }
         }
     }
 
     /// Counts a PDO with an event; its node then has an entry.
-    pub(super) fn add(
+    pub(super) fn count_pdo(
         &mut self,
         (identifier, time, frame): (usize, Option<Timestamp>, u64),
         bus: &Bus,
@@ -146,53 +146,53 @@ impl FollowedPdos {
         let is_known =
             self.0.get(identifier).is_some_and(|known| known.version == Some(bus.version_of(identifier)));
         if !is_known {
-            self.learn(identifier, bus, nodes);
+            self.learn_identifier(identifier, bus, nodes);
         }
-        let current = self.beat(identifier, bus);
+        let current = self.message_times(identifier, bus);
         if let (Some(known), Some((beat, seen))) = (self.0.get_mut(identifier), current)
             && let PdoRole::Received(..) = known.role
         {
             (known.beat, known.seen) = (beat, seen);
             if let Some(time) = time {
-                known.beat.add(time, frame);
+                known.beat.add_message(time, frame);
             }
         }
     }
 
     /// Times of the last frames with an identifier, and the number of those without an event.
-    pub(super) fn beat(&self, identifier: usize, bus: &Bus) -> Option<(Beat, u64)> {
+    pub(super) fn message_times(&self, identifier: usize, bus: &Bus) -> Option<(MessageTimes, u64)> {
         let known = self.0.get(identifier)?;
         let mut beat = known.beat;
         let Some(skipped) = bus.skipped_times(identifier) else { return Some((beat, known.seen)) };
-        for (time, frame) in skipped.after(known.seen) {
-            beat.add(time, frame);
+        for (time, frame) in skipped.times_after(known.seen) {
+            beat.add_message(time, frame);
         }
-        Some((beat, skipped.count()))
+        Some((beat, skipped.skipped_count()))
     }
 
     #[cold]
-    fn learn(&mut self, identifier: usize, bus: &Bus, nodes: &mut NodeMap<Box<NodeWatch>>) {
+    fn learn_identifier(&mut self, identifier: usize, bus: &Bus, nodes: &mut NodeMap<Box<NodeWatch>>) {
         if self.0.len() <= identifier {
             let Some(length) = identifier.checked_add(1) else { return };
             self.0.resize(length, UNKNOWN);
         }
-        let role = PdoRole::of(bus, identifier);
+        let role = PdoRole::role_of(bus, identifier);
         let mut known = self.0.get(identifier).copied().unwrap_or(UNKNOWN);
-        let count = bus.skipped_times(identifier).map_or(0, SkippedTimes::count);
+        let count = bus.skipped_times(identifier).map_or(0, SkippedTimes::skipped_count);
         if known.version.is_none() {
             known.seen = count;
         }
         let (mut beat, mut seen) = (known.beat, known.seen);
         if role != known.role {
-            known.beat = self.beat(identifier, bus).map_or(Beat::NONE, |(beat, _)| beat);
-            self.release(identifier, known, nodes);
+            known.beat = self.message_times(identifier, bus).map_or(MessageTimes::NONE, |(beat, _)| beat);
+            self.release_identifier(identifier, known, nodes);
             seen = count;
-            beat = Beat::NONE;
+            beat = MessageTimes::NONE;
             match role {
                 PdoRole::Received(name, node) => {
                     if let Some(node) = nodes.entry(node) {
-                        beat = node.beats.follow(Rhythm::Rpdo(name), identifier, |other| {
-                            self.beat(other, bus).map(|(beat, _)| beat)
+                        beat = node.beats.take_times(MessageRhythm::Rpdo(name), identifier, |other| {
+                            self.message_times(other, bus).map(|(beat, _)| beat)
                         });
                     }
                 }
@@ -212,12 +212,17 @@ impl FollowedPdos {
     }
 
     /// Keeps what is known of an identifier that is another PDO from now on.
-    fn release(&mut self, identifier: usize, known: FollowedIdentifier, nodes: &mut NodeMap<Box<NodeWatch>>) {
+    fn release_identifier(
+        &mut self,
+        identifier: usize,
+        known: FollowedIdentifier,
+        nodes: &mut NodeMap<Box<NodeWatch>>,
+    ) {
         match known.role {
             PdoRole::None => {}
             PdoRole::Received(_, node) => {
                 if let Some(node) = nodes.get_mut(node) {
-                    node.beats.release(identifier, known.beat);
+                    node.beats.keep_times(identifier, known.beat);
                 }
             }
             PdoRole::Sent(_, node) => {

@@ -1,12 +1,12 @@
 //! A moment with a fault: simultaneous faults and their context.
 
 use super::cadence::StoppedMessage;
-use super::change::{SHOWN, reach, short};
+use super::change::{SHOWN, change_scope, shorten_event};
 use super::fault::{FaultGrade, FaultKind};
 use super::state::NodeState;
 use crate::event::{Event, EventKind};
 use crate::frame::{BusIndex, Timestamp};
-use crate::session::Preview;
+use crate::session::MessagePreview;
 use crate::wire::NodeId;
 
 /// Faults within this time are one moment, in ns.
@@ -20,7 +20,7 @@ const CONSEQUENCE_FRAMES: u64 = 200;
 
 /// Position of an event relative to a moment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Distance {
+pub(super) enum MomentDistance {
     /// Simultaneous.
     Together,
     /// Soon after: consequences still belong to the moment.
@@ -31,7 +31,7 @@ pub(super) enum Distance {
 
 /// A moment with a fault.
 #[derive(Debug, Clone)]
-pub struct Moment {
+pub struct WhyMoment {
     /// Kinds of fault in order of time; empty if a rule found the fault.
     pub kinds: Vec<FaultKind>,
     /// Findings that began at this moment.
@@ -59,7 +59,7 @@ pub struct Moment {
     pub(super) sequence: u64,
 }
 
-impl Moment {
+impl WhyMoment {
     /// Starts a moment with `event`.
     pub(super) fn new(kind: Option<FaultKind>, event: &Event, sequence: u64) -> Self {
         Self {
@@ -69,7 +69,7 @@ impl Moment {
             frame: event.frames.last,
             bus: event.bus,
             node: event.node,
-            events: vec![short(event)],
+            events: vec![shorten_event(event)],
             more: 0,
             before: Vec::new(),
             state: None,
@@ -80,8 +80,8 @@ impl Moment {
     }
 
     /// Highest grade of the faults.
-    pub fn grade(&self) -> FaultGrade {
-        self.kinds.iter().map(|kind| kind.grade()).max().unwrap_or(FaultGrade::Refused)
+    pub fn highest_grade(&self) -> FaultGrade {
+        self.kinds.iter().map(|kind| kind.fault_grade()).max().unwrap_or(FaultGrade::Refused)
     }
 
     /// Whether volatile settings were lost at a boot-up.
@@ -90,16 +90,16 @@ impl Moment {
     }
 
     /// Sort key by time.
-    pub(super) fn order(&self) -> (Option<Timestamp>, u64) {
+    pub(super) fn sort_key(&self) -> (Option<Timestamp>, u64) {
         (self.time, self.frame)
     }
 
     /// Position of an event relative to the moment.
-    pub(super) fn distance(&self, event: &Event) -> Distance {
+    pub(super) fn distance_of(&self, event: &Event) -> MomentDistance {
         self.distance_at(event.time, event.frames.last)
     }
 
-    fn distance_at(&self, time: Option<Timestamp>, frame: u64) -> Distance {
+    fn distance_at(&self, time: Option<Timestamp>, frame: u64) -> MomentDistance {
         let (together, soon) = if let Some((time, start)) = time.zip(self.time) {
             (time.since(start) <= TOGETHER, time.since(start) <= CONSEQUENCE)
         } else {
@@ -107,33 +107,33 @@ impl Moment {
             (frames == 0, frames <= CONSEQUENCE_FRAMES)
         };
         match (together, soon) {
-            (true, _) => Distance::Together,
-            (false, true) => Distance::Soon,
-            (false, false) => Distance::Over,
+            (true, _) => MomentDistance::Together,
+            (false, true) => MomentDistance::Soon,
+            (false, false) => MomentDistance::Over,
         }
     }
 
     /// Adds a simultaneous fault.
-    pub(super) fn join(&mut self, kind: FaultKind, event: &Event, sequence: u64) {
+    pub(super) fn join_fault(&mut self, kind: FaultKind, event: &Event, sequence: u64) {
         if !self.kinds.contains(&kind) {
             self.kinds.push(kind);
         }
-        self.add(event, sequence);
+        self.add_event(event, sequence);
     }
 
     /// Merges a moment that starts at the same time.
-    pub(super) fn merge(&mut self, other: Self) {
+    pub(super) fn merge_moment(&mut self, other: Self) {
         for event in &other.events {
-            self.add(event, other.sequence);
+            self.add_event(event, other.sequence);
         }
         self.state = other.state;
     }
 
     /// Adds an event.
-    pub(super) fn add(&mut self, event: &Event, sequence: u64) {
+    pub(super) fn add_event(&mut self, event: &Event, sequence: u64) {
         self.sequence = sequence;
         if self.events.len() < SHOWN {
-            self.events.push(short(event));
+            self.events.push(shorten_event(event));
         } else {
             self.more = self.more.saturating_add(1);
         }
@@ -142,13 +142,13 @@ impl Moment {
     /// Whether an event without a fault adds information on this moment.
     pub(super) fn is_explained_by(&self, event: &Event) -> bool {
         // States that follow from an NMT command or a boot-up are already in the line of that event.
-        if event.node != self.node || reach(event).is_none() {
+        if event.node != self.node || change_scope(event).is_none() {
             return false;
         }
-        match self.distance(event) {
-            Distance::Over => false,
-            Distance::Soon => self.is_cause_of(event),
-            Distance::Together => matches!(
+        match self.distance_of(event) {
+            MomentDistance::Over => false,
+            MomentDistance::Soon => self.is_cause_of(event),
+            MomentDistance::Together => matches!(
                 event.kind,
                 EventKind::NmtState(_)
                     | EventKind::DeviceState(_)
@@ -168,17 +168,17 @@ impl Moment {
                 | EventKind::Emcy(_)
                 | EventKind::Dtc(_)
         );
-        is_status && event.node == self.node && self.distance(event) == Distance::Together
+        is_status && event.node == self.node && self.distance_of(event) == MomentDistance::Together
     }
 
     /// Whether a frame is too late for this moment.
-    pub(super) fn is_over(&self, preview: &Preview) -> bool {
-        self.distance_at(Some(preview.time), preview.frame) == Distance::Over
+    pub(super) fn is_over(&self, preview: &MessagePreview) -> bool {
+        self.distance_at(Some(preview.time), preview.frame) == MomentDistance::Over
     }
 
     /// Whether a PDO of a node updates the node state left by the fault; see [`Self::shows_state`].
-    pub(super) fn is_updated_by_pdo(&self, node: NodeId, preview: &Preview) -> bool {
-        let is_together = self.distance_at(Some(preview.time), preview.frame) == Distance::Together;
+    pub(super) fn is_updated_by_pdo(&self, node: NodeId, preview: &MessagePreview) -> bool {
+        let is_together = self.distance_at(Some(preview.time), preview.frame) == MomentDistance::Together;
         is_together && self.node == Some(node)
     }
 

@@ -1,6 +1,6 @@
 //! State of a node at a moment: NMT and device states, set points, gates.
 
-use crate::event::{Effective, SetPoint};
+use crate::event::{EffectiveState, SetPoint};
 use crate::frame::BusIndex;
 use crate::session::{Bus, GateState, GateStatus, NmtStatus, Node};
 use crate::wire::NodeId;
@@ -32,14 +32,14 @@ pub struct PointState {
     /// Last set point received.
     pub point: SetPoint,
     /// Whether the set point has an effect.
-    pub effective: Effective,
+    pub effective: EffectiveState,
     /// Gates, sorted: closed, open, unknown, invisible.
     pub gates: Vec<GateState>,
 }
 
 impl NodeState {
     /// Current state of a node with its set points.
-    pub(super) fn now(bus: &Bus, id: NodeId, points: &[SetPoint]) -> Self {
+    pub(super) fn current_state(bus: &Bus, id: NodeId, points: &[SetPoint]) -> Self {
         let node = bus.node(id);
         let states = node.into_iter().flat_map(Node::device_states);
         let gates = bus.gates(id);
@@ -57,11 +57,11 @@ impl NodeState {
 
     /// Whether a gate of any set point is closed.
     pub(crate) fn has_closed_gate(&self) -> bool {
-        self.set_points.iter().any(|point| point.effective == Effective::No)
+        self.set_points.iter().any(|point| point.effective == EffectiveState::No)
     }
 
     /// Closed gates without duplicates.
-    pub fn closed(&self) -> Vec<&GateState> {
+    pub fn closed_gates(&self) -> Vec<&GateState> {
         let mut closed: Vec<&GateState> = Vec::new();
         let gates = self.set_points.iter().flat_map(|point| &point.gates);
         for gate in gates.filter(|gate| gate.status == GateStatus::Closed) {
@@ -85,9 +85,9 @@ impl PointState {
         let any = |status| gates.iter().any(|gate| gate.status == status);
         let effective = match () {
             () if gates.is_empty() => point.effective,
-            () if any(GateStatus::Closed) => Effective::No,
-            () if any(GateStatus::Unknown) => Effective::Unknown,
-            () => Effective::Yes,
+            () if any(GateStatus::Closed) => EffectiveState::No,
+            () if any(GateStatus::Unknown) => EffectiveState::Unknown,
+            () => EffectiveState::Yes,
         };
         Self { point: point.clone(), effective, gates }
     }

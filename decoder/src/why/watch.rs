@@ -1,15 +1,15 @@
 //! Data collected for one bus.
 
-use super::cadence::{Beats, Rhythm, StoppedMessage};
-use super::change::{ChangeScope, Changes, reach};
+use super::cadence::{MessageRhythm, PeriodicMessages, StoppedMessage};
+use super::change::{ChangeScope, RecentChanges, change_scope};
 use super::fault::{self, FaultGrade, FaultKind};
 use super::followed::FollowedPdos;
-use super::moment::{Distance, Moment};
-use super::node_watch::{NodeWatch, same};
+use super::moment::{MomentDistance, WhyMoment};
+use super::node_watch::{NodeWatch, is_same_point};
 use super::state::NodeState;
-use crate::event::{Effective, Event, EventKind, Pdo, SetPoint};
+use crate::event::{DecodedPdo, EffectiveState, Event, EventKind, SetPoint};
 use crate::frame::{BusIndex, Timestamp};
-use crate::session::{Bus, Preview};
+use crate::session::{Bus, MessagePreview};
 use crate::statistics::ReactionTime;
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap};
@@ -34,7 +34,7 @@ struct IdleSetPoint {
     node: NodeId,
     point: SetPoint,
     /// Start of the condition; `None` after it was reported.
-    moment: Option<Moment>,
+    moment: Option<WhyMoment>,
 }
 
 /// Data collected for one bus.
@@ -49,19 +49,19 @@ pub(super) struct BusWatch {
     may_report: bool,
     sequence: u64,
     time: Option<Timestamp>,
-    changes: Changes,
+    changes: RecentChanges,
     /// Time of the last NMT command to all nodes.
     commanded: Option<Timestamp>,
-    beats: Beats,
+    beats: PeriodicMessages,
     nodes: NodeMap<Box<NodeWatch>>,
     followed: FollowedPdos,
     idle: Vec<IdleSetPoint>,
     /// Moment that is still collecting events.
-    open: Option<Moment>,
+    open: Option<WhyMoment>,
     /// One moment per grade.
-    found: [Option<Moment>; 3],
+    found: [Option<WhyMoment>; 3],
     /// Moments at which findings began, at most [`FINDINGS`].
-    of_findings: Vec<Moment>,
+    of_findings: Vec<WhyMoment>,
 }
 
 impl BusWatch {
@@ -73,9 +73,9 @@ impl BusWatch {
             may_report: true,
             sequence: 0,
             time: None,
-            changes: Changes::default(),
+            changes: RecentChanges::default(),
             commanded: None,
-            beats: Beats::default(),
+            beats: PeriodicMessages::default(),
             nodes: NodeMap::default(),
             followed: FollowedPdos::default(),
             idle: Vec::new(),
@@ -86,21 +86,24 @@ impl BusWatch {
     }
 
     /// Reaction times of the controller, of one node or of all.
-    pub(super) fn reactions(&self, node: Option<NodeId>) -> impl Iterator<Item = (NodeId, &ReactionTime)> {
+    pub(super) fn reaction_times(
+        &self,
+        node: Option<NodeId>,
+    ) -> impl Iterator<Item = (NodeId, &ReactionTime)> {
         let chosen = self.nodes.iter().filter(move |(id, _)| node.is_none_or(|node| node == *id));
         chosen.flat_map(|(id, watch)| watch.reactions.pairs().iter().map(move |pair| (id, pair)))
     }
 
     /// Processes an event; `bus` is in the state after it.
-    pub(super) fn event(&mut self, event: &Event, bus: &Bus, may_report: bool) {
+    pub(super) fn observe_event(&mut self, event: &Event, bus: &Bus, may_report: bool) {
         self.may_report = may_report;
         self.sequence = self.sequence.saturating_add(1);
         self.time = event.time.or(self.time);
         if let EventKind::FindingOpened(news) = &event.kind {
-            return self.finding(news.id, event, bus);
+            return self.note_finding(news.id, event, bus);
         }
-        if self.open.as_ref().is_some_and(|open| open.distance(event) == Distance::Over) {
-            self.close();
+        if self.open.as_ref().is_some_and(|open| open.distance_of(event) == MomentDistance::Over) {
+            self.close_moment();
         }
         if !self.idle.is_empty() {
             self.judge_idle(event.time, event.frames.last);
@@ -109,22 +112,22 @@ impl BusWatch {
         match &event.kind {
             EventKind::Pdo(pdo) if self.open.is_none() => {
                 if !pdo.is_request {
-                    self.follow(pdo, event, bus);
+                    self.follow_pdo(pdo, event, bus);
                 }
                 return;
             }
             EventKind::Sync { expected: None, .. } if self.open.is_none() => {
-                return self.beats.add(Rhythm::Sync, event.time, event.frames.last);
+                return self.beats.add_message(MessageRhythm::Sync, event.time, event.frames.last);
             }
             _ => {}
         }
-        let was_operational = self.learn(event, bus);
+        let was_operational = self.learn_event(event, bus);
         let node = event.node.and_then(|id| bus.node(id));
-        let kind = fault::of(event, node, was_operational).filter(|_| self.is_asked_for(event));
+        let kind = fault::fault_kind(event, node, was_operational).filter(|_| self.is_asked_for(event));
         match kind {
             Some(FaultKind::LeftOperational) if self.is_settling(event) => {}
-            Some(kind) => self.fault(kind, event, bus),
-            None => self.companion(event, bus),
+            Some(kind) => self.note_fault(kind, event, bus),
+            None => self.note_companion(event, bus),
         }
         if let EventKind::SetPoint(point) = &event.kind {
             self.set_point(point, event, bus);
@@ -132,14 +135,14 @@ impl BusWatch {
         if let (Some(id), EventKind::BootUp { .. } | EventKind::NodeLost(_)) = (event.node, &event.kind) {
             self.followed.pass_on(id, &mut self.nodes);
             if let Some(node) = self.nodes.entry(id) {
-                node.reactions.event(event);
+                node.reactions.take_event(event);
             }
         }
-        match reach(event) {
-            Some(ChangeScope::Bus) => self.changes.add(self.sequence, event),
+        match change_scope(event) {
+            Some(ChangeScope::Bus) => self.changes.add_change(self.sequence, event),
             Some(ChangeScope::Node(id)) => {
                 if let Some(node) = self.nodes.entry(id) {
-                    node.changes.add(self.sequence, event);
+                    node.changes.add_change(self.sequence, event);
                 }
             }
             None => {}
@@ -153,7 +156,7 @@ impl BusWatch {
     }
 
     /// Whether the event of a PDO or message is needed: only a PDO that updates the state of the node in a moment.
-    pub(super) fn needs(&self, preview: &Preview, bus: &Bus) -> bool {
+    pub(super) fn needs_event(&self, preview: &MessagePreview, bus: &Bus) -> bool {
         self.open.as_ref().is_some_and(|open| {
             let of_pdo = bus.pdo_at(preview.identifier);
             of_pdo.is_some_and(|(_, node)| open.is_updated_by_pdo(node, preview))
@@ -162,26 +165,26 @@ impl BusWatch {
 
     /// Takes a PDO or message without an event.
     #[inline]
-    pub(super) fn skip(&mut self, preview: &Preview) {
-        self.followed.skip(preview, &mut self.nodes);
+    pub(super) fn skip_event(&mut self, preview: &MessagePreview) {
+        self.followed.skip_frame(preview, &mut self.nodes);
     }
 
     /// Ends the moment and judges set points at a frame without an event.
     #[cold]
-    pub(super) fn watch(&mut self, preview: &Preview) {
+    pub(super) fn watch_preview(&mut self, preview: &MessagePreview) {
         if self.open.as_ref().is_some_and(|open| open.is_over(preview)) {
-            self.close();
+            self.close_moment();
         }
         self.judge_idle(Some(preview.time), preview.frame);
     }
 
     /// Records a PDO that is not a request. One with unchanged contents is no news.
-    fn follow(&mut self, pdo: &Pdo, event: &Event, bus: &Bus) {
+    fn follow_pdo(&mut self, pdo: &DecodedPdo, event: &Event, bus: &Bus) {
         let Some(identifier) = bus.identifier_of_event(pdo.cob_id) else { return };
         let frame = event.frames.last;
-        self.followed.add((identifier, event.time, frame), bus, &mut self.nodes);
+        self.followed.count_pdo((identifier, event.time, frame), bus, &mut self.nodes);
         if let Some(time) = event.time.filter(|_| !event.routine) {
-            self.followed.change(identifier, (time, frame), &mut self.nodes);
+            self.followed.count_change(identifier, (time, frame), &mut self.nodes);
         }
     }
 
@@ -199,10 +202,12 @@ impl BusWatch {
     }
 
     /// Updates periodic messages, commands and set points; returns whether the node was operational before.
-    fn learn(&mut self, event: &Event, bus: &Bus) -> bool {
+    fn learn_event(&mut self, event: &Event, bus: &Bus) -> bool {
         match &event.kind {
-            EventKind::Pdo(pdo) if !pdo.is_request => self.follow(pdo, event, bus),
-            EventKind::Sync { .. } => self.beats.add(Rhythm::Sync, event.time, event.frames.last),
+            EventKind::Pdo(pdo) if !pdo.is_request => self.follow_pdo(pdo, event, bus),
+            EventKind::Sync { .. } => {
+                self.beats.add_message(MessageRhythm::Sync, event.time, event.frames.last)
+            }
             EventKind::NmtCommand { target: 0, .. } => self.commanded = event.time,
             EventKind::NmtCommand { target, .. } => {
                 if let Some(node) = self.nodes.entry((*target).into()) {
@@ -214,36 +219,39 @@ impl BusWatch {
         let Some(node) = event.node.and_then(|id| self.nodes.entry(id)) else { return false };
         let was_operational = node.was_operational;
         match &event.kind {
-            EventKind::GuardRequest => node.beats.add(Rhythm::Guarding, event.time, event.frames.last),
+            EventKind::GuardRequest => {
+                node.beats.add_message(MessageRhythm::Guarding, event.time, event.frames.last)
+            }
             EventKind::NmtState(change) => node.was_operational |= change.to == NmtState::Operational,
             EventKind::Emcy(emergency) if emergency.boot.is_some() => node.points.clear(),
             EventKind::BootUp { .. } => node.points.clear(),
-            EventKind::SetPoint(point) => node.remember(point),
+            EventKind::SetPoint(point) => node.remember_point(point),
             _ => {}
         }
         was_operational
     }
 
-    fn fault(&mut self, kind: FaultKind, event: &Event, bus: &Bus) {
+    fn note_fault(&mut self, kind: FaultKind, event: &Event, bus: &Bus) {
         let sequence = self.sequence;
         let joins = self.open.as_ref().is_some_and(|open| {
-            open.distance(event) == Distance::Together || open.node == event.node && open.is_cause_of(event)
+            open.distance_of(event) == MomentDistance::Together
+                || open.node == event.node && open.is_cause_of(event)
         });
         if joins {
             if let Some(open) = &mut self.open {
-                open.join(kind, event, sequence);
+                open.join_fault(kind, event, sequence);
             }
         } else {
-            self.close();
-            if self.latest || self.found(kind.grade()).is_none() {
-                self.open = Some(self.begin(Some(kind), event, event.node, bus));
+            self.close_moment();
+            if self.latest || self.found_moment(kind.fault_grade()).is_none() {
+                self.open = Some(self.begin_moment(Some(kind), event, event.node, bus));
             }
         }
-        self.refresh(bus);
+        self.refresh_state(bus);
     }
 
     /// Keeps the moment at which a finding began.
-    fn finding(&mut self, id: u64, event: &Event, bus: &Bus) {
+    fn note_finding(&mut self, id: u64, event: &Event, bus: &Bus) {
         let is_known = self.of_findings.iter().any(|moment| moment.findings.contains(&id));
         if is_known || self.of_findings.len() >= FINDINGS {
             return;
@@ -251,89 +259,95 @@ impl BusWatch {
         let together = self
             .open
             .as_mut()
-            .filter(|open| open.node == event.node && open.distance(event) == Distance::Together);
+            .filter(|open| open.node == event.node && open.distance_of(event) == MomentDistance::Together);
         if let Some(open) = together {
             open.findings.push(id);
             return;
         }
-        let mut moment = self.begin(None, event, event.node, bus);
+        let mut moment = self.begin_moment(None, event, event.node, bus);
         moment.findings.push(id);
-        moment.state = event.node.or(self.chosen).map(|node| self.state(bus, node));
+        moment.state = event.node.or(self.chosen).map(|node| self.node_state(bus, node));
         self.of_findings.push(moment);
     }
 
     /// The moment at which a finding began.
-    pub(super) fn of_finding(&self, id: u64) -> Option<&Moment> {
+    pub(super) fn of_finding(&self, id: u64) -> Option<&WhyMoment> {
         self.of_findings.iter().find(|moment| moment.findings.contains(&id))
     }
 
     /// Adds an event without a fault to the open moment, if it belongs there.
-    fn companion(&mut self, event: &Event, bus: &Bus) {
+    fn note_companion(&mut self, event: &Event, bus: &Bus) {
         let Some(open) = &mut self.open else { return };
         if open.is_explained_by(event) {
-            open.add(event, self.sequence);
-            self.refresh(bus);
+            open.add_event(event, self.sequence);
+            self.refresh_state(bus);
         } else if open.shows_state(event) {
-            self.refresh(bus);
+            self.refresh_state(bus);
         }
     }
 
     /// Starts a moment with the changes before it.
-    fn begin(&self, kind: Option<FaultKind>, event: &Event, node: Option<NodeId>, bus: &Bus) -> Moment {
-        let mut moment = Moment::new(kind, event, self.sequence);
+    fn begin_moment(
+        &self,
+        kind: Option<FaultKind>,
+        event: &Event,
+        node: Option<NodeId>,
+        bus: &Bus,
+    ) -> WhyMoment {
+        let mut moment = WhyMoment::new(kind, event, self.sequence);
         moment.before = self.changes_of(node.or(self.chosen), 0);
-        moment.quiet = self.quiet(node.or(self.chosen), event.time, bus);
+        moment.quiet = self.overdue_messages(node.or(self.chosen), event.time, bus);
         moment
     }
 
     /// Updates the node state of the open moment. Not for the latest fault, whose state is that at the end.
-    fn refresh(&mut self, bus: &Bus) {
+    fn refresh_state(&mut self, bus: &Bus) {
         if self.latest {
             return;
         }
         let Some(id) = self.open.as_ref().and_then(|open| open.node.or(self.chosen)) else { return };
-        let state = self.state(bus, id);
+        let state = self.node_state(bus, id);
         if let Some(open) = &mut self.open {
             open.state = Some(state);
         }
     }
 
-    fn found(&self, grade: FaultGrade) -> Option<&Moment> {
+    fn found_moment(&self, grade: FaultGrade) -> Option<&WhyMoment> {
         self.found.get(grade as usize).and_then(Option::as_ref)
     }
 
-    fn keep(&mut self, moment: Moment) {
+    fn keep_moment(&mut self, moment: WhyMoment) {
         let latest = self.latest;
-        let Some(place) = self.found.get_mut(moment.grade() as usize) else { return };
+        let Some(place) = self.found.get_mut(moment.highest_grade() as usize) else { return };
         // Moments are not found in the order in which they started.
         if place.as_ref().is_none_or(|known| (moment.began > known.began) == latest) {
             *place = Some(moment);
         }
     }
 
-    fn close(&mut self) {
+    fn close_moment(&mut self) {
         let Some(open) = self.open.take() else { return };
         if !open.findings.is_empty() {
             self.of_findings.push(open.clone());
         }
-        self.keep(open);
+        self.keep_moment(open);
     }
 
     /// Tracks set points without effect; they are reported if the condition persists.
     fn set_point(&mut self, point: &SetPoint, event: &Event, bus: &Bus) {
         let Some(id) = event.node.filter(|_| self.is_asked_for(event)) else { return };
         let is_neutral = point.to.number.is_none_or(|number| number == 0.0);
-        let is_idle = point.effective == Effective::No && !is_neutral;
-        let place = self.idle.iter().position(|idle| idle.node == id && same(&idle.point, point));
+        let is_idle = point.effective == EffectiveState::No && !is_neutral;
+        let place = self.idle.iter().position(|idle| idle.node == id && is_same_point(&idle.point, point));
         match place {
             Some(place) if !is_idle => {
                 self.idle.remove(place);
             }
             None if is_idle && self.idle.len() < IDLE_POINTS => {
-                let is_wanted = self.latest || self.found(FaultGrade::Minor).is_none();
+                let is_wanted = self.latest || self.found_moment(FaultGrade::Minor).is_none();
                 let moment = is_wanted.then(|| {
-                    let mut moment = self.begin(Some(FaultKind::SetPoint), event, Some(id), bus);
-                    moment.state = Some(self.state(bus, id));
+                    let mut moment = self.begin_moment(Some(FaultKind::SetPoint), event, Some(id), bus);
+                    moment.state = Some(self.node_state(bus, id));
                     moment
                 });
                 self.idle.push(IdleSetPoint { node: id, point: point.clone(), moment });
@@ -344,51 +358,51 @@ impl BusWatch {
 
     /// Reports set points that have been without effect for long enough.
     fn judge_idle(&mut self, time: Option<Timestamp>, frame: u64) {
-        let lasts = |moment: &mut Moment| match time.zip(moment.time) {
+        let lasts = |moment: &mut WhyMoment| match time.zip(moment.time) {
             Some((now, start)) => now.since(start) >= IDLE,
             None => frame.saturating_sub(moment.frame) >= IDLE_FRAMES,
         };
-        let mut found: Vec<Moment> = Vec::new();
+        let mut found: Vec<WhyMoment> = Vec::new();
         for moment in self.idle.iter_mut().filter_map(|idle| idle.moment.take_if(lasts)) {
             match found.last_mut().filter(|last| last.node == moment.node) {
-                Some(last) => last.merge(moment),
+                Some(last) => last.merge_moment(moment),
                 None => found.push(moment),
             }
         }
         for moment in found {
-            self.keep(moment);
+            self.keep_moment(moment);
         }
     }
 
     /// Moment with the highest grade at the end of the capture.
-    pub(super) fn finish(&mut self) -> Option<Moment> {
-        self.close();
+    pub(super) fn finish_watch(&mut self) -> Option<WhyMoment> {
+        self.close_moment();
         self.found.iter_mut().rev().find_map(Option::take)
     }
 
     /// Changes of a node and of the bus after event number `after`, oldest first.
     pub(super) fn changes_of(&self, node: Option<NodeId>, after: u64) -> Vec<Event> {
         let node = node.and_then(|id| self.nodes.get(id)).map(|node| &node.changes);
-        Changes::last(node.into_iter().chain([&self.changes]), after)
+        RecentChanges::last_changes(node.into_iter().chain([&self.changes]), after)
     }
 
     /// Periodic messages of the bus and of a node that have stopped.
-    pub(super) fn quiet(
+    pub(super) fn overdue_messages(
         &self,
         node: Option<NodeId>,
         now: Option<Timestamp>,
         bus: &Bus,
     ) -> Vec<StoppedMessage> {
         let node = node.and_then(|id| self.nodes.get(id));
-        let beat_of = |identifier| self.followed.beat(identifier, bus).map(|(beat, _)| beat);
-        let own = node.into_iter().flat_map(|node| node.beats.quiet(now, beat_of));
-        self.beats.quiet(now, beat_of).chain(own).collect()
+        let beat_of = |identifier| self.followed.message_times(identifier, bus).map(|(beat, _)| beat);
+        let own = node.into_iter().flat_map(|node| node.beats.overdue_messages(now, beat_of));
+        self.beats.overdue_messages(now, beat_of).chain(own).collect()
     }
 
     /// Current state of a node.
-    pub(super) fn state(&self, bus: &Bus, id: NodeId) -> NodeState {
+    pub(super) fn node_state(&self, bus: &Bus, id: NodeId) -> NodeState {
         let points = self.nodes.get(id).map_or(&[][..], |node| &node.points);
-        NodeState::now(bus, id, points)
+        NodeState::current_state(bus, id, points)
     }
 
     /// Time of the last event.

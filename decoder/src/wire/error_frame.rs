@@ -13,7 +13,7 @@ use super::parser::{Parsed, bit_field};
 
 /// Fields of an error frame; their names are in `lookups/can_error_classes.toml`.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
-pub struct ErrorFrame {
+pub struct ErrorFrameFields {
     /// Class bits of the identifier, error flag removed.
     pub classes: u32,
     /// Bit at which arbitration was lost, 0 = unspecified.
@@ -32,7 +32,7 @@ pub struct ErrorFrame {
     pub receive_errors: u8,
 }
 
-impl ErrorFrame {
+impl ErrorFrameFields {
     /// Class bit of lost arbitration.
     pub const LOST_ARBITRATION: u32 = 0x002;
     /// Class bit of `controller`.
@@ -57,17 +57,17 @@ impl ErrorFrame {
 }
 
 /// Reads an error frame; missing bytes read as 0, "unspecified".
-pub fn parse(id: u32, data: &[u8]) -> ErrorFrame {
+pub fn parse_error_frame(id: u32, data: &[u8]) -> ErrorFrameFields {
     parse_fields(id, data).map(|(_, frame)| frame).unwrap_or_default()
 }
 
-fn parse_fields(id: u32, data: &[u8]) -> Parsed<'_, ErrorFrame> {
+fn parse_fields(id: u32, data: &[u8]) -> Parsed<'_, ErrorFrameFields> {
     let byte = || byte.or(success(0));
     let (rest, (arbitration_bit, controller, protocol, location)) =
         (byte(), byte(), byte(), byte()).parse(data)?;
     let (rest, (transceiver, _, transmit_errors, receive_errors)) =
         (byte(), byte(), byte(), byte()).parse(rest)?;
-    let frame = ErrorFrame {
+    let frame = ErrorFrameFields {
         classes: bit_field(id, 0, 29),
         arbitration_bit,
         controller,
@@ -87,7 +87,7 @@ mod tests {
     #[test]
     fn controller_problem_with_counters() {
         // Class controller (0x004) and counters (0x200); receive warning (0x04); TX 96, RX 128.
-        let frame = parse(0x2000_0204, &[0, 0x04, 0, 0, 0, 0, 96, 128]);
+        let frame = parse_error_frame(0x2000_0204, &[0, 0x04, 0, 0, 0, 0, 96, 128]);
         assert_eq!(frame.classes, 0x204);
         assert_eq!((frame.controller, frame.transmit_errors, frame.receive_errors), (4, 96, 128));
     }

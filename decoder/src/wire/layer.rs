@@ -1,8 +1,8 @@
-//! Layers of [`Malformed`] messages that others distinguish.
+//! Layers of [`MalformedPayload`] messages that others distinguish.
 
-use super::Malformed;
+use super::MalformedPayload;
 
-impl Malformed {
+impl MalformedPayload {
     /// Whether the message is one of SDO.
     pub(crate) fn is_of_sdo(&self) -> bool {
         self.layer == "sdo"

@@ -1,6 +1,6 @@
 //! Frames to messages: pure parsers of payload bytes.
 //!
-//! Each message is a nom parser; its error becomes [`Malformed`] in `parser.rs`. The parsers do not allocate
+//! Each message is a nom parser; its error becomes [`MalformedPayload`] in `parser.rs`. The parsers do not allocate
 //! and have no state. The session passes the current meaning of an identifier and the phase of a transfer as
 //! arguments.
 
@@ -22,7 +22,7 @@ pub(crate) use node_map::{NodeMap, NodeSet};
 
 /// A message shorter than its format requires.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Malformed {
+pub struct MalformedPayload {
     /// Expected message: `nmt`, `sdo`, `lss`, …
     pub layer: &'static str,
     /// Offset in the payload at which the missing part should start.

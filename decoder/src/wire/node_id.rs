@@ -59,7 +59,7 @@ impl NodeId {
     }
 
     /// Label within a sentence: `node 32/20`, `SA80`.
-    pub fn words(self) -> String {
+    pub fn sentence_label(self) -> String {
         match self {
             Self::Canopen(_) => format!("node {}", self.label()),
             Self::J1939(_) => self.label(),
@@ -67,7 +67,7 @@ impl NodeId {
     }
 
     /// Slot in a table of [`NODE_PLACES`]; [`NODE_PLACES`] itself if the number is not valid.
-    pub const fn place(self) -> usize {
+    pub const fn table_place(self) -> usize {
         match self {
             Self::Canopen(id) if self.is_valid() => id as usize,
             Self::J1939(address) if self.is_valid() => 128 + address as usize,
@@ -76,7 +76,7 @@ impl NodeId {
     }
 
     /// All valid node-IDs, then all valid addresses.
-    pub fn all() -> impl Iterator<Item = Self> {
+    pub fn all_ids() -> impl Iterator<Item = Self> {
         (1..=127).map(Self::Canopen).chain((0..=LAST_ADDRESS).map(Self::J1939))
     }
 }
@@ -134,13 +134,13 @@ mod tests {
 
     #[test]
     fn every_node_has_a_place_of_its_own() {
-        let mut places: Vec<_> = NodeId::all().map(NodeId::place).collect();
+        let mut places: Vec<_> = NodeId::all_ids().map(NodeId::table_place).collect();
         let count = places.len();
         places.dedup();
         assert_eq!((places.len(), count), (127 + 254, 127 + 254));
         assert!(places.iter().all(|place| *place < NODE_PLACES));
         for nobody in [NodeId::Canopen(0), NodeId::Canopen(128), NodeId::J1939(254)] {
-            assert_eq!(nobody.place(), NODE_PLACES);
+            assert_eq!(nobody.table_place(), NODE_PLACES);
         }
     }
 }

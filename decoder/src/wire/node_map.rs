@@ -18,14 +18,15 @@ impl Default for NodeSet {
 impl NodeSet {
     /// Adds a node; returns whether it is new.
     pub fn insert(&mut self, node: NodeId) -> bool {
-        let is_new = self.places.get_mut(node.place()).is_some_and(|known| !std::mem::replace(known, true));
+        let is_new =
+            self.places.get_mut(node.table_place()).is_some_and(|known| !std::mem::replace(known, true));
         self.count += usize::from(is_new);
         is_new
     }
 
     /// Removes a node; returns whether it was in the set.
     pub fn remove(&mut self, node: NodeId) -> bool {
-        let was_in = self.places.get_mut(node.place()).is_some_and(std::mem::take);
+        let was_in = self.places.get_mut(node.table_place()).is_some_and(std::mem::take);
         self.count -= usize::from(was_in);
         was_in
     }
@@ -37,7 +38,7 @@ impl NodeSet {
 
     /// Whether the set contains a node.
     pub fn contains(&self, node: NodeId) -> bool {
-        self.places.get(node.place()).copied().unwrap_or(false)
+        self.places.get(node.table_place()).copied().unwrap_or(false)
     }
 }
 
@@ -55,15 +56,15 @@ impl<T: Default> NodeMap<T> {
     /// Entry of a node, created if missing; None for an invalid node-ID.
     #[inline]
     pub fn entry(&mut self, node: NodeId) -> Option<&mut T> {
-        let place = node.place();
+        let place = node.table_place();
         if !matches!(self.0.get(place), Some(Some(_))) {
-            self.add(place);
+            self.add_entry(place);
         }
         self.0.get_mut(place)?.as_mut()
     }
 
     #[cold]
-    fn add(&mut self, place: usize) {
+    fn add_entry(&mut self, place: usize) {
         if place >= NODE_PLACES {
             return;
         }
@@ -79,13 +80,13 @@ impl<T: Default> NodeMap<T> {
 impl<T> NodeMap<T> {
     /// Entry of a node.
     pub fn get(&self, node: NodeId) -> Option<&T> {
-        self.0.get(node.place())?.as_ref()
+        self.0.get(node.table_place())?.as_ref()
     }
 
     /// Sets the entry of a node.
     #[inline]
     pub fn insert(&mut self, node: NodeId, value: T) {
-        let place = node.place();
+        let place = node.table_place();
         if place < NODE_PLACES {
             if self.0.len() <= place {
                 self.0.resize_with(place + 1, || None);
@@ -98,18 +99,18 @@ impl<T> NodeMap<T> {
 
     /// Mutable entry of a node.
     pub fn get_mut(&mut self, node: NodeId) -> Option<&mut T> {
-        self.0.get_mut(node.place())?.as_mut()
+        self.0.get_mut(node.table_place())?.as_mut()
     }
 
     /// Removes and returns the entry of a node.
     #[inline]
     pub fn remove(&mut self, node: NodeId) -> Option<T> {
-        self.0.get_mut(node.place())?.take()
+        self.0.get_mut(node.table_place())?.take()
     }
 
     /// All entries.
     pub fn iter(&self) -> impl Iterator<Item = (NodeId, &T)> {
-        NodeId::all().filter_map(|node| Some((node, self.get(node)?)))
+        NodeId::all_ids().filter_map(|node| Some((node, self.get(node)?)))
     }
 }
 

@@ -1,4 +1,4 @@
-//! Common part of all parsers: their error, and the only place that converts it to [`Malformed`].
+//! Common part of all parsers: their error, and the only place that converts it to [`MalformedPayload`].
 //!
 //! A message is a nom parser of `&[u8]`, which [`parse_message`] runs. A missing field is reported at its own
 //! offset. [`field_group`] and [`field_sequence`] report several fields and the bytes that all of them need.
@@ -9,7 +9,7 @@ use nom::number::complete::u8 as byte;
 use nom::sequence::preceded;
 use nom::{Err, IResult, Parser};
 
-use super::Malformed;
+use super::MalformedPayload;
 
 /// Error of a parser.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,7 +48,7 @@ pub(super) fn parse_message<'a, T>(
     layer: &'static str,
     payload: &'a [u8],
     mut message: impl FieldParser<'a, Output = T>,
-) -> Result<T, Malformed> {
+) -> Result<T, MalformedPayload> {
     match message.parse_complete(payload) {
         Ok((_, message)) => Ok(message),
         Err(error) => Err(malformed(layer, payload.len(), &error)),
@@ -56,7 +56,7 @@ pub(super) fn parse_message<'a, T>(
 }
 
 #[cold]
-fn malformed(layer: &'static str, length: usize, error: &Err<MissingBytes>) -> Malformed {
+fn malformed(layer: &'static str, length: usize, error: &Err<MissingBytes>) -> MalformedPayload {
     let (available, needed) = match error {
         // Parsers of complete input never return it.
         Err::Incomplete(_) => (0, 1),
@@ -64,7 +64,7 @@ fn malformed(layer: &'static str, length: usize, error: &Err<MissingBytes>) -> M
     };
     let small = |value: usize| u8::try_from(value).unwrap_or(u8::MAX);
     let offset = small(length.saturating_sub(available));
-    Malformed { layer, offset, needed: small(needed), available: small(available) }
+    MalformedPayload { layer, offset, needed: small(needed), available: small(available) }
 }
 
 /// Fields that are reported as a whole: an error states the offset of the first one and the bytes of all.

@@ -3,45 +3,45 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-use super::canopen::emcy::ByteOrder;
-use super::canopen::sdo::{Phase, Side};
+use super::canopen::emcy::EmcyByteOrder;
+use super::canopen::sdo::{SdoSide, TransferPhase};
 use super::canopen::{emcy, error_control, lss, nmt, sdo, sync, test_marker, time};
-use super::error_frame::ErrorFrame;
-use super::isotp::Addresses;
-use super::j1939::{Acknowledgement, J1939Id, Name, SpnConversion, TroubleCodes};
+use super::error_frame::ErrorFrameFields;
+use super::isotp::IsoTpAddresses;
+use super::j1939::{Acknowledgement, J1939Id, J1939Name, SpnConversion, TroubleCodeList};
 use super::uds::{IdentifierPlace, ServiceLayout};
-use super::{Malformed, error_frame, isotp, j1939, uds};
+use super::{MalformedPayload, error_frame, isotp, j1939, uds};
 
-type MessageParser = fn(&[u8]) -> Result<(), Malformed>;
+type MessageParser = fn(&[u8]) -> Result<(), MalformedPayload>;
 
 /// All parsers that can fail.
 const PARSERS: [MessageParser; 22] = [
     |data| nmt::parse(data).map(drop),
     |data| error_control::parse(data).map(drop),
     |data| time::parse(data).map(drop),
-    |data| emcy::parse(data, ByteOrder::LsbFirst).map(drop),
-    |data| emcy::parse(data, ByteOrder::MsbFirst).map(drop),
+    |data| emcy::parse(data, EmcyByteOrder::LsbFirst).map(drop),
+    |data| emcy::parse(data, EmcyByteOrder::MsbFirst).map(drop),
     |data| lss::parse(data, true).map(drop),
     |data| lss::parse(data, false).map(drop),
-    |data| sdo::parse(data, Side::Client, Phase::Commands).map(drop),
-    |data| sdo::parse(data, Side::Client, Phase::BlockSegments).map(drop),
-    |data| sdo::parse(data, Side::Server, Phase::Commands).map(drop),
-    |data| sdo::parse(data, Side::Server, Phase::BlockSegments).map(drop),
+    |data| sdo::parse(data, SdoSide::Client, TransferPhase::Commands).map(drop),
+    |data| sdo::parse(data, SdoSide::Client, TransferPhase::BlockSegments).map(drop),
+    |data| sdo::parse(data, SdoSide::Server, TransferPhase::Commands).map(drop),
+    |data| sdo::parse(data, SdoSide::Server, TransferPhase::BlockSegments).map(drop),
     |data| isotp::parse(data, 8).map(drop),
     |data| isotp::parse(data, 64).map(drop),
     |data| uds::parse(data).map(drop),
-    |data| j1939::management(data, false).map(drop),
-    |data| j1939::management(data, true).map(drop),
-    |data| j1939::packet(data, false).map(drop),
-    |data| j1939::packet(data, true).map(drop),
-    |data| j1939::request(data).map(drop),
+    |data| j1939::parse_management(data, false).map(drop),
+    |data| j1939::parse_management(data, true).map(drop),
+    |data| j1939::parse_packet(data, false).map(drop),
+    |data| j1939::parse_packet(data, true).map(drop),
+    |data| j1939::parse_request(data).map(drop),
     |data| Acknowledgement::read(data).map(drop),
     |data| j1939::commanded_address(data).map(drop),
-    |data| TroubleCodes::read(data).map(drop),
+    |data| TroubleCodeList::read(data).map(drop),
 ];
 
 /// End of the missing bytes, counted from the start of the payload.
-fn end(error: Malformed) -> usize {
+fn end(error: MalformedPayload) -> usize {
     usize::from(error.offset) + usize::from(error.needed)
 }
 
@@ -88,7 +88,7 @@ proptest! {
     #[test]
     fn missing_bytes_of_an_error_frame_are_0(data in payload(), id in 0_u32..=0x3FFF_FFFF) {
         let byte = |index: usize| data.get(index).copied().unwrap_or(0);
-        let frame = ErrorFrame {
+        let frame = ErrorFrameFields {
             classes: id & 0x1FFF_FFFF,
             arbitration_bit: byte(0),
             controller: byte(1),
@@ -98,7 +98,7 @@ proptest! {
             transmit_errors: byte(6),
             receive_errors: byte(7),
         };
-        prop_assert_eq!(error_frame::parse(id, &data), frame);
+        prop_assert_eq!(error_frame::parse_error_frame(id, &data), frame);
     }
 
     #[test]
@@ -111,26 +111,26 @@ proptest! {
             _ => None,
         };
         let big = expected.map(u16::from_be_bytes);
-        prop_assert_eq!(layout.identifier(&data, ByteOrder::MsbFirst), big);
+        prop_assert_eq!(layout.identifier(&data, EmcyByteOrder::MsbFirst), big);
         // A high byte of the standard is not swapped.
         let little = if high.is_some() { big } else { big.map(u16::swap_bytes) };
-        prop_assert_eq!(layout.identifier(&data, ByteOrder::LsbFirst), little);
+        prop_assert_eq!(layout.identifier(&data, EmcyByteOrder::LsbFirst), little);
     }
 
     /// Parsers that have no error accept any payload.
     #[test]
     fn any_payload_is_accepted(data in payload(), id in 0_u32..=0x3FFF_FFFF) {
         prop_assert_eq!(sync::parse(&data), data.first().copied());
-        let name = data.first_chunk().map(|bytes| Name(u64::from_le_bytes(*bytes)));
-        prop_assert_eq!(Name::read(&data), name);
+        let name = data.first_chunk().map(|bytes| J1939Name(u64::from_le_bytes(*bytes)));
+        prop_assert_eq!(J1939Name::read(&data), name);
         let is_marker = matches!(data[..], [1, _, _, 0, 0, 0] | [2, _, _, 0, _, 0]);
         prop_assert_eq!(test_marker::parse(&data).is_some(), is_marker);
-        if let Ok(list) = TroubleCodes::read(&data) {
+        if let Ok(list) = TroubleCodeList::read(&data) {
             let codes = list.codes(Some(SpnConversion::Version1));
             prop_assert!(codes.count() <= (data.len() - 2) / 4);
         }
-        prop_assert_eq!(J1939Id::of(id).is_some(), id & 1 << 25 == 0);
-        let priority = Addresses::of(id).map(|addresses| u32::from(addresses.priority));
+        prop_assert_eq!(J1939Id::from_identifier(id).is_some(), id & 1 << 25 == 0);
+        let priority = IsoTpAddresses::from_identifier(id).map(|addresses| u32::from(addresses.priority));
         prop_assert!(priority.is_none_or(|priority| priority == id >> 26 & 7));
     }
 }

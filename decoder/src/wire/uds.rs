@@ -16,13 +16,13 @@ use nom::number::Endianness;
 use nom::number::complete::{u8 as byte, u16 as two_bytes};
 use nom::sequence::preceded;
 
-use super::Malformed;
-use super::canopen::emcy::ByteOrder;
+use super::MalformedPayload;
+use super::canopen::emcy::EmcyByteOrder;
 use super::parser::{Parsed, bit_field, field_group, parse_message};
 
 /// One UDS message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Uds<'a> {
+pub enum UdsPdu<'a> {
     /// Request of a client.
     Request {
         /// Service identifier.
@@ -57,20 +57,20 @@ pub(crate) const RESPONSE_PENDING: u8 = 0x78;
 ///
 /// # Errors
 /// If `data` is empty, or a negative response lacks its service or its code.
-pub fn parse(data: &[u8]) -> Result<Uds<'_>, Malformed> {
+pub fn parse(data: &[u8]) -> Result<UdsPdu<'_>, MalformedPayload> {
     parse_message("uds", data, parse_fields)
 }
 
-fn parse_fields(data: &[u8]) -> Parsed<'_, Uds<'_>> {
+fn parse_fields(data: &[u8]) -> Parsed<'_, UdsPdu<'_>> {
     let (rest, service) = byte(data)?;
     match service {
         NEGATIVE => {
-            field_group((byte, byte)).map(|(service, code)| Uds::Negative { service, code }).parse(rest)
+            field_group((byte, byte)).map(|(service, code)| UdsPdu::Negative { service, code }).parse(rest)
         }
         _ if service & RESPONSE != 0 => {
-            Ok((rest, Uds::Positive { service: service & !RESPONSE, data: rest }))
+            Ok((rest, UdsPdu::Positive { service: service & !RESPONSE, data: rest }))
         }
-        _ => Ok((rest, Uds::Request { service, data: rest })),
+        _ => Ok((rest, UdsPdu::Request { service, data: rest })),
     }
 }
 
@@ -94,7 +94,7 @@ pub struct IdentifierPlace {
 
 /// Sub-function of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SubFunction {
+pub struct UdsSubFunction {
     /// Sub-function, 0..=127.
     pub value: u8,
     /// Bit 7: the server must not send a positive response.
@@ -103,18 +103,18 @@ pub struct SubFunction {
 
 impl ServiceLayout {
     /// Sub-function in `data`, the bytes after the service identifier.
-    pub fn sub_function(self, data: &[u8]) -> Option<SubFunction> {
+    pub fn sub_function(self, data: &[u8]) -> Option<UdsSubFunction> {
         let byte = data.first().copied().filter(|_| self.sub_function)?;
-        Some(SubFunction { value: bit_field(byte, 0, 7), suppress_response: byte & 0x80 != 0 })
+        Some(UdsSubFunction { value: bit_field(byte, 0, 7), suppress_response: byte & 0x80 != 0 })
     }
 
     /// Data or routine identifier in `data`, the bytes after the service identifier. The standard sends the
     /// high byte first; `order` is the byte order of the device.
-    pub fn identifier(self, data: &[u8], order: ByteOrder) -> Option<u16> {
+    pub fn identifier(self, data: &[u8], order: EmcyByteOrder) -> Option<u16> {
         let place = self.identifier?;
         let order = match order {
-            ByteOrder::MsbFirst => Endianness::Big,
-            ByteOrder::LsbFirst => Endianness::Little,
+            EmcyByteOrder::MsbFirst => Endianness::Big,
+            EmcyByteOrder::LsbFirst => Endianness::Little,
         };
         let identifier = |rest| match place.high {
             Some(high) => byte.map(|low| u16::from_be_bytes([high, low])).parse(rest),
@@ -150,12 +150,12 @@ mod tests {
     #[test]
     fn three_kinds_of_message() {
         // ISO 14229-1 §8.4, §8.5: request 22 F1 90, responses 62 F1 90 … and 7F 22 31.
-        assert_eq!(parse(&[0x22, 0xF1, 0x90]), Ok(Uds::Request { service: 0x22, data: &[0xF1, 0x90] }));
-        assert_eq!(parse(&[0x62, 0xF1, 0x90]), Ok(Uds::Positive { service: 0x22, data: &[0xF1, 0x90] }));
-        assert_eq!(parse(&[0x7F, 0x22, 0x31]), Ok(Uds::Negative { service: 0x22, code: 0x31 }));
+        assert_eq!(parse(&[0x22, 0xF1, 0x90]), Ok(UdsPdu::Request { service: 0x22, data: &[0xF1, 0x90] }));
+        assert_eq!(parse(&[0x62, 0xF1, 0x90]), Ok(UdsPdu::Positive { service: 0x22, data: &[0xF1, 0x90] }));
+        assert_eq!(parse(&[0x7F, 0x22, 0x31]), Ok(UdsPdu::Negative { service: 0x22, code: 0x31 }));
         // C5 responds to 85, FA to BA: bit 6 is set, 40h is not added.
-        assert_eq!(parse(&[0xC5, 0x02]), Ok(Uds::Positive { service: 0x85, data: &[0x02] }));
-        assert_eq!(parse(&[0x85, 0x02]), Ok(Uds::Request { service: 0x85, data: &[0x02] }));
+        assert_eq!(parse(&[0xC5, 0x02]), Ok(UdsPdu::Positive { service: 0x85, data: &[0x02] }));
+        assert_eq!(parse(&[0x85, 0x02]), Ok(UdsPdu::Request { service: 0x85, data: &[0x02] }));
     }
 
     #[test]
@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn identifiers_and_sub_functions() {
-        let (msb, lsb) = (ByteOrder::MsbFirst, ByteOrder::LsbFirst);
+        let (msb, lsb) = (EmcyByteOrder::MsbFirst, EmcyByteOrder::LsbFirst);
         assert_eq!(BY_IDENTIFIER.identifier(&[0xF1, 0x90], msb), Some(0xF190));
         assert_eq!(BY_IDENTIFIER.identifier(&[0x01, 0x10, 0x21], lsb), Some(0x1001));
         assert_eq!(BY_IDENTIFIER.identifier(&[0xF1], msb), None);
@@ -176,7 +176,7 @@ mod tests {
         assert_eq!(ROUTINE.identifier(&[0x01, 0xFF, 0x00], msb), Some(0xFF00));
         assert_eq!(
             ROUTINE.sub_function(&[0x81, 0xFF, 0x00]),
-            Some(SubFunction { value: 1, suppress_response: true })
+            Some(UdsSubFunction { value: 1, suppress_response: true })
         );
         assert_eq!(ROUTINE.record(&[0x01, 0xFF, 0x00, 7]), [7]);
         assert_eq!(PERIODIC.identifier(&[0x02, 0x15], msb), Some(0xF215));

@@ -6,30 +6,31 @@ use std::sync::Arc;
 use crate::capture::BusNames;
 use crate::decoder::Decoder;
 use crate::event::{
-    Abort, BitsChanged, BootCause, ByteOrderSource, Certainty, ChangeOrigin, Conflict, Crc, DataRange,
-    DeviceCause, DeviceState, Direction, Effective, EmcyAction, Emergency, Endpoints, Event, EventKind,
-    EvictedState, ExchangeOutcome, FindingNews, FrameRange, IsoTpTransfer, Message, MessageOutcome, Mode,
-    ModeChange, MonitoringMethod, NodeIdSource, NodeIdentified, ObjectChange, Outcome, Path, Pdo, PowerSign,
-    ProcedureEvent, ProcedurePhase, Protocol, Quantity, SdoIrregularity, SdoIrregularityKind, SdoTransfer,
-    SetPoint, Silence, StateCause, StateChange, UdsExchange, Undecoded,
+    BitsChanged, BootCause, ByteOrderSource, ChangeOrigin, CrcCheck, DataRange, DecodedPdo, DeviceCause,
+    DeviceState, EffectiveState, EmcyAction, Emergency, Event, EventKind, EventProtocol, EvictedState,
+    ExchangeOutcome, FindingNews, FrameRange, IsoTpTransfer, MessageOutcome, ModeChange, MonitoringMethod,
+    NodeIdSource, NodeIdentified, NodeSilence, ObjectChange, PowerSign, ProcedureEvent, ProcedurePhase,
+    Quantity, SdoAbort, SdoDirection, SdoIrregularity, SdoIrregularityKind, SdoMode, SdoOutcome, SdoTransfer,
+    SetPoint, SourceConflict, StateCause, StateCertainty, StateChange, StatePath, UdsEndpoints, UdsExchange,
+    UdsMessage, UndecodedFrame,
 };
 use crate::finding::Severity;
 use crate::frame::{BusIndex, CanId, Frame, FrameFlags, LinkState, MAX_DATA, Timestamp};
 use crate::profile::dbc::{self, Database};
 use crate::profile::device::ProcedureStatus;
 use crate::profile::{
-    BitName, BitNames, Carrier, Catalogue, DataType, Effect, Factor, Field, Layout, LayoutOrigin, Meaning,
-    Names, PdoDirection, PdoName, Persistence,
+    BitName, BitNames, Catalogue, DataType, LayoutOrigin, ObjectMeaning, PayloadLayout, PdoDirection,
+    PdoName, Persistence, RawConversion, SignalField, ValueCarrier, ValueNames, WriteEffect,
 };
 use crate::session::{AssignedBy, Assignment, Bus, SessionOptions};
-use crate::wire::Malformed;
-use crate::wire::canopen::emcy::ByteOrder;
-use crate::wire::canopen::lss::Content;
+use crate::wire::MalformedPayload;
+use crate::wire::canopen::emcy::EmcyByteOrder;
+use crate::wire::canopen::lss::LssContent;
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::canopen::test_marker::{TestMarker, TestResult};
 use crate::wire::canopen::{NmtState, ObjectAddress};
 use crate::wire::error_frame;
-use crate::wire::uds::SubFunction;
+use crate::wire::uds::UdsSubFunction;
 
 use super::j1939;
 
@@ -49,7 +50,7 @@ pub fn bus() -> Bus {
     catalogue.add_text("pump.toml", PROFILE).unwrap();
     let device = catalogue.device("acme-pump").unwrap();
     let mut database = Database::default();
-    database.add(dbc::parse(DBC.as_bytes()).unwrap());
+    database.add_file(dbc::parse_database(DBC.as_bytes()).unwrap());
     let options = SessionOptions {
         database: Arc::new(database),
         node_names: vec![(2.into(), "ABCD".into())],
@@ -57,7 +58,7 @@ pub fn bus() -> Bus {
         ..SessionOptions::default()
     };
     let mut decoder = Decoder::new(options);
-    let mut frame = Frame::data_frame(CanId::standard(0x702), &[0]);
+    let mut frame = Frame::data_frame(CanId::from_standard(0x702), &[0]);
     frame.number = 1;
     frame.time = Some(Timestamp(0));
     decoder.push(&frame, &BusNames::default(), &mut |_: &Event, _: &Bus| {});
@@ -70,7 +71,7 @@ pub fn event(kind: EventKind) -> Event {
         time: Some(Timestamp(1_500_000_000)),
         bus: BusIndex(0),
         frames: FrameRange { first: 3, last: 4 },
-        protocol: Protocol::Canopen,
+        protocol: EventProtocol::Canopen,
         node: Some(2.into()),
         presumed: true,
         routine: false,
@@ -103,9 +104,9 @@ fn nodes() -> Vec<EventKind> {
         cause: StateCause::Heartbeat,
         cause_frame: 1,
         after: Some(20_000_000),
-        certainty: Certainty::Confirmed,
+        certainty: StateCertainty::Confirmed,
     };
-    let silence = Silence {
+    let silence = NodeSilence {
         last_frame: 2,
         last_state: Some(NmtState::Operational),
         last_emcy: Some(0x8130),
@@ -117,7 +118,7 @@ fn nodes() -> Vec<EventKind> {
         from: Some(vec![0xE8, 3]),
         to: Some(vec![0xF4, 1]),
         origin: ChangeOrigin::Download,
-        effect: Some(Effect::ResetNode),
+        effect: Some(WriteEffect::ResetNode),
         persists: Some(Persistence::Yes),
     };
     let known = EventKind::ObjectChange(Box::new(object_change.clone()));
@@ -143,7 +144,7 @@ fn nodes() -> Vec<EventKind> {
         EventKind::GuardRequest,
         EventKind::GuardReply { state: None, code: 9, toggle: true, toggle_error: true },
         EventKind::NodeLost(silence),
-        EventKind::NodeBack(Silence { last_state: None, last_emcy: None, ..silence }),
+        EventKind::NodeBack(NodeSilence { last_state: None, last_emcy: None, ..silence }),
         EventKind::NodeIdChange { from: Some(1), to: 2, by: NodeIdSource::Lss },
         EventKind::NodeIdChange { from: None, to: 2, by: NodeIdSource::Lss },
         known,
@@ -163,7 +164,7 @@ fn states_and_set_points() -> Vec<EventKind> {
         emcy: Some(0x8130),
         leave: Some("send 03, then 0B".into()),
         control: Some(0x0F),
-        path: Some(Box::new(Path {
+        path: Some(Box::new(StatePath {
             states: vec!["INIT".into(), "ACTIVE".into()],
             frames: vec![1, 2],
             duration: Some(200_000_000),
@@ -175,12 +176,12 @@ fn states_and_set_points() -> Vec<EventKind> {
         signal: "Position set point".into(),
         short: None,
         channel: Some(1),
-        carrier: Carrier::Pdo(PdoName { direction: PdoDirection::Receive, number: 1 }),
+        carrier: ValueCarrier::Pdo(PdoName { direction: PdoDirection::Receive, number: 1 }),
         from: Some(Quantity { number: Some(0.5), text: "0.5 %".into() }),
         to: Quantity { number: None, text: "float".into() },
         unit: "%".into(),
         assumed: true,
-        effective: Effective::No,
+        effective: EffectiveState::No,
         gates: vec!["ACTIVE reported".into()],
         sync_after: Some(1_000_000),
     };
@@ -190,7 +191,7 @@ fn states_and_set_points() -> Vec<EventKind> {
         EventKind::SetPoint(Box::new(SetPoint {
             from: None,
             to: Quantity { number: Some(1.0), text: "1.0 %".into() },
-            carrier: Carrier::Message("AVC".into()),
+            carrier: ValueCarrier::Message("AVC".into()),
             ..point.clone()
         })),
         EventKind::SetPoint(Box::new(point)),
@@ -226,7 +227,7 @@ fn words_and_procedures() -> Vec<EventKind> {
         object: Some(object),
         takes_over: false,
     };
-    let conflict = Conflict {
+    let conflict = SourceConflict {
         object,
         name: "Status word".into(),
         sources: vec![("eds".into(), vec![1]), ("upload".into(), vec![2])],
@@ -245,30 +246,30 @@ fn words_and_procedures() -> Vec<EventKind> {
 }
 
 /// A value with a name, one without, and the number of a parameter.
-fn layout() -> Arc<Layout> {
-    let field = |sub, name: Option<&str>, bit, data_type| Field {
+fn layout() -> Arc<PayloadLayout> {
+    let field = |sub, name: Option<&str>, bit, data_type| SignalField {
         meaning: name.map(|name| Arc::new(meaning(name))),
-        ..Field::of_object(ObjectAddress::new(0x2001, sub), bit, 8, data_type)
+        ..SignalField::of_object(ObjectAddress::new(0x2001, sub), bit, 8, data_type)
     };
-    Arc::new(Layout {
+    Arc::new(PayloadLayout {
         fields: vec![field(0, Some("speed"), 0, DataType::Unsigned8), field(1, None, 8, DataType::Integer8)],
         bits: 16,
         origin: LayoutOrigin::Wire,
         assumed: true,
-        ..Layout::default()
+        ..PayloadLayout::default()
     })
 }
 
 fn messages() -> Vec<EventKind> {
     let emergency = Emergency {
-        cob_id: CanId::standard(0x85),
+        cob_id: CanId::from_standard(0x85),
         code: Some(0x8130),
         register: Some(0x11),
         vendor: [1, 2, 3, 4, 5],
         vendor_length: 5,
         action: EmcyAction::Raised,
         active: 1,
-        byte_order: ByteOrder::LsbFirst,
+        byte_order: EmcyByteOrder::LsbFirst,
         byte_order_by: ByteOrderSource::Standard,
         alternative: Some(0x3081),
         boot: None,
@@ -283,9 +284,9 @@ fn messages() -> Vec<EventKind> {
     };
     let ready_commanded = Emergency { boot: Some(BootCause::Commanded { frame: 3 }), ..ready };
     let layout = layout();
-    let mut pdo = Pdo {
+    let mut pdo = DecodedPdo {
         name: PdoName { direction: PdoDirection::Transmit, number: 1 },
-        cob_id: CanId::standard(0x182),
+        cob_id: CanId::from_standard(0x182),
         is_request: false,
         length: 2,
         bytes: [0; MAX_DATA],
@@ -300,13 +301,13 @@ fn messages() -> Vec<EventKind> {
         EventKind::Emcy(ready),
         EventKind::Emcy(ready_commanded),
         EventKind::Pdo(pdo.clone()),
-        EventKind::Pdo(Pdo { length: 1, ..pdo.clone() }),
-        EventKind::Pdo(Pdo { is_request: true, ..pdo }),
+        EventKind::Pdo(DecodedPdo { length: 1, ..pdo.clone() }),
+        EventKind::Pdo(DecodedPdo { is_request: true, ..pdo }),
     ]
 }
 
 /// A meaning with all properties that the output shows.
-fn meaning(name: &str) -> Meaning {
+fn meaning(name: &str) -> ObjectMeaning {
     let bit = BitName {
         bit: 0,
         width: 1,
@@ -316,29 +317,29 @@ fn meaning(name: &str) -> Meaning {
         values: None,
         reserved: false,
     };
-    Meaning {
+    ObjectMeaning {
         name: name.to_owned(),
         data_type: Some(DataType::Unsigned16),
         unit: "ms".into(),
-        values: Some(Arc::new(Names([(200, "two hundred".to_owned())].into()))),
-        special: Some(Arc::new(Names([(1000, "one second".to_owned())].into()))),
+        values: Some(Arc::new(ValueNames([(200, "two hundred".to_owned())].into()))),
+        special: Some(Arc::new(ValueNames([(1000, "one second".to_owned())].into()))),
         bits: Some(Arc::new(BitNames { list: vec![bit] })),
         range: Some([0, 1]),
-        ..Meaning::default()
+        ..ObjectMeaning::default()
     }
 }
 
 /// A write of a heartbeat time.
 fn write() -> SdoTransfer {
     SdoTransfer {
-        request: CanId::standard(0x602),
-        response: CanId::standard(0x582),
+        request: CanId::from_standard(0x602),
+        response: CanId::from_standard(0x582),
         client: Some(127),
-        direction: Some(Direction::Download),
-        mode: Some(Mode::Block),
+        direction: Some(SdoDirection::Download),
+        mode: Some(SdoMode::Block),
         object: Some(ObjectAddress::new(0x1017, 0)),
         meaning: Some(Arc::new(meaning("Producer heartbeat time"))),
-        effect: Some(Effect::AtOnce),
+        effect: Some(WriteEffect::AtOnce),
         persists: Some(Persistence::NeedsSave),
         size: 2,
         announced: Some(2),
@@ -353,9 +354,9 @@ fn write() -> SdoTransfer {
         previous_assumed: false,
         duration: Some(1_000_000),
         waited: None,
-        outcome: Outcome::Complete,
+        outcome: SdoOutcome::Complete,
         abort: None,
-        crc: Some(Crc::Correct),
+        crc: Some(CrcCheck::Correct),
         irregularity: None,
         overlap: None,
         retries: 0,
@@ -376,33 +377,33 @@ fn transfers() -> Vec<EventKind> {
         mode: None,
         object: None,
         duration: None,
-        outcome: Outcome::Aborted,
-        abort: Some(Abort { code: 0x0602_0000, by_client: true }),
+        outcome: SdoOutcome::Aborted,
+        abort: Some(SdoAbort { code: 0x0602_0000, by_client: true }),
         irregularity: Some(SdoIrregularity { what: SdoIrregularityKind::Toggle, by_client: false, frame: 7 }),
         cut_start: true,
         truncated: true,
         ..write.clone()
     };
     let refused = SdoTransfer {
-        outcome: Outcome::Aborted,
-        abort: Some(Abort { code: 0x0602_0000, by_client: false }),
+        outcome: SdoOutcome::Aborted,
+        abort: Some(SdoAbort { code: 0x0602_0000, by_client: false }),
         data: 1000_u16.to_le_bytes().to_vec(),
         ..write.clone()
     };
     let plain = SdoTransfer {
-        meaning: Some(Arc::new(Meaning {
-            scale: Some(Factor { factor: 0.1, offset: 0.0, full_scale: None, is_reciprocal: false }),
+        meaning: Some(Arc::new(ObjectMeaning {
+            scale: Some(RawConversion { factor: 0.1, offset: 0.0, full_scale: None, is_reciprocal: false }),
             ..meaning("Pressure")
         })),
         ..refused.clone()
     };
     let text = SdoTransfer {
-        direction: Some(Direction::Upload),
+        direction: Some(SdoDirection::Upload),
         object: Some(ObjectAddress::new(0x1008, 0)),
-        meaning: Some(Arc::new(Meaning {
+        meaning: Some(Arc::new(ObjectMeaning {
             name: "Manufacturer device name".into(),
             data_type: Some(DataType::VisibleString),
-            ..Meaning::default()
+            ..ObjectMeaning::default()
         })),
         data: b"ABCD".to_vec(),
         ..write.clone()
@@ -422,7 +423,7 @@ fn transfers() -> Vec<EventKind> {
         is_ambiguous: true,
         is_unrequested: true,
         truncated: true,
-        crc: Some(Crc::Unchecked),
+        crc: Some(CrcCheck::Unchecked),
         ..write.clone()
     };
     [write, aborted, refused, plain, text, with_gap]
@@ -430,11 +431,11 @@ fn transfers() -> Vec<EventKind> {
         .into()
 }
 
-fn messages_of_frames(ends: &Endpoints) -> Vec<EventKind> {
+fn messages_of_frames(ends: &UdsEndpoints) -> Vec<EventKind> {
     let message = IsoTpTransfer {
         ends: ends.clone(),
-        id: CanId::extended(0x1BC7_8820),
-        flow_control: Some(CanId::extended(0x1BC1_00F1)),
+        id: CanId::from_extended(0x1BC7_8820),
+        flow_control: Some(CanId::from_extended(0x1BC1_00F1)),
         address_byte: Some(0x12),
         announced: 20,
         size: 13,
@@ -459,9 +460,9 @@ fn messages_of_frames(ends: &Endpoints) -> Vec<EventKind> {
     [message, single].map(|message| EventKind::IsoTpTransfer(Box::new(message))).into()
 }
 
-fn message(data: &[u8]) -> Message {
-    Message {
-        id: CanId::extended(0x1BC7_8802),
+fn message(data: &[u8]) -> UdsMessage {
+    UdsMessage {
+        id: CanId::from_extended(0x1BC7_8802),
         data: data.to_vec(),
         size: 9000,
         truncated: false,
@@ -470,15 +471,15 @@ fn message(data: &[u8]) -> Message {
 }
 
 /// A node-ID that is written by UDS.
-fn written(ends: &Endpoints) -> UdsExchange {
+fn written(ends: &UdsEndpoints) -> UdsExchange {
     UdsExchange {
         ends: ends.clone(),
         service: 0x2E,
-        sub_function: Some(SubFunction { value: 1, suppress_response: true }),
+        sub_function: Some(UdsSubFunction { value: 1, suppress_response: true }),
         identifier: Some(0x1001),
         meaning: Some(Arc::new(meaning("node-ID"))),
-        effect: Some(Effect::ResetNode),
-        order: ByteOrder::LsbFirst,
+        effect: Some(WriteEffect::ResetNode),
+        order: EmcyByteOrder::LsbFirst,
         request: Some(message(&[0x2E, 1, 0x10, 0xC9, 0])),
         response: Some(message(&[0x6E, 1, 0x10])),
         outcome: ExchangeOutcome::Positive,
@@ -490,8 +491,12 @@ fn written(ends: &Endpoints) -> UdsExchange {
 }
 
 fn diagnostics() -> Vec<EventKind> {
-    let ends =
-        Endpoints { source: Some(0x1F1), target: Some(0x102), functional: true, server: Some("ECU".into()) };
+    let ends = UdsEndpoints {
+        source: Some(0x1F1),
+        target: Some(0x102),
+        functional: true,
+        server: Some("ECU".into()),
+    };
     let written = written(&ends);
     let named = UdsExchange { request: Some(message(&[0x2E, 1, 0x10, 200, 0])), ..written.clone() };
     let session = UdsExchange {
@@ -507,14 +512,14 @@ fn diagnostics() -> Vec<EventKind> {
         ..written.clone()
     };
     let refused = UdsExchange {
-        request: Some(Message { truncated: true, ..message(&[0x2E, 1]) }),
-        response: Some(Message { truncated: true, ..message(&[0x7F, 0x2E, 0x31]) }),
+        request: Some(UdsMessage { truncated: true, ..message(&[0x2E, 1]) }),
+        response: Some(UdsMessage { truncated: true, ..message(&[0x7F, 0x2E, 0x31]) }),
         outcome: ExchangeOutcome::Negative,
         nrc: Some(0x31),
         ..written.clone()
     };
     let read = UdsExchange {
-        ends: Endpoints { source: None, target: None, functional: false, server: None },
+        ends: UdsEndpoints { source: None, target: None, functional: false, server: None },
         service: 0x22,
         identifier: Some(0xF190),
         meaning: None,
@@ -537,24 +542,24 @@ fn diagnostics() -> Vec<EventKind> {
 
 fn layer_setting() -> Vec<EventKind> {
     let contents = [
-        (0x04, Content::Mode(1)),
-        (0x04, Content::Mode(9)),
-        (0x11, Content::NodeId(5)),
-        (0x13, Content::BitTiming { table: 0, entry: 3 }),
-        (0x15, Content::Delay(500)),
-        (0x40, Content::Number(1)),
-        (0x41, Content::Number(1)),
-        (0x42, Content::Number(1)),
-        (0x43, Content::Number(1)),
-        (0x48, Content::Number(1)),
-        (0x49, Content::Number(1)),
-        (0x4A, Content::Number(1)),
-        (0x4B, Content::Number(1)),
-        (0xEE, Content::Number(1)),
-        (0x17, Content::Result { code: 0, specific: 0 }),
-        (0x17, Content::Result { code: 255, specific: 7 }),
-        (0x51, Content::FastScan { number: 0xAB, bit: 31, sub: 0, next: 1 }),
-        (0x4F, Content::Nothing),
+        (0x04, LssContent::Mode(1)),
+        (0x04, LssContent::Mode(9)),
+        (0x11, LssContent::NodeId(5)),
+        (0x13, LssContent::BitTiming { table: 0, entry: 3 }),
+        (0x15, LssContent::Delay(500)),
+        (0x40, LssContent::Number(1)),
+        (0x41, LssContent::Number(1)),
+        (0x42, LssContent::Number(1)),
+        (0x43, LssContent::Number(1)),
+        (0x48, LssContent::Number(1)),
+        (0x49, LssContent::Number(1)),
+        (0x4A, LssContent::Number(1)),
+        (0x4B, LssContent::Number(1)),
+        (0xEE, LssContent::Number(1)),
+        (0x17, LssContent::Result { code: 0, specific: 0 }),
+        (0x17, LssContent::Result { code: 255, specific: 7 }),
+        (0x51, LssContent::FastScan { number: 0xAB, bit: 31, sub: 0, next: 1 }),
+        (0x4F, LssContent::Nothing),
     ];
     contents.map(|(command, content)| EventKind::Lss { command, from_master: true, content }).into()
 }
@@ -564,10 +569,10 @@ fn described() -> EventKind {
     let text = "BO_ 291 STATE: 3 N\n SG_ Speed : 0|8@1+ (0.5,0) [0|100] \"km/h\" N\n \
                 SG_ Gear : 8|8@1+ (1,0) [0|0] \"\" N\n SG_ Load : 16|8@1+ (1,0) [0|250] \"%\" N\n\
                 VAL_ 291 Gear 2 \"second\" ;\nBA_ \"SPN\" SG_ 291 Load 520192;\n";
-    let file = dbc::parse(text.as_bytes()).unwrap();
+    let file = dbc::parse_database(text.as_bytes()).unwrap();
     let message = file.messages().next().map(|(_, message)| Arc::new(message.clone()));
-    let frame = Frame::data_frame(CanId::standard(291), &[255, 2, 255]);
-    EventKind::Frame(Undecoded { frame, name: None, message })
+    let frame = Frame::data_frame(CanId::from_standard(291), &[255, 2, 255]);
+    EventKind::Frame(UndecodedFrame { frame, name: None, message })
 }
 
 fn findings() -> Vec<EventKind> {
@@ -611,12 +616,12 @@ fn findings() -> Vec<EventKind> {
 }
 
 fn bus_and_capture() -> Vec<EventKind> {
-    let mut frame = Frame::data_frame(CanId::extended(0x18FE_CA00), &[1, 2, 3]);
+    let mut frame = Frame::data_frame(CanId::from_extended(0x18FE_CA00), &[1, 2, 3]);
     frame.flags = FrameFlags::REMOTE.with(FrameFlags::FD);
-    let error = Malformed { layer: "sdo", offset: 0, needed: 8, available: 3 };
+    let error = MalformedPayload { layer: "sdo", offset: 0, needed: 8, available: 3 };
     vec![
-        EventKind::CanError(error_frame::parse(0x2000_0204, &[0, 4, 0, 0, 0, 0, 96, 128])),
-        EventKind::Frame(Undecoded { frame, name: Some("dynamic SDO request"), message: None }),
+        EventKind::CanError(error_frame::parse_error_frame(0x2000_0204, &[0, 4, 0, 0, 0, 0, 96, 128])),
+        EventKind::Frame(UndecodedFrame { frame, name: Some("dynamic SDO request"), message: None }),
         described(),
         EventKind::TestCase(TestMarker { group: 7, case: 101, result: Some(TestResult::Skipped) }),
         EventKind::TestCase(TestMarker { group: 7, case: 101, result: None }),

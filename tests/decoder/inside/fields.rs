@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use crate::event::KindSet;
-use crate::query::fields::{Field, FieldType, table};
-use crate::query::record::{FieldValue, Fields, visit};
+use crate::query::fields::{FieldDefinition, FieldType, field_table};
+use crate::query::record::{FieldConsumer, FieldValue, visit_event};
 
 use super::events;
 
@@ -16,10 +16,10 @@ struct Check {
 }
 
 impl Check {
-    fn find(&mut self, key: &'static str) -> &'static Field {
+    fn find(&mut self, key: &'static str) -> &'static FieldDefinition {
         let parts = self.path.iter().copied().chain([key]).filter(|part| !part.is_empty());
         let key = parts.collect::<Vec<_>>().join(".");
-        let mut fields = table().fields.iter();
+        let mut fields = field_table().fields.iter();
         let found = fields.find(|field| field.key == key && field.kinds.names().any(|own| own == self.kind));
         let Some(field) = found else { panic!("{} tells {key}, which the table does not have", self.kind) };
         self.told.insert((key, self.kind));
@@ -36,8 +36,8 @@ impl Check {
     }
 }
 
-impl Fields for Check {
-    fn field(&mut self, key: &'static str, value: FieldValue<'_>) {
+impl FieldConsumer for Check {
+    fn add_field(&mut self, key: &'static str, value: FieldValue<'_>) {
         let field = self.find(key);
         assert_eq!(field.list, key.is_empty(), "{}", field.key);
         let told = match value {
@@ -63,11 +63,11 @@ impl Fields for Check {
         assert!(field.value == told || field.value == FieldType::Any, "{} is told as {told:?}", field.key);
     }
 
-    fn open(&mut self, key: &'static str) {
+    fn open_group(&mut self, key: &'static str) {
         self.enter(key, false);
     }
 
-    fn close(&mut self) {
+    fn close_group(&mut self) {
         self.path.pop();
     }
 
@@ -86,9 +86,9 @@ fn every_emitted_field_is_in_the_table_and_every_field_of_the_table_is_emitted()
     let mut check = Check { kind: "", path: Vec::new(), told: BTreeSet::new() };
     for event in events::all() {
         check.kind = event.kind.name();
-        visit(&event, &bus, Some("a.log"), &mut check);
+        visit_event(&event, &bus, Some("a.log"), &mut check);
     }
-    let described = table().fields.iter().flat_map(|field| {
+    let described = field_table().fields.iter().flat_map(|field| {
         let of_kinds = field.kinds.names();
         of_kinds.map(|kind| (field.key.clone(), kind))
     });

@@ -1,7 +1,7 @@
 //! Filters applied to events.
 
 use crate::event::{Event, EventKind, KindSet};
-use crate::query::record::{FieldValue, Fields, visit};
+use crate::query::record::{FieldConsumer, FieldValue, visit_event};
 use crate::query::{Filter, MAX_TESTS};
 use proptest::prelude::*;
 
@@ -15,7 +15,7 @@ fn filter(text: &str) -> Filter {
 fn matching(text: &str) -> Vec<&'static str> {
     let (filter, bus) = (filter(text), events::bus());
     let all = events::all().into_iter();
-    all.filter(|event| filter.matches(event, &bus, None)).map(|event| event.kind.name()).collect()
+    all.filter(|event| filter.matches_event(event, &bus, None)).map(|event| event.kind.name()).collect()
 }
 
 fn refusal(text: &str) -> String {
@@ -148,8 +148,8 @@ fn a_filter_knows_its_kinds() {
 fn the_capture_is_a_field() {
     let bus = events::bus();
     let event = events::event(EventKind::GuardRequest);
-    assert!(filter("capture contains a").matches(&event, &bus, Some("a.log")));
-    assert!(!filter("capture").matches(&event, &bus, None));
+    assert!(filter("capture contains a").matches_event(&event, &bus, Some("a.log")));
+    assert!(!filter("capture").matches_event(&event, &bus, None));
 }
 
 #[test]
@@ -204,14 +204,14 @@ struct Tells {
     told: bool,
 }
 
-impl Fields for Tells {
-    fn field(&mut self, key: &'static str, value: FieldValue<'_>) {
+impl FieldConsumer for Tells {
+    fn add_field(&mut self, key: &'static str, value: FieldValue<'_>) {
         self.told |= self.depth == 0 && key == self.key && value != FieldValue::Null;
     }
-    fn open(&mut self, _: &'static str) {
+    fn open_group(&mut self, _: &'static str) {
         self.depth += 1;
     }
-    fn close(&mut self) {
+    fn close_group(&mut self) {
         self.depth -= 1;
     }
     fn open_list(&mut self, _: &'static str) {
@@ -224,7 +224,7 @@ impl Fields for Tells {
 
 fn tells(event: &Event, key: &'static str) -> bool {
     let mut tells = Tells { key, depth: 0, told: false };
-    visit(event, &events::bus(), None, &mut tells);
+    visit_event(event, &events::bus(), None, &mut tells);
     tells.told
 }
 
@@ -235,7 +235,7 @@ fn presence_is_what_a_visit_tells() {
         for event in events::all() {
             let event = Event { presumed: false, ..event };
             let expected = tells(&event, key);
-            assert_eq!(filter.matches(&event, &events::bus(), None), expected, "{key} {event:?}");
+            assert_eq!(filter.matches_event(&event, &events::bus(), None), expected, "{key} {event:?}");
         }
     }
 }
@@ -303,8 +303,8 @@ proptest! {
         prop_assert_eq!(again.to_string(), filter.to_string());
         let bus = events::bus();
         for event in events::all() {
-            let answer = filter.matches(&event, &bus, None);
-            prop_assert_eq!(again.matches(&event, &bus, None), answer);
+            let answer = filter.matches_event(&event, &bus, None);
+            prop_assert_eq!(again.matches_event(&event, &bus, None), answer);
             prop_assert!(!answer || filter.kinds().contains(&event.kind));
         }
     }

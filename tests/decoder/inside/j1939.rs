@@ -3,44 +3,45 @@
 use std::sync::Arc;
 
 use crate::event::{
-    AddressClaim, ClaimAction, CommandedAddress, Contention, Dtc, DtcAction, EventKind, Irregularity,
-    IrregularityKind, J1939Acknowledgement, J1939Message, J1939Request, J1939Transfer, MessageGap, Outcome,
-    Timer, TransportAbort, TransportMode,
+    AddressClaim, AddressConflict, ClaimAction, CommandedAddress, Dtc, DtcAction, EventKind,
+    IrregularityKind, J1939Acknowledgement, J1939Message, J1939Request, J1939Transfer, MessageGap,
+    SdoOutcome, TransferIrregularity, TransportAbort, TransportMode, TransportTimer,
 };
 use crate::frame::{CanId, MAX_DATA};
-use crate::profile::Names;
-use crate::profile::{DataType, Field, Layout, Meaning, SignalId};
+use crate::profile::ValueNames;
+use crate::profile::{DataType, ObjectMeaning, PayloadLayout, SignalField, SignalId};
 use crate::wire::canopen::ObjectAddress;
-use crate::wire::j1939::{ALL, Acknowledgement, J1939Id, Name, Pgn};
+use crate::wire::j1939::{ALL, Acknowledgement, J1939Id, J1939Name, Pgn};
 
 /// The lower NAME wins.
-const NAMES: [Name; 2] = [Name(0x8000_0000_0000_0001), Name(0xA322_810A_0721_2345)];
+const NAMES: [J1939Name; 2] = [J1939Name(0x8000_0000_0000_0001), J1939Name(0xA322_810A_0721_2345)];
 
 /// One event of every kind; `layout` is longer than one byte.
-pub fn all(layout: &Arc<Layout>) -> Vec<EventKind> {
-    let names = |name: &str| Some(Arc::new(Names([(0x32, name.to_owned()), (1, name.to_owned())].into())));
-    let meaning = Meaning {
+pub fn all(layout: &Arc<PayloadLayout>) -> Vec<EventKind> {
+    let names =
+        |name: &str| Some(Arc::new(ValueNames([(0x32, name.to_owned()), (1, name.to_owned())].into())));
+    let meaning = ObjectMeaning {
         name: "state".into(),
         values: names("extend"),
         range: Some([90, 95]),
-        ..Meaning::default()
+        ..ObjectMeaning::default()
     };
-    let spn = Field {
+    let spn = SignalField {
         id: SignalId::Spn(1908),
         meaning: Some(Arc::new(meaning)),
-        ..Field::of_object(ObjectAddress::default(), 0, 8, DataType::Unsigned8)
+        ..SignalField::of_object(ObjectAddress::default(), 0, 8, DataType::Unsigned8)
     };
-    let mut layout = Layout::clone(layout);
+    let mut layout = PayloadLayout::clone(layout);
     layout.fields.push(spn);
     let layout = Arc::new(layout);
     [messages(&layout), transfers(&layout), management(), faults()].concat()
 }
 
-fn messages(layout: &Arc<Layout>) -> Vec<EventKind> {
+fn messages(layout: &Arc<PayloadLayout>) -> Vec<EventKind> {
     let message = |id: u32, length| {
         EventKind::J1939Message(J1939Message {
-            id: J1939Id::of(id).unwrap(),
-            can_id: CanId::extended(id),
+            id: J1939Id::from_identifier(id).unwrap(),
+            can_id: CanId::from_extended(id),
             name: Some("auxiliary valve 0 command".into()),
             length,
             bytes: [0x32; MAX_DATA],
@@ -59,7 +60,7 @@ fn messages(layout: &Arc<Layout>) -> Vec<EventKind> {
     vec![message(0x0CFE_30F1, 8), message(0x0CEF_8021, 1), EventKind::MessageGap(Box::new(gap))]
 }
 
-fn transfers(layout: &Arc<Layout>) -> Vec<EventKind> {
+fn transfers(layout: &Arc<PayloadLayout>) -> Vec<EventKind> {
     let transfer = J1939Transfer {
         mode: Some(TransportMode::Connection),
         pgn: Some(Pgn::DM2),
@@ -77,8 +78,8 @@ fn transfers(layout: &Arc<Layout>) -> Vec<EventKind> {
         truncated: true,
         layout: Some(Arc::clone(layout)),
         duration: Some(1_000_000),
-        outcome: Outcome::Aborted,
-        timer: Some(Timer::T1),
+        outcome: SdoOutcome::Aborted,
+        timer: Some(TransportTimer::T1),
         abort: Some(TransportAbort { reason: 3, by_sender: false }),
         cut_start: true,
         cut_end: false,
@@ -90,10 +91,10 @@ fn transfers(layout: &Arc<Layout>) -> Vec<EventKind> {
         duration: None,
         data: vec![1],
         abort: None,
-        outcome: Outcome::Incomplete,
+        outcome: SdoOutcome::Incomplete,
         ..transfer.clone()
     };
-    let irregularity = Irregularity {
+    let irregularity = TransferIrregularity {
         what: IrregularityKind::Late,
         message: "TP.CM_CTS",
         pgn: Some(Pgn::DM2),
@@ -101,7 +102,7 @@ fn transfers(layout: &Arc<Layout>) -> Vec<EventKind> {
         destination: Some(0x80),
         packet: Some(3),
         expected: Some(2),
-        timer: Some(Timer::Tr),
+        timer: Some(TransportTimer::Tr),
         delay: Some(230_000_000),
     };
     vec![
@@ -119,7 +120,7 @@ fn management() -> Vec<EventKind> {
         name: higher,
         source: 0x80,
         from: Some(0x81),
-        contention: Some(Contention { other: lower, winner: lower }),
+        contention: Some(AddressConflict { other: lower, winner: lower }),
         commanded: 7,
     };
     vec![

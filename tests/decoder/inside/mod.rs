@@ -11,18 +11,18 @@ use std::fs;
 use std::path::Path;
 
 use crate::sink::EventSink as _;
-use crate::sink::jsonl::Jsonl;
+use crate::sink::jsonl::JsonlSink;
 
 /// An event of every kind as JSON; `tests/decoder/schema.rs` checks the lines against the schema.
 #[test]
 fn events_of_all_kinds_as_json() {
     let (mut output, bus) = (Vec::new(), events::bus());
-    let mut sink = Jsonl::new(&mut output);
+    let mut sink = JsonlSink::new(&mut output);
     sink.begin_capture("a.log");
     for event in &events::all() {
-        sink.write(event, &bus);
+        sink.write_event(event, &bus);
     }
-    sink.finish().unwrap();
+    sink.finish_output().unwrap();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/decoder/inside/events.jsonl");
     if std::env::var_os("COBSCOPE_BLESS").is_some() {
         fs::write(&path, &output).unwrap();

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use std::thread;
 
 use cobscope_decoder::capture::{
-    FORMATS, FormatCapabilities, Losses, Notice, WRITABLE, WritableFormat, WriteOptions,
+    FORMATS, FormatCapabilities, LossCounter, Notice, WRITABLE, WritableFormat, WriteOptions,
 };
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::sink::escape;
@@ -49,7 +49,7 @@ fn kept(holds: &FormatCapabilities, content: &Content) -> (Vec<Frame>, Vec<Strin
     let (mut first, mut last) = (None, Timestamp(0));
     let (mut frames, mut order): (Vec<Frame>, Vec<u8>) = (Vec::new(), Vec::new());
     for frame in &content.frames {
-        let Some(mut kept) = holds.kept(frame) else { continue };
+        let Some(mut kept) = holds.kept_frame(frame) else { continue };
         if let Some(time) = kept.time {
             let first = *first.get_or_insert(time);
             last = if holds.backwards { time } else { time.max(first) };
@@ -69,7 +69,7 @@ fn kept(holds: &FormatCapabilities, content: &Content) -> (Vec<Frame>, Vec<Strin
 /// Expected messages of a conversion, line by line.
 fn texts(path: &Path, format: &WritableFormat, content: &Content) -> Vec<String> {
     let name = path.strip_prefix(workspace()).unwrap().display();
-    let mut losses = Losses::new(format.holds);
+    let mut losses = LossCounter::new(format.holds);
     let mut writer = (format.writer)(Box::new(std::io::sink()), &WriteOptions::default());
     let (mut lines, mut unreadable) = (Vec::new(), 0);
     for notice in &content.notices {
@@ -93,8 +93,8 @@ fn texts(path: &Path, format: &WritableFormat, content: &Content) -> Vec<String>
     if content.frames.is_empty() {
         lines.push(format!("{name}: contains no frames"));
     }
-    content.frames.iter().for_each(|frame| losses.see(frame));
-    let lost = losses.texts();
+    content.frames.iter().for_each(|frame| losses.count_frame(frame));
+    let lost = losses.loss_texts();
     if !lost.is_empty() {
         lines.push(format!("{} cannot store all data: {}", format.title, lost.join("; ")));
     }

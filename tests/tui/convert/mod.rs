@@ -11,7 +11,7 @@ use std::fs::{self, File};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use cobscope_decoder::capture::{Batch, Notice, ReadOptions, Reader, decompress};
+use cobscope_decoder::capture::{Batch, CaptureReader, Notice, ReadOptions, decompress};
 use cobscope_decoder::frame::Frame;
 use tempfile::TempDir;
 
@@ -33,7 +33,7 @@ impl Content {
     /// Content of a capture; `None` for other files.
     fn of(path: &Path) -> Option<Self> {
         let source = decompress(BufReader::new(File::open(path).unwrap())).ok()?;
-        let mut reader = Reader::open(source, &ReadOptions::default()).ok()?;
+        let mut reader = CaptureReader::open(source, &ReadOptions::default()).ok()?;
         let (mut batch, mut frames, mut notices) = (Batch::new(), Vec::new(), Vec::new());
         let error = loop {
             match reader.read(&mut batch) {

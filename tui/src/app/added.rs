@@ -2,7 +2,7 @@
 
 use cobscope_decoder::session::SessionOptions;
 
-use super::shell::quoted;
+use super::shell::quote_word;
 
 /// Suffixes of device files and of databases.
 const DEVICE_FILES: [&str; 4] = ["eds", "dcf", "xdd", "xdc"];
@@ -33,7 +33,7 @@ pub enum AddedOption {
 }
 
 /// Options of the decoder with an added one.
-pub struct Reassigned {
+pub struct ReassignedOptions {
     /// All options.
     pub options: SessionOptions,
     /// Problems in files that are used nevertheless.
@@ -41,23 +41,23 @@ pub struct Reassigned {
 }
 
 /// Evaluates an added option; the second argument are the present options.
-pub type Reassign = Box<dyn FnMut(&AddedOption, &SessionOptions) -> anyhow::Result<Reassigned>>;
+pub type Reassign = Box<dyn FnMut(&AddedOption, &SessionOptions) -> anyhow::Result<ReassignedOptions>>;
 
 /// Whether a name has the suffix of a device file or database.
 pub(super) fn is_file(name: &str) -> bool {
-    let suffix = suffix(name);
+    let suffix = lower_suffix(name);
     DEVICE_FILES.iter().chain(&DATABASES).any(|known| *known == suffix)
 }
 
 /// Suffix in lower case.
-fn suffix(name: &str) -> String {
+fn lower_suffix(name: &str) -> String {
     name.rsplit_once('.').map_or(String::new(), |(_, suffix)| suffix.to_ascii_lowercase())
 }
 
 impl AddedOption {
     /// The option for a text of the user: a file by its suffix, else the name of a profile.
-    pub(super) fn of(text: &str, place: &str) -> Self {
-        let suffix = suffix(text);
+    pub(super) fn option_for(text: &str, place: &str) -> Self {
+        let suffix = lower_suffix(text);
         let (place, text) = (place.to_owned(), text.to_owned());
         if DEVICE_FILES.contains(&suffix.as_str()) {
             Self::DeviceFile { place, file: text }
@@ -69,16 +69,18 @@ impl AddedOption {
     }
 
     /// Option and value for a shell.
-    pub(super) fn words(&self) -> String {
+    pub(super) fn option_text(&self) -> String {
         match self {
-            Self::Profile { place, profile } => format!("--node {}", quoted(&format!("{place}={profile}"))),
-            Self::DeviceFile { place, file } => format!("--eds {}", quoted(&format!("{place}={file}"))),
-            Self::Database { file } => format!("--dbc {}", quoted(file)),
+            Self::Profile { place, profile } => {
+                format!("--node {}", quote_word(&format!("{place}={profile}")))
+            }
+            Self::DeviceFile { place, file } => format!("--eds {}", quote_word(&format!("{place}={file}"))),
+            Self::Database { file } => format!("--dbc {}", quote_word(file)),
         }
     }
 
     /// Node of the option.
-    pub(super) fn place(&self) -> Option<&str> {
+    pub(super) fn option_node(&self) -> Option<&str> {
         match self {
             Self::Profile { place, .. } | Self::DeviceFile { place, .. } => Some(place),
             Self::Database { .. } => None,
@@ -92,7 +94,7 @@ mod tests {
 
     #[test]
     fn the_suffix_decides_what_is_assigned() {
-        let words = |text: &str| AddedOption::of(text, "can0:5").words();
+        let words = |text: &str| AddedOption::option_for(text, "can0:5").option_text();
         assert_eq!(words("rexroth-sydfec"), "--node can0:5=rexroth-sydfec");
         assert_eq!(words("a b/pump.EDS"), "--eds 'can0:5=a b/pump.EDS'");
         assert_eq!(words("bus.dbc"), "--dbc bus.dbc");

@@ -6,40 +6,40 @@ use ratatui::layout::Rect;
 
 use super::added::Reassign;
 use super::candidates::PromptRow;
-use super::history::History;
-use super::output::Output;
+use super::history::ViewHistory;
+use super::output::TerminalRequest;
 use super::preferences::Preferences;
 use super::requests::{Compare, WriteReport};
 use crate::action::Action;
 use crate::keymap::Keymap;
-use crate::panes::{Arrangement, PaneId, Panes};
-use crate::state::{Core, JumpPlace, NodeKey};
-use crate::timeline::News;
-use crate::widgets::prompt::Prompt;
+use crate::panes::{PaneArrangement, PaneId, Panes};
+use crate::state::{JumpPlace, NodeKey, UiState};
+use crate::timeline::TimelineNews;
+use crate::widgets::prompt::LinePrompt;
 
 /// The application, without the terminal.
 pub struct App {
-    pub(super) core: Core,
+    pub(super) core: UiState,
     pub(super) panes: Panes,
     pub(super) pane: PaneId,
     /// Panes that are shown together.
-    pub(super) arrangement: Arrangement,
+    pub(super) arrangement: PaneArrangement,
     /// The strip of time is shown.
     pub(super) has_strip: bool,
     /// The mouse was pressed in the strip and not released.
     pub(super) is_dragging: bool,
     /// Panes shown before, for `Back`.
     pub(super) trail: Vec<PaneId>,
-    pub(super) mode: Mode,
+    pub(super) mode: InputMode,
     /// Filters, searches and sort orders before and after the present ones.
-    pub(super) history: History,
+    pub(super) history: ViewHistory,
     /// The row above a prompt.
     pub(super) prompt_row: PromptRow,
     /// Filter before the filter prompt was opened.
     pub(super) filter_before: String,
     /// Prompt history by purpose.
     pub(super) typed: Vec<(PromptPurpose, String)>,
-    pub(super) outputs: Vec<Output>,
+    pub(super) outputs: Vec<TerminalRequest>,
     pub(super) area: Rect,
     pub(super) keymap: Keymap,
     /// Layout, strip and colours without a remembered view.
@@ -73,11 +73,11 @@ pub struct App {
 }
 
 /// Input mode: the meaning of keys.
-pub(super) enum Mode {
+pub(super) enum InputMode {
     /// Keys are actions.
     Panes,
     /// Keys edit the text of a prompt.
-    Prompt(PromptPurpose, Prompt),
+    Prompt(PromptPurpose, LinePrompt),
     /// The next key names a mark to set or to go to.
     Letter { is_new: bool },
     /// The help is open, scrolled to this line.
@@ -98,35 +98,35 @@ pub(super) enum PromptPurpose {
 
 impl App {
     /// Handles a message of the background threads.
-    pub fn news(&mut self, news: News) {
+    pub fn on_news(&mut self, news: TimelineNews) {
         match news {
-            News::Window(window) => {
-                self.core.answer(*window);
+            TimelineNews::Window(window) => {
+                self.core.take_window(*window);
                 for key in std::mem::take(&mut self.early) {
-                    self.key(key);
+                    self.on_key(key);
                 }
                 // The window may be older than the index and arrive after the message that the index is
                 // complete.
                 if self.core.is_pending() && self.is_indexed() {
-                    self.core.refresh();
+                    self.core.refresh_window();
                 }
             }
-            News::Exported(told) => self.core.exported(told),
-            News::Compared(result) => self.compared(result),
-            News::Changed(text) | News::Failed(text) => self.core.refuse(&text),
-            News::Filtered => self.core.refresh(),
-            News::Grew => self.core.timeline.see_growth(),
-            News::Indexed if self.core.is_pending() => self.core.refresh(),
-            News::Surveyed => {
+            TimelineNews::Exported(told) => self.core.on_exported(told),
+            TimelineNews::Compared(result) => self.on_compared(result),
+            TimelineNews::Changed(text) | TimelineNews::Failed(text) => self.core.show_refusal(&text),
+            TimelineNews::Filtered => self.core.refresh_window(),
+            TimelineNews::Grew => self.core.timeline.see_growth(),
+            TimelineNews::Indexed if self.core.is_pending() => self.core.refresh_window(),
+            TimelineNews::Surveyed => {
                 self.is_surveyed = true;
                 if std::mem::take(&mut self.opens_at_story)
-                    && let Some((frame, _)) = self.story(0)
+                    && let Some((frame, _)) = self.story_target(0)
                 {
-                    self.core.go(JumpPlace::Frame(frame));
+                    self.core.jump_to(JumpPlace::Frame(frame));
                 }
                 self.core.report_unknown_buses();
             }
-            News::Indexed | News::Traced => {}
+            TimelineNews::Indexed | TimelineNews::Traced => {}
         }
         self.jump_if_known();
         self.refresh_panes();
@@ -139,13 +139,13 @@ impl App {
             against.result = None;
         }
         if let Err(error) = compare(self.core.timeline.options()) {
-            self.compared(Err(format!("{error:#}")));
+            self.on_compared(Err(format!("{error:#}")));
         }
     }
 
-    fn compared(&mut self, result: Result<Box<DifferenceMarks>, String>) {
+    fn on_compared(&mut self, result: Result<Box<DifferenceMarks>, String>) {
         if let Err(reason) = &result {
-            self.core.refuse(&format!("--against: {reason}"));
+            self.core.show_refusal(&format!("--against: {reason}"));
         }
         if let Some(against) = &mut self.core.against {
             against.result = Some(result);
@@ -154,17 +154,17 @@ impl App {
 
     pub(super) fn refresh_panes(&mut self) {
         for pane in self.panes.all_mut() {
-            pane.refresh(&self.core);
+            pane.refresh_state(&self.core);
         }
     }
 
     /// Called regularly; moves the cursor to new frames while following.
-    pub fn tick(&mut self) {
-        self.core.follow();
+    pub fn on_tick(&mut self) {
+        self.core.follow_end();
     }
 
     /// Removes and returns the requests to the terminal.
-    pub fn outputs(&mut self) -> Vec<Output> {
+    pub fn take_outputs(&mut self) -> Vec<TerminalRequest> {
         std::mem::take(&mut self.outputs)
     }
 
@@ -191,14 +191,14 @@ impl App {
     /// Whether background work will change the screen, except the growth of a capture.
     pub fn is_busy(&self) -> bool {
         let timeline = &self.core.timeline;
-        let is_searching = timeline.matches().is_some_and(|matches| !matches.is_complete());
+        let is_searching = timeline.search_matches().is_some_and(|matches| !matches.is_complete());
         self.core.is_waiting()
             || self.core.is_pending()
             || self.core.is_comparing()
             || self.core.is_previewing()
             || is_searching
             || timeline.is_tracing()
-            || !(timeline.grows() || timeline.progress().is_complete() && self.is_surveyed)
+            || !(timeline.may_grow() || timeline.progress().is_complete() && self.is_surveyed)
     }
 }
 
@@ -214,13 +214,13 @@ mod tests {
     use ratatui::buffer::Buffer;
 
     use super::super::preferences::Preferences;
-    use super::super::start::Start;
+    use super::super::start::ViewSettings;
     use super::*;
     use crate::keymap::Keymap;
-    use crate::source::Store;
-    use crate::source::live::LiveState;
-    use crate::theme::{Borders, Depth, Palette, Theme};
-    use crate::timeline::{Captures, JoinOptions, LiveBuses, Timeline};
+    use crate::source::DecompressedBytes;
+    use crate::source::live::SharedLiveState;
+    use crate::theme::{ColorDepth, LineCharacters, Theme, ThemePalette};
+    use crate::timeline::{JoinOptions, LiveBuses, Timeline, TimelineCaptures};
 
     /// Time limit of a test step on a busy machine.
     const LIMIT: Duration = Duration::from_mins(1);
@@ -228,28 +228,28 @@ mod tests {
     /// A live view, and the writer of its bus.
     struct LiveView {
         app: App,
-        news: Receiver<News>,
+        news: Receiver<TimelineNews>,
         writer: Box<dyn FrameWriter>,
     }
 
     impl LiveView {
         fn new() -> Self {
-            let (store, written) = Store::live("live".into(), 0).unwrap();
+            let (store, written) = DecompressedBytes::for_live("live".into(), 0).unwrap();
             let format = WRITABLE.iter().find(|format| format.name == "pcapng").unwrap();
             let mut writer = (format.writer)(Box::new(BufWriter::new(written)), &WriteOptions::default());
             writer.flush().unwrap();
             let (sender, news) = channel();
-            let captures = Captures {
+            let captures = TimelineCaptures {
                 paths: Vec::new(),
                 align: false,
                 join: JoinOptions::OFF,
                 read: cobscope_decoder::capture::ReadOptions::default(),
                 session: cobscope_decoder::session::SessionOptions::default(),
                 rules: Arc::default(),
-                live: Some(LiveBuses { store, state: LiveState::default() }),
+                live: Some(LiveBuses { store, state: SharedLiveState::default() }),
             };
             let timeline = Timeline::open(captures, sender).unwrap();
-            let start = Start {
+            let start = ViewSettings {
                 command: "cobscope live can0".into(),
                 pane: PaneId::Events,
                 preferences: Preferences::default(),
@@ -264,15 +264,15 @@ mod tests {
                 named: Vec::new(),
                 against: None,
             };
-            let theme = Theme::new(Palette::Dark, Depth::None, Borders::Unicode);
+            let theme = Theme::new(ThemePalette::Dark, ColorDepth::None, LineCharacters::Unicode);
             let mut app = App::new(timeline, theme, start);
-            app.resize(80, 24);
+            app.on_resize(80, 24);
             Self { app, news, writer }
         }
 
         fn frame(&mut self, millis: i64, id: u16, data: &[u8]) {
             let time = Some(Timestamp(millis * 1_000_000));
-            let frame = Frame { time, ..Frame::data_frame(CanId::standard(id), data) };
+            let frame = Frame { time, ..Frame::data_frame(CanId::from_standard(id), data) };
             self.writer.write(&frame, "can0").unwrap();
             self.writer.flush().unwrap();
         }
@@ -293,8 +293,8 @@ mod tests {
                     return screen;
                 }
                 let news = self.news.recv_timeout(LIMIT).unwrap_or_else(|_| panic!("no {text}:\n{screen}"));
-                self.app.news(news);
-                self.app.tick();
+                self.app.on_news(news);
+                self.app.on_tick();
             }
         }
     }
@@ -312,7 +312,7 @@ mod tests {
         view.writer.flush().unwrap();
         assert!(view.wait("LINK").contains("2.200"));
         // The cursor stays with the user.
-        view.app.act(Action::Top);
+        view.app.perform_action(Action::Top);
         view.wait("#1/300");
         view.frame(2_300, 0x81, &[0x10, 0x23, 1, 0, 0, 0, 0, 0]);
         view.wait("1 warning so far: 1/01");

@@ -2,25 +2,25 @@
 
 use cobscope_decoder::query::Filter;
 
-use super::application::{App, Mode, PromptPurpose};
+use super::application::{App, InputMode, PromptPurpose};
 use super::report::has_format as has_report_format;
-use crate::select::Bound;
-use crate::state::{Core, JumpPlace, SearchPattern, TimeDisplay};
-use crate::timeline::{Export, Matcher};
-use crate::widgets::prompt::{Prompt, PromptEvent};
+use crate::select::RangeBound;
+use crate::state::{JumpPlace, SearchPattern, TimeDisplay, UiState};
+use crate::timeline::{ExportRequest, RowMatcher};
+use crate::widgets::prompt::{LinePrompt, PromptEvent};
 
 impl App {
-    pub(super) fn ask(&mut self, asking: PromptPurpose, label: &'static str) {
+    pub(super) fn open_prompt(&mut self, asking: PromptPurpose, label: &'static str) {
         let history = self.typed.iter().filter(|(other, _)| *other == asking).map(|(_, text)| text.clone());
-        let mut prompt = Prompt::new(label).with_history(history);
+        let mut prompt = LinePrompt::new(label).with_history(history);
         if asking == PromptPurpose::Filter {
             prompt.set_text(&self.core.filter);
             self.filter_before.clone_from(&self.core.filter);
         }
         if asking == PromptPurpose::Export {
-            prompt.propose(&self.export_name());
+            prompt.propose_text(&self.export_name());
         }
-        self.mode = Mode::Prompt(asking, prompt);
+        self.mode = InputMode::Prompt(asking, prompt);
         self.refresh_prompt_row();
     }
 
@@ -35,7 +35,7 @@ impl App {
 
     /// Name of the first capture without folder and suffix.
     pub(super) fn capture_stem(&self) -> String {
-        let name = self.core.timeline.lanes().first().map_or("-", |lane| lane.store.name());
+        let name = self.core.timeline.open_captures().first().map_or("-", |lane| lane.store.name());
         let stem = std::path::Path::new(name).file_stem().and_then(|stem| stem.to_str());
         stem.filter(|stem| *stem != "-").unwrap_or("capture").to_owned()
     }
@@ -45,152 +45,152 @@ impl App {
         match self.assigned_node() {
             Ok(node) => {
                 self.assigning = Some(node);
-                self.ask(PromptPurpose::Assign, "profile, EDS or DBC");
+                self.open_prompt(PromptPurpose::Assign, "profile, EDS or DBC");
                 let proposed = self.proposed_profile(node);
-                if let (Mode::Prompt(_, prompt), Some(profile)) = (&mut self.mode, proposed) {
-                    prompt.propose(&profile);
+                if let (InputMode::Prompt(_, prompt), Some(profile)) = (&mut self.mode, proposed) {
+                    prompt.propose_text(&profile);
                 }
                 self.refresh_prompt_row();
             }
-            Err(reason) => self.core.refuse(&reason),
+            Err(reason) => self.core.show_refusal(&reason),
         }
     }
 
     /// Handles a change, submission or cancellation of the prompt.
-    pub(super) fn typed(&mut self, asking: PromptPurpose, event: PromptEvent) {
-        self.react(asking, event);
+    pub(super) fn on_typed(&mut self, asking: PromptPurpose, event: PromptEvent) {
+        self.on_prompt(asking, event);
         self.refresh_prompt_row();
     }
 
-    fn react(&mut self, asking: PromptPurpose, event: PromptEvent) {
-        let Mode::Prompt(_, prompt) = &mut self.mode else { return };
+    fn on_prompt(&mut self, asking: PromptPurpose, event: PromptEvent) {
+        let InputMode::Prompt(_, prompt) = &mut self.mode else { return };
         let text = prompt.text().to_owned();
         let is_text = matches!(event, PromptEvent::Changed | PromptEvent::Submitted);
         if asking == PromptPurpose::Search && is_text && self.search_pane(&text) {
             if event == PromptEvent::Submitted {
-                self.mode = Mode::Panes;
+                self.mode = InputMode::Panes;
             }
             return;
         }
-        let Mode::Prompt(_, prompt) = &mut self.mode else { return };
+        let InputMode::Prompt(_, prompt) = &mut self.mode else { return };
         match event {
             PromptEvent::Ignored => {}
             PromptEvent::Cancelled => {
-                self.mode = Mode::Panes;
+                self.mode = InputMode::Panes;
                 if asking == PromptPurpose::Search {
                     self.search_pane("");
                 }
                 if asking == PromptPurpose::Filter && self.core.filter != self.filter_before {
-                    self.filter(&self.filter_before.clone());
+                    self.apply_filter(&self.filter_before.clone());
                 }
             }
             PromptEvent::Changed => {
-                if let Err((offset, reason)) = check(asking, &text) {
+                if let Err((offset, reason)) = check_text(asking, &text) {
                     return prompt.set_error(offset, reason);
                 }
                 prompt.clear_error();
                 // The filter applies while it is typed.
                 if asking == PromptPurpose::Filter && text.trim() != self.core.filter {
-                    self.filter(&text);
+                    self.apply_filter(&text);
                 }
             }
             PromptEvent::Submitted
                 if text.trim().is_empty()
                     && !matches!(asking, PromptPurpose::Filter | PromptPurpose::Columns) =>
             {
-                self.mode = Mode::Panes;
+                self.mode = InputMode::Panes;
             }
-            PromptEvent::Submitted => self.submitted(asking, &text),
+            PromptEvent::Submitted => self.on_submitted(asking, &text),
         }
     }
 
     /// Closes the prompt and applies its text, unless it has an error.
-    fn submitted(&mut self, asking: PromptPurpose, text: &str) {
-        let Mode::Prompt(_, prompt) = &mut self.mode else { return };
-        if let Err((offset, reason)) = check(asking, text) {
+    fn on_submitted(&mut self, asking: PromptPurpose, text: &str) {
+        let InputMode::Prompt(_, prompt) = &mut self.mode else { return };
+        if let Err((offset, reason)) = check_text(asking, text) {
             return prompt.set_error(offset, reason);
         }
         let done = match (asking, self.assigning) {
-            (PromptPurpose::Assign, Some(node)) => self.assign(node, text),
+            (PromptPurpose::Assign, Some(node)) => self.assign_profile(node, text),
             (PromptPurpose::Columns, _) => self.choose_columns(text),
             _ => Ok(()),
         };
         if let Err(reason) = done {
-            if let Mode::Prompt(_, prompt) = &mut self.mode {
+            if let InputMode::Prompt(_, prompt) = &mut self.mode {
                 prompt.set_error(0, reason);
             }
             return;
         }
-        self.mode = Mode::Panes;
+        self.mode = InputMode::Panes;
         self.typed.retain(|(other, old)| *other != asking || old != text);
         self.typed.push((asking, text.to_owned()));
-        self.submit(asking, text);
+        self.apply_text(asking, text);
     }
 
     /// Passes the search text to the pane; `false` if the pane has no search of its own.
     pub(super) fn search_pane(&mut self, text: &str) -> bool {
-        self.panes.get_mut(self.pane).is_some_and(|pane| pane.search(text, &self.core))
+        self.panes.get_mut(self.pane).is_some_and(|pane| pane.search_text(text, &self.core))
     }
 
-    pub(super) fn submit(&mut self, asking: PromptPurpose, text: &str) {
+    pub(super) fn apply_text(&mut self, asking: PromptPurpose, text: &str) {
         match asking {
-            PromptPurpose::Filter => self.filter(text),
+            PromptPurpose::Filter => self.apply_filter(text),
             PromptPurpose::Search => {
                 self.core.sought = SearchPattern::new(text).ok();
-                self.core.search(false);
+                self.core.search_row(false);
             }
-            PromptPurpose::GoTo => match bound(&self.core, text) {
+            PromptPurpose::GoTo => match parse_bound(&self.core, text) {
                 Some(Ok(bound)) => self.core.go_to(bound),
-                Some(Err(reason)) => self.core.refuse(&reason),
+                Some(Err(reason)) => self.core.show_refusal(&reason),
                 None => {}
             },
-            PromptPurpose::Export => self.core.export(text),
-            PromptPurpose::Report => self.report(text),
+            PromptPurpose::Export => self.core.export_file(text),
+            PromptPurpose::Report => self.write_report(text),
             // Done while the prompt could still show an error.
             PromptPurpose::Assign | PromptPurpose::Columns => {}
         }
         self.refresh_panes();
     }
 
-    pub(super) fn filter(&mut self, text: &str) {
+    pub(super) fn apply_filter(&mut self, text: &str) {
         let filter = if text.trim().is_empty() { Ok(None) } else { text.parse::<Filter>().map(Some) };
         match filter {
             Ok(filter) => {
                 text.trim().clone_into(&mut self.core.filter);
-                self.core.show(Matcher { filter, ..self.core.matcher.clone() });
+                self.core.show_events(RowMatcher { filter, ..self.core.matcher.clone() });
             }
-            Err(error) => self.core.refuse(&format!("{text}: {}", error.reason())),
+            Err(error) => self.core.show_refusal(&format!("{text}: {}", error.reason())),
         }
     }
 
     pub(super) fn filter_cell(&mut self) {
         let wanted = self.panes.get(self.pane).and_then(|pane| pane.filter_of_cell(&self.core));
-        let Some(wanted) = wanted else { return self.core.refuse("no filter for this cell") };
+        let Some(wanted) = wanted else { return self.core.show_refusal("no filter for this cell") };
         let is_more = !self.core.filter.is_empty() && !self.core.filter.contains(&wanted);
         let text = if is_more { format!("({}) && {wanted}", self.core.filter) } else { wanted };
-        self.filter(&text);
-        self.core.notify(&format!("filter {text}"));
+        self.apply_filter(&text);
+        self.core.show_message(&format!("filter {text}"));
     }
 
-    pub(super) fn letter(&mut self, letter: char, is_new: bool) {
+    pub(super) fn on_letter(&mut self, letter: char, is_new: bool) {
         if is_new {
             self.core.marks.insert(letter, self.core.cursor);
-            self.core.notify(&format!("mark {letter} set"));
+            self.core.show_message(&format!("mark {letter} set"));
         } else if let Some(spot) = self.core.marks.get(&letter).copied() {
-            self.core.go(JumpPlace::Event(spot));
+            self.core.jump_to(JumpPlace::Event(spot));
         } else {
-            self.core.refuse(&format!("mark {letter} is not set"));
+            self.core.show_refusal(&format!("mark {letter} is not set"));
         }
     }
 }
 
 /// The typed position; None for an incomplete text.
-fn bound(core: &Core, text: &str) -> Option<Result<Bound, String>> {
+fn parse_bound(core: &UiState, text: &str) -> Option<Result<RangeBound, String>> {
     // While local times are shown, a typed time of day is local.
-    let local = (core.clock == TimeDisplay::Local).then(|| Bound::local(text)).flatten().map(Err);
-    Some(match local.or_else(|| place(text))? {
-        Ok(step) => match core.time() {
-            Some(time) => Ok(Bound::Moment(time.plus(step))),
+    let local = (core.clock == TimeDisplay::Local).then(|| RangeBound::local_time(text)).flatten().map(Err);
+    Some(match local.or_else(|| parse_place(text))? {
+        Ok(step) => match core.cursor_time() {
+            Some(time) => Ok(RangeBound::Moment(time.plus(step))),
             None => Err("this capture has no timestamps; enter a frame as #1234".to_owned()),
         },
         Err(bound) => Ok(bound),
@@ -198,12 +198,12 @@ fn bound(core: &Core, text: &str) -> Option<Result<Bound, String>> {
 }
 
 /// Target of the typed position, or the reason why there is none; None for an incomplete text.
-pub(super) fn target(core: &Core, text: &str) -> Option<Result<JumpPlace, String>> {
-    Some(bound(core, text)?.and_then(|bound| core.inside(bound)))
+pub(super) fn parse_target(core: &UiState, text: &str) -> Option<Result<JumpPlace, String>> {
+    Some(parse_bound(core, text)?.and_then(|bound| core.position_inside(bound)))
 }
 
 /// Checks a text; the error has a byte offset and a message.
-pub(super) fn check(asking: PromptPurpose, text: &str) -> Result<(), (usize, String)> {
+pub(super) fn check_text(asking: PromptPurpose, text: &str) -> Result<(), (usize, String)> {
     match asking {
         _ if text.trim().is_empty() => Ok(()),
         PromptPurpose::Assign | PromptPurpose::Columns => Ok(()),
@@ -214,8 +214,12 @@ pub(super) fn check(asking: PromptPurpose, text: &str) -> Result<(), (usize, Str
         PromptPurpose::Search => SearchPattern::new(text).map(|_| ()).map_err(|error| (0, error)),
         PromptPurpose::Export => {
             let known: Vec<_> =
-                Export::suffixes().map(|(known, title)| format!(".{known} {title}")).collect();
-            if Export::has_format(text.as_ref()) { Ok(()) } else { Err((text.len(), known.join(", "))) }
+                ExportRequest::all_suffixes().map(|(known, title)| format!(".{known} {title}")).collect();
+            if ExportRequest::has_format(text.as_ref()) {
+                Ok(())
+            } else {
+                Err((text.len(), known.join(", ")))
+            }
         }
         PromptPurpose::Report => {
             let expected = ".html, .md".to_owned();
@@ -223,13 +227,13 @@ pub(super) fn check(asking: PromptPurpose, text: &str) -> Result<(), (usize, Str
         }
         PromptPurpose::GoTo => {
             let expected = "expected 12.5 (seconds), #1234 (frame), -0.05 or +0.05 (relative), 22:13:25, or a date and time";
-            place(text).map(|_| ()).ok_or_else(|| (0, expected.to_owned()))
+            parse_place(text).map(|_| ()).ok_or_else(|| (0, expected.to_owned()))
         }
     }
 }
 
 /// A relative step in ns, or an absolute place.
-fn place(text: &str) -> Option<Result<i64, Bound>> {
+fn parse_place(text: &str) -> Option<Result<i64, RangeBound>> {
     let text = text.trim();
     let sign = match text.chars().next()? {
         '+' => 1,
@@ -242,8 +246,8 @@ fn place(text: &str) -> Option<Result<i64, Bound>> {
         None => (rest, 1),
     };
     match number.parse().ok()? {
-        Bound::Offset(offset) => Some(Ok(sign * offset / factor)),
-        Bound::Frame(_) | Bound::Moment(_) | Bound::Clock(_) => None,
+        RangeBound::Offset(offset) => Some(Ok(sign * offset / factor)),
+        RangeBound::Frame(_) | RangeBound::Moment(_) | RangeBound::Clock(_) => None,
     }
 }
 
@@ -253,13 +257,13 @@ mod tests {
 
     #[test]
     fn places_are_steps_from_here_or_on_their_own() {
-        assert_eq!(place("-0.05"), Some(Ok(-50_000_000)));
-        assert_eq!(place("+50ms"), Some(Ok(50_000_000)));
-        assert_eq!(place("-2s"), Some(Ok(-2_000_000_000)));
-        assert_eq!(place("12.5"), Some(Err(Bound::Offset(12_500_000_000))));
-        assert_eq!(place("#7"), Some(Err(Bound::Frame(7))));
-        assert_eq!(place("-#7"), None);
-        assert!(matches!(place("22:13:25.5"), Some(Err(Bound::Clock(_)))));
-        assert_eq!(place("later"), None);
+        assert_eq!(parse_place("-0.05"), Some(Ok(-50_000_000)));
+        assert_eq!(parse_place("+50ms"), Some(Ok(50_000_000)));
+        assert_eq!(parse_place("-2s"), Some(Ok(-2_000_000_000)));
+        assert_eq!(parse_place("12.5"), Some(Err(RangeBound::Offset(12_500_000_000))));
+        assert_eq!(parse_place("#7"), Some(Err(RangeBound::Frame(7))));
+        assert_eq!(parse_place("-#7"), None);
+        assert!(matches!(parse_place("22:13:25.5"), Some(Err(RangeBound::Clock(_)))));
+        assert_eq!(parse_place("later"), None);
     }
 }

@@ -3,18 +3,18 @@
 use std::fmt::Write as _;
 
 use cobscope_decoder::replay::ReplayState;
-use cobscope_decoder::suggestion::{Suggestion, suggestions};
-use cobscope_decoder::words::plural;
+use cobscope_decoder::suggestion::{Suggestion, suggest_profiles};
+use cobscope_decoder::words::count_noun;
 
 use super::added::AddedOption;
 use super::application::App;
-use crate::state::{Core, NodeKey};
+use crate::state::{NodeKey, UiState};
 
 impl App {
     /// The node for which the user assigns something: that of the selected row, else of the pane Nodes.
     pub(super) fn assigned_node(&self) -> Result<NodeKey, String> {
-        let of_pane = self.panes.get(self.pane).and_then(|pane| pane.node(&self.core));
-        let of_row = || self.core.row().and_then(|row| Some((row.event.bus, row.event.node?)));
+        let of_pane = self.panes.get(self.pane).and_then(|pane| pane.selected_node(&self.core));
+        let of_row = || self.core.cursor_row().and_then(|row| Some((row.event.bus, row.event.node?)));
         let node = of_pane.or_else(of_row).or(self.core.node).ok_or("select a row of a node first")?;
         match self.core.timeline.live() {
             Some(_) => {
@@ -26,7 +26,7 @@ impl App {
 
     /// The proposed text: the profile that the behaviour of the node suggests.
     pub(super) fn proposed_profile(&self, node: NodeKey) -> Option<String> {
-        match found(&self.core, node).ok()?.as_slice() {
+        match suggested_profiles(&self.core, node).ok()?.as_slice() {
             [one] => Some(one.profile.clone()),
             _ => None,
         }
@@ -36,25 +36,27 @@ impl App {
     ///
     /// # Errors
     /// Unknown profile, or a file that cannot be used.
-    pub(super) fn assign(&mut self, node: NodeKey, text: &str) -> Result<(), String> {
-        let place = place(&self.core, node)?;
-        let added = AddedOption::of(text.trim(), &place);
+    pub(super) fn assign_profile(&mut self, node: NodeKey, text: &str) -> Result<(), String> {
+        let place = node_option(&self.core, node)?;
+        let added = AddedOption::option_for(text.trim(), &place);
         let before = self.core.timeline.options().clone();
         let reassigned = (self.reassign)(&added, &before).map_err(|error| format!("{error:#}"))?;
-        self.core.replace(reassigned.options).map_err(|error| format!("{error:#}"))?;
+        self.core.replace_options(reassigned.options).map_err(|error| format!("{error:#}"))?;
         self.is_surveyed = false;
         self.start_comparison();
-        if let Some(place) = added.place() {
+        if let Some(place) = added.option_node() {
             self.command = without_device(&self.command, place);
         }
         // Writing to a string cannot fail.
-        let _ = write!(self.command, " {}", added.words());
+        let _ = write!(self.command, " {}", added.option_text());
         let problems = match reassigned.problems.as_slice() {
             [] => String::new(),
             [one] => format!("; {one}"),
-            [first, ..] => format!("; {first} and {}", plural(reassigned.problems.len() - 1, "more problem")),
+            [first, ..] => {
+                format!("; {first} and {}", count_noun(reassigned.problems.len() - 1, "more problem"))
+            }
         };
-        self.core.notify(&format!("decoded again with {}{problems}", added.words()));
+        self.core.show_message(&format!("decoded again with {}{problems}", added.option_text()));
         Ok(())
     }
 }
@@ -75,24 +77,26 @@ fn without_device(command: &str, place: &str) -> String {
 }
 
 /// The node as in `--node`: with its bus if the captures have several.
-fn place(core: &Core, (index, node): NodeKey) -> Result<String, String> {
-    let end = core.timeline.end();
-    let world: &ReplayState = end.as_deref().or_else(|| core.world()).ok_or("still reading the captures")?;
+fn node_option(core: &UiState, (index, node): NodeKey) -> Result<String, String> {
+    let end = core.timeline.end_state();
+    let world: &ReplayState =
+        end.as_deref().or_else(|| core.bus_state()).ok_or("still reading the captures")?;
     let buses = world.buses();
     let bus = buses.iter().find(|bus| bus.index() == index).ok_or("no such bus")?;
     Ok(if buses.len() == 1 { node.to_string() } else { format!("{}:{node}", bus.name()) })
 }
 
 /// Profiles that the behaviour of a node without a profile suggests: the firm ones, or all if there are none.
-fn found(core: &Core, (index, node): NodeKey) -> Result<Vec<Suggestion>, String> {
-    let end = core.timeline.end();
+fn suggested_profiles(core: &UiState, (index, node): NodeKey) -> Result<Vec<Suggestion>, String> {
+    let end = core.timeline.end_state();
     // Behaviour up to the end of the captures, or up to the cursor until they are read.
-    let world: &ReplayState = end.as_deref().or_else(|| core.world()).ok_or("still reading the captures")?;
+    let world: &ReplayState =
+        end.as_deref().or_else(|| core.bus_state()).ok_or("still reading the captures")?;
     let bus = world.buses().iter().find(|bus| bus.index() == index).ok_or("no such bus")?;
     if bus.node(node).is_some_and(|node| node.device_id().is_some()) {
         return Ok(Vec::new());
     }
-    let mut found = suggestions(bus, bus.catalogue(), Some(node));
+    let mut found = suggest_profiles(bus, bus.catalogue(), Some(node));
     if found.iter().any(|one| !one.is_weak) {
         found.retain(|one| !one.is_weak);
     }

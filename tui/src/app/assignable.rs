@@ -4,23 +4,23 @@ use std::path::Path;
 
 use super::added::is_file;
 use super::candidates::Candidate;
-use crate::state::Core;
+use crate::state::UiState;
 
 /// Maximum number of entries read from a folder.
 const MOST: usize = 1_000;
 
 /// Profiles and files that complete a text.
-pub(super) fn assignable(core: &Core, before: &str) -> Vec<Candidate> {
+pub(super) fn assignable_names(core: &UiState, before: &str) -> Vec<Candidate> {
     let typed = before.to_lowercase();
     let mut words = core.timeline.options().catalogue.ids();
     words.sort();
     words.retain(|id| id.starts_with(&typed) && *id != typed);
-    words.extend(files(before));
+    words.extend(matching_files(before));
     words.into_iter().map(|word| Candidate::new(&word, None)).collect()
 }
 
 /// Paths of device files, databases and folders that complete a path.
-fn files(before: &str) -> Vec<String> {
+fn matching_files(before: &str) -> Vec<String> {
     // On Windows both slashes separate, and a folder keeps its last one: `C:` alone is another folder than `C:\`.
     let name = before.rsplit_once(std::path::is_separator).map_or(before, |(_, name)| name);
     let shown = before.get(..before.len() - name.len()).unwrap_or_default();
@@ -56,7 +56,7 @@ mod tests {
         }
         let root = root.path().to_str().unwrap();
         let rest = |text: &str| -> Vec<String> {
-            let found = files(&format!("{root}{text}"));
+            let found = matching_files(&format!("{root}{text}"));
             found.iter().map(|path| path.strip_prefix(root).unwrap().to_owned()).collect()
         };
         assert_eq!(rest("/dev"), ["/devices/"]);

@@ -3,15 +3,15 @@
 use std::collections::BTreeMap;
 
 use cobscope_decoder::event::Kind;
-use cobscope_decoder::finding::{Findings, Severity};
-use cobscope_decoder::query::fields::{FieldType, Target};
-use cobscope_decoder::query::{Expected, completion};
+use cobscope_decoder::finding::{CaptureFindings, Severity};
+use cobscope_decoder::query::fields::{FieldTarget, FieldType};
+use cobscope_decoder::query::{ExpectedWord, complete_filter};
 use cobscope_decoder::replay::ReplayState;
 use cobscope_decoder::statistics::IdentifierRow;
 use cobscope_decoder::wire::NodeId;
 
 use crate::panes::last_world;
-use crate::state::Core;
+use crate::state::UiState;
 
 /// A word that completes the input.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -41,36 +41,37 @@ pub(super) struct PromptRow {
 }
 
 /// Offset of the word at the end of `before`, the words that complete it, and a text if there are none.
-pub(super) fn candidates(core: &Core, before: &str) -> (usize, Vec<Candidate>, String) {
-    let Some(found) = completion(before) else { return (before.len(), Vec::new(), String::new()) };
+pub(super) fn find_candidates(core: &UiState, before: &str) -> (usize, Vec<Candidate>, String) {
+    let Some(found) = complete_filter(before) else { return (before.len(), Vec::new(), String::new()) };
     let typed = before.get(found.start..).unwrap_or_default().to_lowercase();
     let mut words = match &found.expected {
-        Expected::Value(targets) => values(core, targets, &found.expected.words()),
-        other => other.words().into_iter().map(|word| Candidate::new(word, None)).collect(),
+        ExpectedWord::Value(targets) => value_candidates(core, targets, &found.expected.possible_words()),
+        other => other.possible_words().into_iter().map(|word| Candidate::new(word, None)).collect(),
     };
     words.retain(|word| word.text.to_lowercase().starts_with(&typed));
     // A complete word needs no completion.
-    if matches!(words.as_slice(), [only] if only.text == typed) && !matches!(found.expected, Expected::Field)
+    if matches!(words.as_slice(), [only] if only.text == typed)
+        && !matches!(found.expected, ExpectedWord::Field)
     {
         words.clear();
     }
     let text = match &found.expected {
-        Expected::Value(targets) => meaning(targets),
+        ExpectedWord::Value(targets) => field_meaning(targets),
         _ => String::new(),
     };
     (found.start, words, text)
 }
 
 /// The meaning of a field.
-fn meaning(targets: &[Target]) -> String {
+fn field_meaning(targets: &[FieldTarget]) -> String {
     targets.first().map_or(String::new(), |target| format!("{}: {}", target.field.key, target.field.doc))
 }
 
 /// Values of a field: those of the captures, most frequent first, then the other possible ones.
-fn values(core: &Core, targets: &[Target], fixed: &[&str]) -> Vec<Candidate> {
+fn value_candidates(core: &UiState, targets: &[FieldTarget], fixed: &[&str]) -> Vec<Candidate> {
     let key = targets.first().map_or("", |target| target.field.key.as_str());
     let counted = match last_world(core) {
-        Some(world) => counts(core, key, targets, &world),
+        Some(world) => value_counts(core, key, targets, &world),
         None => BTreeMap::new(),
     };
     let mut found: Vec<_> = counted.iter().map(|(text, count)| Candidate::new(text, Some(*count))).collect();
@@ -84,13 +85,18 @@ fn values(core: &Core, targets: &[Target], fixed: &[&str]) -> Vec<Candidate> {
 }
 
 /// Names of all rules for the field `rule`.
-fn other_rules(core: &Core, key: &str) -> Vec<String> {
+fn other_rules(core: &UiState, key: &str) -> Vec<String> {
     let survey = core.timeline.survey();
     let rules = survey.findings.iter().filter(|_| key == "rule").flat_map(|findings| &findings.rules);
-    rules.filter(|rule| rule.is_on).map(|rule| quoted(&rule.name)).collect()
+    rules.filter(|rule| rule.is_on).map(|rule| quote_value(&rule.name)).collect()
 }
 
-fn counts(core: &Core, key: &str, targets: &[Target], world: &ReplayState) -> BTreeMap<String, u64> {
+fn value_counts(
+    core: &UiState,
+    key: &str,
+    targets: &[FieldTarget],
+    world: &ReplayState,
+) -> BTreeMap<String, u64> {
     let survey = core.timeline.survey();
     let rows = world.identifiers().rows().iter();
     let is_id = targets.iter().any(|target| target.value() == FieldType::Id);
@@ -102,16 +108,17 @@ fn counts(core: &Core, key: &str, targets: &[Target], world: &ReplayState) -> BT
         "severity" => {
             let Some(findings) = &survey.findings else { return BTreeMap::new() };
             let all = [Severity::Error, Severity::Warning, Severity::Note];
-            let count = |severity: Severity| findings.number(severity) as u64;
+            let count = |severity: Severity| findings.reported_count(severity) as u64;
             all.into_iter().map(|severity| (severity.name().to_owned(), count(severity))).collect()
         }
         "rule" => {
-            let groups = survey.findings.iter().flat_map(Findings::counting);
-            sum(groups.map(|group| (Some(quoted(&group.rule)), 1)))
+            let groups = survey.findings.iter().flat_map(CaptureFindings::reported_groups);
+            sum_counts(groups.map(|group| (Some(quote_value(&group.rule)), 1)))
         }
         "bus" => {
-            let name = |row: &IdentifierRow| Some(quoted(world.buses().get(usize::from(row.bus.0))?.name()));
-            sum(rows.map(|row| (name(row), row.count)))
+            let name =
+                |row: &IdentifierRow| Some(quote_value(world.buses().get(usize::from(row.bus.0))?.name()));
+            sum_counts(rows.map(|row| (name(row), row.count)))
         }
         "node" => {
             // Two digits sort before three.
@@ -120,15 +127,15 @@ fn counts(core: &Core, key: &str, targets: &[Target], world: &ReplayState) -> BT
                 _ => None,
             };
             let nodes = rows.filter_map(|row| Some((number(row)?, row.count)));
-            sum(nodes.map(|(node, count)| (Some(node.to_string()), count)))
+            sum_counts(nodes.map(|(node, count)| (Some(node.to_string()), count)))
         }
-        "pdo" => sum(rows.map(|row| (row.pdo.map(|pdo| pdo.to_string()), row.count))),
-        _ if is_id => sum(rows.map(|row| (Some(format!("0x{:03X}", row.id.number())), row.count))),
+        "pdo" => sum_counts(rows.map(|row| (row.pdo.map(|pdo| pdo.to_string()), row.count))),
+        _ if is_id => sum_counts(rows.map(|row| (Some(format!("0x{:03X}", row.id.number())), row.count))),
         _ => BTreeMap::new(),
     }
 }
 
-fn sum(values: impl Iterator<Item = (Option<String>, u64)>) -> BTreeMap<String, u64> {
+fn sum_counts(values: impl Iterator<Item = (Option<String>, u64)>) -> BTreeMap<String, u64> {
     let mut counts = BTreeMap::new();
     for (text, count) in values.filter_map(|(text, count)| Some((text?, count))) {
         let sum: &mut u64 = counts.entry(text).or_default();
@@ -138,7 +145,7 @@ fn sum(values: impl Iterator<Item = (Option<String>, u64)>) -> BTreeMap<String, 
 }
 
 /// A text as a value in a filter; in quotes if it is not a plain word.
-fn quoted(text: &str) -> String {
+fn quote_value(text: &str) -> String {
     let is_plain = |letter: char| letter.is_alphanumeric() || matches!(letter, '_' | '-' | ':');
     let filter = format!("bus == {text}").parse::<cobscope_decoder::query::Filter>();
     if text.chars().all(is_plain) && filter.is_ok() { text.to_owned() } else { format!("{text:?}") }
@@ -150,10 +157,10 @@ mod tests {
 
     #[test]
     fn values_that_are_not_words_are_quoted() {
-        assert_eq!(quoted("can0"), "can0");
-        assert_eq!(quoted("rexroth-sydfec:eeprom-wear"), "rexroth-sydfec:eeprom-wear");
-        assert_eq!(quoted("bus 1"), "\"bus 1\"");
-        assert_eq!(quoted("and"), "\"and\"");
-        assert_eq!(quoted(""), "\"\"");
+        assert_eq!(quote_value("can0"), "can0");
+        assert_eq!(quote_value("rexroth-sydfec:eeprom-wear"), "rexroth-sydfec:eeprom-wear");
+        assert_eq!(quote_value("bus 1"), "\"bus 1\"");
+        assert_eq!(quote_value("and"), "\"and\"");
+        assert_eq!(quote_value(""), "\"\"");
     }
 }

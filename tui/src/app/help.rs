@@ -5,9 +5,9 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
 use super::application::App;
-use crate::keymap::{Group, Keymap, defaults};
+use crate::keymap::{HelpGroup, Keymap, default_bindings};
 use crate::panes::{COMMON, LegendEntry};
-use crate::theme::{Role, Theme};
+use crate::theme::{TextRole, Theme};
 use crate::widgets::draw;
 use crate::widgets::text_lines::TextLines;
 
@@ -26,11 +26,11 @@ impl App {
         if area.width >= WIDE {
             let left = Rect { width: area.width / 2, ..area };
             let right = Rect { x: left.right(), width: area.width - left.width, ..area };
-            TextLines::new(theme, &legend).scroll(scroll).render(left, buf);
-            TextLines::new(theme, &keys).scroll(scroll).render(right, buf);
+            TextLines::new(theme, &legend).with_scroll(scroll).render(left, buf);
+            TextLines::new(theme, &keys).with_scroll(scroll).render(right, buf);
         } else {
             legend.extend(keys);
-            TextLines::new(theme, &legend).scroll(scroll).render(area, buf);
+            TextLines::new(theme, &legend).with_scroll(scroll).render(area, buf);
         }
     }
 
@@ -38,12 +38,12 @@ impl App {
     fn legend_lines(&self) -> Vec<Line<'static>> {
         let theme = &self.core.theme;
         let Some(pane) = self.panes.get(self.pane) else { return Vec::new() };
-        let legend = pane.legend();
+        let legend = pane.pane_legend();
         let title = format!("{}: {}", self.pane.title(), legend.purpose);
-        let mut lines = vec![Line::styled(title, theme.style(Role::Title))];
+        let mut lines = vec![Line::styled(title, theme.role_style(TextRole::Title))];
         lines.extend(legend.columns.iter().chain(legend.marks).map(|entry| entry_line(theme, entry)));
         lines.push(Line::default());
-        lines.push(Line::styled("All panes", theme.style(Role::Title)));
+        lines.push(Line::styled("All panes", theme.role_style(TextRole::Title)));
         lines.extend(COMMON.iter().map(|entry| entry_line(theme, entry)));
         lines.push(Line::default());
         lines
@@ -53,13 +53,13 @@ impl App {
 /// All keys by group, from the keymap.
 fn key_lines(theme: &Theme, keymap: &Keymap) -> Vec<Line<'static>> {
     let mut lines = Vec::new();
-    for group in Group::ALL {
-        lines.push(Line::styled(group.title(), theme.style(Role::Title)));
-        for binding in defaults().filter(|binding| binding.group == group) {
-            lines.push(line(
+    for group in HelpGroup::ALL {
+        lines.push(Line::styled(group.title(), theme.role_style(TextRole::Title)));
+        for binding in default_bindings().filter(|binding| binding.group == group) {
+            lines.push(mark_line(
                 theme,
-                &keymap.keys(binding.action).join(" "),
-                Role::Key,
+                &keymap.keys_for(binding.action).join(" "),
+                TextRole::Key,
                 binding.help.to_owned(),
             ));
         }
@@ -69,16 +69,16 @@ fn key_lines(theme: &Theme, keymap: &Keymap) -> Vec<Line<'static>> {
 }
 
 fn entry_line(theme: &Theme, entry: &LegendEntry) -> Line<'static> {
-    line(theme, entry.mark, entry.role, entry.meaning.to_owned())
+    mark_line(theme, entry.mark, entry.role, entry.meaning.to_owned())
 }
 
 /// A mark in its style, and its meaning in a second column.
-fn line(theme: &Theme, mark: &str, role: Role, meaning: String) -> Line<'static> {
-    let blank = MARK.saturating_sub(usize::from(draw::width(mark))) + 1;
+fn mark_line(theme: &Theme, mark: &str, role: TextRole, meaning: String) -> Line<'static> {
+    let blank = MARK.saturating_sub(usize::from(draw::text_width(mark))) + 1;
     Line::from(vec![
         Span::raw("  "),
-        Span::styled(mark.to_owned(), theme.style(role)),
+        Span::styled(mark.to_owned(), theme.role_style(role)),
         Span::raw(" ".repeat(blank)),
-        Span::styled(meaning, theme.style(Role::Text)),
+        Span::styled(meaning, theme.role_style(TextRole::Text)),
     ])
 }

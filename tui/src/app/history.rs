@@ -13,7 +13,7 @@ const MOST: usize = 100;
 
 /// The user's selection of rows and their order.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Shown {
+pub(super) struct RowSelection {
     pub(super) filter: String,
     pub(super) only_news: bool,
     /// Text of the search for rows.
@@ -32,9 +32,9 @@ pub(super) struct PaneShown {
     pub(super) sought: String,
 }
 
-impl Shown {
+impl RowSelection {
     /// Filters and searches that `next` no longer has.
-    pub(super) fn cleared(&self, next: &Self) -> Vec<String> {
+    pub(super) fn cleared_by(&self, next: &Self) -> Vec<String> {
         let gone = |what: &str, old: &str, new: &str| {
             if old.is_empty() || !new.is_empty() { None } else { Some(format!("{what} {old}")) }
         };
@@ -48,20 +48,20 @@ impl Shown {
 
 /// States before and after the present one.
 #[derive(Debug, Default)]
-pub(super) struct History {
-    pub(super) present: Shown,
-    undo: Vec<Shown>,
-    redo: Vec<Shown>,
+pub(super) struct ViewHistory {
+    pub(super) present: RowSelection,
+    undo: Vec<RowSelection>,
+    redo: Vec<RowSelection>,
 }
 
-impl History {
+impl ViewHistory {
     /// A history that begins with a state.
-    pub(super) fn starting(present: Shown) -> Self {
+    pub(super) fn starting_with(present: RowSelection) -> Self {
         Self { present, ..Self::default() }
     }
 
     /// Adds the state after an action; equal states are one.
-    pub(super) fn add(&mut self, next: Shown) {
+    pub(super) fn add_state(&mut self, next: RowSelection) {
         if next == self.present {
             return;
         }
@@ -73,26 +73,26 @@ impl History {
     }
 
     /// Goes one state back or forth; returns the changes from the older to the newer state.
-    pub(super) fn step(&mut self, is_undo: bool) -> Option<Vec<String>> {
+    pub(super) fn step_history(&mut self, is_undo: bool) -> Option<Vec<String>> {
         let (from, to) =
             if is_undo { (&mut self.undo, &mut self.redo) } else { (&mut self.redo, &mut self.undo) };
         let next = from.pop()?;
         let left = std::mem::replace(&mut self.present, next);
         let (old, new) = if is_undo { (&self.present, &left) } else { (&left, &self.present) };
-        let changes = changes(old, new);
+        let changes = change_texts(old, new);
         to.push(left);
         Some(changes)
     }
 }
 
 /// The changes from one state to another in words: `filter kind == emcy`, `clearing of the filter node == 5`.
-fn changes(old: &Shown, new: &Shown) -> Vec<String> {
+fn change_texts(old: &RowSelection, new: &RowSelection) -> Vec<String> {
     let text = |what: &str, old: &str, new: &str| match (old == new, new) {
         (true, _) => None,
         (false, "") => Some(format!("clearing of the {what} {old}")),
         (false, new) => Some(format!("{what} {new}")),
     };
-    let sought = |shown: &Shown| shown.sought.clone().unwrap_or_default();
+    let sought = |shown: &RowSelection| shown.sought.clone().unwrap_or_default();
     let mut found: Vec<String> = text("filter", &old.filter, &new.filter).into_iter().collect();
     found.extend(text("search", &sought(old), &sought(new)));
     if old.only_news != new.only_news {
@@ -116,38 +116,38 @@ fn changes(old: &Shown, new: &Shown) -> Vec<String> {
 mod tests {
     use super::*;
 
-    fn filter(text: &str) -> Shown {
-        Shown { filter: text.to_owned(), ..Shown::default() }
+    fn filter(text: &str) -> RowSelection {
+        RowSelection { filter: text.to_owned(), ..RowSelection::default() }
     }
 
     #[test]
     fn states_are_restored_in_both_directions() {
-        let mut history = History::starting(filter(""));
-        history.add(filter("kind == emcy"));
-        history.add(filter("kind == emcy"));
-        history.add(filter(""));
-        assert_eq!(history.step(true).unwrap(), ["clearing of the filter kind == emcy"]);
-        assert_eq!(history.step(true).unwrap(), ["filter kind == emcy"]);
-        assert_eq!(history.step(true), None);
-        assert_eq!(history.step(false).unwrap(), ["filter kind == emcy"]);
+        let mut history = ViewHistory::starting_with(filter(""));
+        history.add_state(filter("kind == emcy"));
+        history.add_state(filter("kind == emcy"));
+        history.add_state(filter(""));
+        assert_eq!(history.step_history(true).unwrap(), ["clearing of the filter kind == emcy"]);
+        assert_eq!(history.step_history(true).unwrap(), ["filter kind == emcy"]);
+        assert_eq!(history.step_history(true), None);
+        assert_eq!(history.step_history(false).unwrap(), ["filter kind == emcy"]);
         assert_eq!(history.present, filter("kind == emcy"));
         // A new change ends the possible redo.
-        history.add(filter("node == 5"));
-        assert_eq!(history.step(false), None);
-        assert_eq!(history.step(true).unwrap(), ["filter node == 5"]);
+        history.add_state(filter("node == 5"));
+        assert_eq!(history.step_history(false), None);
+        assert_eq!(history.step_history(true).unwrap(), ["filter node == 5"]);
     }
 
     #[test]
     fn the_history_is_limited() {
-        let mut history = History::starting(filter(""));
-        (0..MOST * 2).for_each(|node| history.add(filter(&format!("node == {node}"))));
+        let mut history = ViewHistory::starting_with(filter(""));
+        (0..MOST * 2).for_each(|node| history.add_state(filter(&format!("node == {node}"))));
         assert_eq!(history.undo.len(), MOST);
     }
 
     #[test]
     fn several_changes_of_one_key_are_listed() {
-        let old = Shown { sought: Some("emcy".to_owned()), only_news: true, ..filter("node == 5") };
-        let texts = changes(&old, &Shown::default());
+        let old = RowSelection { sought: Some("emcy".to_owned()), only_news: true, ..filter("node == 5") };
+        let texts = change_texts(&old, &RowSelection::default());
         assert_eq!(texts, ["clearing of the filter node == 5", "clearing of the search emcy", "all events"]);
     }
 }

@@ -31,10 +31,10 @@ mod undo;
 mod update;
 mod view;
 
-pub use added::{AddedOption, Reassign, Reassigned};
+pub use added::{AddedOption, Reassign, ReassignedOptions};
 pub use application::App;
-pub use output::Output;
+pub use output::TerminalRequest;
 pub use preferences::Preferences;
 pub use requests::{Compare, ReportRequest, WriteReport};
-pub use shell::quoted;
-pub use start::Start;
+pub use shell::quote_word;
+pub use start::ViewSettings;

@@ -10,7 +10,7 @@ use crate::state::JumpPlace;
 
 impl App {
     /// Goes to the next or previous finding.
-    pub(super) fn finding(&mut self, is_forward: bool) {
+    pub(super) fn goto_finding(&mut self, is_forward: bool) {
         let cursor = self.core.cursor.frame;
         let survey = self.core.timeline.survey();
         let is_next = |frame: u64| if is_forward { frame > cursor } else { frame < cursor };
@@ -27,11 +27,11 @@ impl App {
         let skipped = survey.places.iter().filter(|place| is_between(place.frame)).count();
         drop(survey);
         // Until the end only the first occurrence of a finding is known: a later one may be nearer, backwards.
-        let is_known = is_forward || self.core.timeline.grows() || self.has_all_results();
+        let is_known = is_forward || self.core.timeline.may_grow() || self.has_all_results();
         if let Some(place) = next.filter(|_| is_known) {
-            self.core.go(JumpPlace::Frame(place.frame));
+            self.core.jump_to(JumpPlace::Frame(place.frame));
             let text = self.core.finding_text(place.id);
-            self.core.notify(&format!("{}{text}", skipped_text(skipped)));
+            self.core.show_message(&format!("{}{text}", skipped_text(skipped)));
         } else {
             let action = if is_forward { Action::NextFinding } else { Action::PreviousFinding };
             self.nothing_further("finding", action, skipped);
@@ -42,32 +42,32 @@ impl App {
     /// Without a target in the results so far: waits for the remaining ones, or reports that none exists.
     fn nothing_further(&mut self, what: &str, action: Action, skipped: usize) {
         if self.has_all_results() {
-            return self.core.refuse(&match skipped {
+            return self.core.show_refusal(&match skipped {
                 0 => format!("no further {what} in this direction"),
                 _ => format!("no further {what}; the filter hides {skipped} (c clears it)"),
             });
         }
         // A growing capture may never have another one; a jump much later would surprise.
-        if self.core.timeline.grows() {
-            return self.core.refuse(&format!("no further {what} so far"));
+        if self.core.timeline.may_grow() {
+            return self.core.show_refusal(&format!("no further {what} so far"));
         }
         self.awaited_jump = Some(action);
         let is_back =
             matches!(action, Action::PreviousFinding | Action::PreviousError | Action::PreviousStory);
         let which = if is_back { "previous" } else { "next" };
-        self.core.notify(&format!("goes to the {which} {what} when it is known; any key stops this"));
+        self.core.show_message(&format!("goes to the {which} {what} when it is known; any key stops this"));
     }
 
     /// Whether the rules and the search for the shown events have reached the end.
     fn has_all_results(&self) -> bool {
-        let is_searched = self.core.timeline.matches().is_none_or(|matches| matches.is_complete());
+        let is_searched = self.core.timeline.search_matches().is_none_or(|matches| matches.is_complete());
         is_searched && self.core.timeline.survey().is_complete
     }
 
     /// Tries a jump again that was requested before its target was known.
     pub(super) fn jump_if_known(&mut self) {
         if let Some(action) = self.awaited_jump.take() {
-            self.act(action);
+            self.perform_action(action);
         }
     }
 
@@ -81,15 +81,15 @@ impl App {
             let action = if is_forward { Action::NextStory } else { Action::PreviousStory };
             return self.nothing_further("story", action, 0);
         };
-        let Some((frame, title)) = self.story(next) else { return };
+        let Some((frame, title)) = self.story_target(next) else { return };
         self.last_story = Some(next);
-        self.core.go(JumpPlace::Frame(frame));
-        self.core.notify(&format!("story {} of {}: {title}", next.saturating_add(1), frames.len()));
+        self.core.jump_to(JumpPlace::Frame(frame));
+        self.core.show_message(&format!("story {} of {}: {title}", next.saturating_add(1), frames.len()));
         self.refresh_panes();
     }
 
     /// First frame and title of a story.
-    pub(super) fn story(&self, index: usize) -> Option<(u64, String)> {
+    pub(super) fn story_target(&self, index: usize) -> Option<(u64, String)> {
         let survey = self.core.timeline.survey();
         let story = survey.diagnosis.as_ref()?.stories.get(index)?;
         let frame = Some(story.began.frames.last).filter(|frame| *frame > 0)?;
@@ -97,13 +97,13 @@ impl App {
     }
 
     /// Goes to the next or previous error.
-    pub(super) fn error(&mut self, is_forward: bool) {
+    pub(super) fn goto_error(&mut self, is_forward: bool) {
         let cursor = self.core.cursor;
-        let matches = self.core.timeline.matches().filter(|_| self.core.matcher.filter.is_some());
+        let matches = self.core.timeline.search_matches().filter(|_| self.core.matcher.filter.is_some());
         // Beyond the frames searched so far it is unknown what the filter hides.
         let known =
-            matches.as_ref().filter(|matches| !matches.is_complete()).map(|matches| matches.scanned());
-        let is_shown = |spot: &EventPosition| matches.as_ref().is_none_or(|matches| matches.has(*spot));
+            matches.as_ref().filter(|matches| !matches.is_complete()).map(|matches| matches.scanned_frames());
+        let is_shown = |spot: &EventPosition| matches.as_ref().is_none_or(|matches| matches.has_match(*spot));
         let survey = self.core.timeline.survey();
         let at = survey.overview.errors.partition_point(|spot| *spot <= cursor);
         let before = survey.overview.errors.partition_point(|spot| *spot < cursor);
@@ -120,9 +120,9 @@ impl App {
         let next = next.copied().filter(|spot| known.is_none_or(|frames| spot.frame <= frames));
         drop(survey);
         if let Some(spot) = next {
-            self.core.go(JumpPlace::Event(spot));
+            self.core.jump_to(JumpPlace::Event(spot));
             if skipped > 0 {
-                self.core.notify(skipped_text(skipped).trim_end_matches("; "));
+                self.core.show_message(skipped_text(skipped).trim_end_matches("; "));
             }
         } else {
             let action = if is_forward { Action::NextError } else { Action::PreviousError };

@@ -2,7 +2,7 @@
 
 /// A request to the terminal.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Output {
+pub enum TerminalRequest {
     /// End the program.
     Quit,
     /// Copy a text to the clipboard.

@@ -2,20 +2,20 @@
 
 use std::collections::BTreeMap;
 
-use crate::panes::Layout;
-use crate::theme::Palette;
+use crate::panes::PaneLayout;
+use crate::theme::ThemePalette;
 
 /// What the program remembers from run to run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Preferences {
     /// Panes shown together; None: by the size of the terminal.
-    pub layout: Option<Layout>,
+    pub layout: Option<PaneLayout>,
     /// Share of the left column of panes, in per cent.
     pub split: Option<u16>,
     /// The strip of time is shown.
     pub has_strip: bool,
     /// Colours for a dark or light background.
-    pub palette: Palette,
+    pub palette: ThemePalette,
     /// Titles of the columns that are shown, by name of the pane.
     pub columns: BTreeMap<String, Vec<String>>,
 }
@@ -26,7 +26,7 @@ impl Default for Preferences {
             layout: None,
             split: None,
             has_strip: true,
-            palette: Palette::default(),
+            palette: ThemePalette::default(),
             columns: BTreeMap::new(),
         }
     }

@@ -12,21 +12,21 @@ use ratatui::crossterm::event::KeyCode;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
-use super::application::{App, Mode, PromptPurpose};
-use super::ask::target;
-use super::assignable::assignable;
-use super::candidates::{Candidate, PromptRow, candidates};
+use super::application::{App, InputMode, PromptPurpose};
+use super::ask::parse_target;
+use super::assignable::assignable_names;
+use super::candidates::{Candidate, PromptRow, find_candidates};
 use super::columns::columns_left;
-use crate::state::Core;
-use crate::theme::{Glyph, Role};
-use crate::widgets::draw::{self, Align};
-use crate::widgets::prompt::{Prompt, PromptEvent};
+use crate::state::UiState;
+use crate::theme::{Glyph, TextRole};
+use crate::widgets::draw::{self, TextAlignment};
+use crate::widgets::prompt::{LinePrompt, PromptEvent};
 
 /// Key that completes.
 const KEY: &str = "tab completes";
 
 /// Examples of a prompt; each is valid.
-pub(super) const fn examples(asking: PromptPurpose) -> [&'static str; 3] {
+pub(super) const fn prompt_examples(asking: PromptPurpose) -> [&'static str; 3] {
     match asking {
         PromptPurpose::Filter => ["kind == emcy", "node == 5 && kind == pdo", "severity == error"],
         PromptPurpose::Search => ["emcy", "tpdo[12]", "fault|lost"],
@@ -39,10 +39,10 @@ pub(super) const fn examples(asking: PromptPurpose) -> [&'static str; 3] {
 }
 
 /// The row for the content of a prompt.
-fn row(core: &Core, asking: PromptPurpose, prompt: &Prompt) -> PromptRow {
+fn prompt_row(core: &UiState, asking: PromptPurpose, prompt: &LinePrompt) -> PromptRow {
     let text = prompt.text();
     if text.trim().is_empty() && asking != PromptPurpose::Columns {
-        let text = format!("examples:  {}", examples(asking).join("   "));
+        let text = format!("examples:  {}", prompt_examples(asking).join("   "));
         return PromptRow { text, ..PromptRow::default() };
     }
     match asking {
@@ -52,12 +52,12 @@ fn row(core: &Core, asking: PromptPurpose, prompt: &Prompt) -> PromptRow {
         },
         PromptPurpose::Filter => {
             let before = text.get(..prompt.cursor()).unwrap_or_default();
-            let (start, candidates, text) = candidates(core, before);
+            let (start, candidates, text) = find_candidates(core, before);
             PromptRow { start, candidates, chosen: None, text }
         }
         PromptPurpose::Assign => {
             let before = text.get(..prompt.cursor()).unwrap_or_default();
-            PromptRow { candidates: assignable(core, before), ..PromptRow::default() }
+            PromptRow { candidates: assignable_names(core, before), ..PromptRow::default() }
         }
         _ => PromptRow::default(),
     }
@@ -66,24 +66,24 @@ fn row(core: &Core, asking: PromptPurpose, prompt: &Prompt) -> PromptRow {
 impl App {
     /// Updates the row after a change of the prompt.
     pub(super) fn refresh_prompt_row(&mut self) {
-        let Mode::Prompt(asking, prompt) = &self.mode else { return };
+        let InputMode::Prompt(asking, prompt) = &self.mode else { return };
         self.prompt_row = match asking {
             PromptPurpose::Columns => {
                 let before = prompt.text().get(..prompt.cursor()).unwrap_or_default();
-                let (start, candidates) = columns_left(&self.titles(), before);
+                let (start, candidates) = columns_left(&self.column_titles(), before);
                 PromptRow { start, candidates, ..PromptRow::default() }
             }
-            _ => row(&self.core, *asking, prompt),
+            _ => prompt_row(&self.core, *asking, prompt),
         };
         if *asking == PromptPurpose::GoTo {
-            let wanted = target(&self.core, prompt.text());
+            let wanted = parse_target(&self.core, prompt.text());
             self.core.look_at(wanted);
         }
     }
 
     /// Completes the word at the cursor: first as far as all candidates agree, then to each of them in turn.
-    pub(super) fn complete(&mut self, key: KeyCode) {
-        let Mode::Prompt(asking, prompt) = &mut self.mode else { return };
+    pub(super) fn complete_word(&mut self, key: KeyCode) {
+        let InputMode::Prompt(asking, prompt) = &mut self.mode else { return };
         let row = &self.prompt_row;
         let typed = prompt.text().get(row.start..prompt.cursor()).unwrap_or_default();
         let common = common_prefix(&row.candidates);
@@ -104,10 +104,10 @@ impl App {
                 (several.get(next).map(|one| one.text.clone()).unwrap_or_default(), Some(next))
             }
         };
-        prompt.complete(row.start, &text);
+        prompt.complete_word(row.start, &text);
         let (asking, start) = (*asking, row.start);
         let kept = chosen.map(|_| std::mem::take(&mut self.prompt_row.candidates));
-        self.typed(asking, PromptEvent::Changed);
+        self.on_typed(asking, PromptEvent::Changed);
         if let Some(candidates) = kept {
             self.prompt_row = PromptRow { start, candidates, chosen, text: String::new() };
         }
@@ -116,20 +116,20 @@ impl App {
     /// Draws the row above the prompt.
     pub(super) fn draw_prompt_row(&self, asking: PromptPurpose, area: Rect, buf: &mut Buffer) {
         let theme = &self.core.theme;
-        let (text, quiet) = (theme.style(Role::Text), theme.style(Role::Quiet));
-        let preview = self.core.preview().filter(|_| asking == PromptPurpose::GoTo);
+        let (text, quiet) = (theme.role_style(TextRole::Text), theme.role_style(TextRole::Quiet));
+        let preview = self.core.preview_text().filter(|_| asking == PromptPurpose::GoTo);
         let line = match (preview, self.prompt_row.candidates.is_empty()) {
-            (Some(preview), _) => Line::styled(preview, theme.style(Role::Note)),
+            (Some(preview), _) => Line::styled(preview, theme.role_style(TextRole::Note)),
             (None, true) => Line::styled(self.prompt_row.text.clone(), quiet),
-            (None, false) => self.candidate_line(area.width.saturating_sub(draw::width(KEY) + 2)),
+            (None, false) => self.candidate_line(area.width.saturating_sub(draw::text_width(KEY) + 2)),
         };
         if line.width() == 0 {
             return;
         }
-        draw::put(buf, area.x, area.y, area.width, &" ".repeat(usize::from(area.width)), text);
-        draw::line(buf, area, &line, Align::Left, theme);
+        draw::put_text(buf, area.x, area.y, area.width, &" ".repeat(usize::from(area.width)), text);
+        draw::draw_line(buf, area, &line, TextAlignment::Left, theme);
         if !self.prompt_row.candidates.is_empty() {
-            draw::line(buf, area, &Line::styled(KEY, quiet), Align::Right, theme);
+            draw::draw_line(buf, area, &Line::styled(KEY, quiet), TextAlignment::Right, theme);
         }
     }
 
@@ -138,20 +138,21 @@ impl App {
         let theme = &self.core.theme;
         let more = theme.glyph(Glyph::Ellipsis);
         let mut spans = Vec::new();
-        let mut used = draw::width(more);
+        let mut used = draw::text_width(more);
         // A chosen candidate far to the right is shown with those after it.
         let first = self.prompt_row.chosen.map_or(0, |chosen| chosen.saturating_sub(2));
         for (place, candidate) in self.prompt_row.candidates.iter().enumerate().skip(first) {
             let count = candidate.count.map_or(String::new(), |count| format!(" {count}"));
             let word = escape(&candidate.text).into_owned();
-            used = used.saturating_add(draw::width(&word)).saturating_add(draw::width(&count) + 2);
+            used = used.saturating_add(draw::text_width(&word)).saturating_add(draw::text_width(&count) + 2);
             if used > room {
-                spans.push(Span::styled(more, theme.style(Role::Quiet)));
+                spans.push(Span::styled(more, theme.role_style(TextRole::Quiet)));
                 break;
             }
-            let role = if self.prompt_row.chosen == Some(place) { Role::Selected } else { Role::Text };
-            spans.push(Span::styled(word, theme.style(role)));
-            spans.push(Span::styled(format!("{count}  "), theme.style(Role::Quiet)));
+            let role =
+                if self.prompt_row.chosen == Some(place) { TextRole::Selected } else { TextRole::Text };
+            spans.push(Span::styled(word, theme.role_style(role)));
+            spans.push(Span::styled(format!("{count}  "), theme.role_style(TextRole::Quiet)));
         }
         Line::from(spans)
     }
@@ -169,7 +170,7 @@ fn common_prefix(candidates: &[Candidate]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::ask::check;
+    use super::super::ask::check_text;
     use super::*;
 
     #[test]
@@ -177,8 +178,8 @@ mod tests {
         for asking in
             [PromptPurpose::Filter, PromptPurpose::Search, PromptPurpose::GoTo, PromptPurpose::Export]
         {
-            for example in examples(asking) {
-                assert_eq!(check(asking, example), Ok(()), "{example}");
+            for example in prompt_examples(asking) {
+                assert_eq!(check_text(asking, example), Ok(()), "{example}");
             }
         }
     }

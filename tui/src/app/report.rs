@@ -4,7 +4,7 @@ use std::path::Path;
 
 use cobscope_decoder::finding::Severity;
 
-use super::application::{App, Mode, PromptPurpose};
+use super::application::{App, InputMode, PromptPurpose};
 use super::requests::ReportRequest;
 
 /// Suffixes of the page, which select its format.
@@ -22,30 +22,30 @@ impl App {
     /// Opens the prompt for the file of the page of the selected finding or story.
     pub(super) fn ask_report(&mut self) {
         if self.core.timeline.live().is_some() {
-            return self.core.refuse("a report needs a file; open the recorded capture with view");
+            return self.core.show_refusal("a report needs a file; open the recorded capture with view");
         }
         let Some(finding) = self.chosen_finding() else {
             return self
                 .core
-                .refuse("no finding selected: select one in Findings or Why, or go to one with ]");
+                .show_refusal("no finding selected: select one in Findings or Why, or go to one with ]");
         };
         if let Some(reason) = self.without_story(finding) {
             return self
                 .core
-                .refuse(&format!("finding {finding}: {reason}, in no story; a report needs a story"));
+                .show_refusal(&format!("finding {finding}: {reason}, in no story; a report needs a story"));
         }
         self.reporting = Some(finding);
         let name = self.report_name(finding);
-        self.ask(PromptPurpose::Report, "report to");
-        if let Mode::Prompt(_, prompt) = &mut self.mode {
-            prompt.propose(&name);
+        self.open_prompt(PromptPurpose::Report, "report to");
+        if let InputMode::Prompt(_, prompt) = &mut self.mode {
+            prompt.propose_text(&name);
         }
         self.refresh_prompt_row();
     }
 
     /// Finding of the selected row, else the one at the cursor; of several the first that is not a note.
     fn chosen_finding(&self) -> Option<u64> {
-        let of_row = self.panes.get(self.pane).and_then(|pane| pane.finding(&self.core));
+        let of_row = self.panes.get(self.pane).and_then(|pane| pane.selected_finding(&self.core));
         of_row.or_else(|| {
             let frame = self.core.cursor.frame;
             let survey = self.core.timeline.survey();
@@ -58,7 +58,7 @@ impl App {
     /// Reason why no story contains a finding; None if one does, or as long as it is not known.
     fn without_story(&self, finding: u64) -> Option<&'static str> {
         let survey = self.core.timeline.survey();
-        let group = survey.findings.as_ref()?.group(finding)?;
+        let group = survey.findings.as_ref()?.group_by_id(finding)?;
         let stories = &survey.diagnosis.as_ref()?.stories;
         let is_told = stories.iter().any(|story| story.findings.contains(&finding));
         group.omission().filter(|_| !is_told)
@@ -77,12 +77,12 @@ impl App {
     }
 
     /// Starts writing the page.
-    pub(super) fn report(&mut self, path: &str) {
+    pub(super) fn write_report(&mut self, path: &str) {
         let Some(finding) = self.reporting.take() else { return };
         let request = ReportRequest { finding, path: path.into() };
         match (self.write_report)(request, self.core.timeline.options()) {
             Ok(()) => self.core.begin_export(),
-            Err(error) => self.core.refuse(&format!("{error:#}")),
+            Err(error) => self.core.show_refusal(&format!("{error:#}")),
         }
     }
 }

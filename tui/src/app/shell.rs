@@ -1,7 +1,7 @@
 //! Words of a shell command.
 
 /// Quotes a word for a shell.
-pub fn quoted(text: &str) -> String {
+pub fn quote_word(text: &str) -> String {
     let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_./:@=+,%".contains(&byte);
     if !text.is_empty() && text.bytes().all(is_plain) {
         return text.to_owned();
@@ -15,9 +15,9 @@ mod tests {
 
     #[test]
     fn words_are_quoted_for_a_shell() {
-        assert_eq!(quoted("a/b-c.log"), "a/b-c.log");
-        assert_eq!(quoted("kind == \"emcy\""), "'kind == \"emcy\"'");
-        assert_eq!(quoted("it's"), "'it'\\''s'");
-        assert_eq!(quoted(""), "''");
+        assert_eq!(quote_word("a/b-c.log"), "a/b-c.log");
+        assert_eq!(quote_word("kind == \"emcy\""), "'kind == \"emcy\"'");
+        assert_eq!(quote_word("it's"), "'it'\\''s'");
+        assert_eq!(quote_word(""), "''");
     }
 }

@@ -6,21 +6,21 @@ use cobscope_decoder::query::Filter;
 use ratatui::layout::Rect;
 
 use super::added::Reassign;
-use super::application::{App, Mode};
+use super::application::{App, InputMode};
 use super::candidates::PromptRow;
-use super::history::History;
+use super::history::ViewHistory;
 use super::preferences::Preferences;
 use super::requests::{Compare, WriteReport};
-use super::shell::quoted;
+use super::shell::quote_word;
 use crate::keymap::Keymap;
-use crate::panes::{Arrangement, PaneId, Panes};
-use crate::select::Bound;
-use crate::state::{Against, Core, JumpPlace};
+use crate::panes::{PaneArrangement, PaneId, Panes};
+use crate::select::RangeBound;
+use crate::state::{JumpPlace, OtherCapture, UiState};
 use crate::theme::Theme;
-use crate::timeline::{Matcher, Timeline};
+use crate::timeline::{RowMatcher, Timeline};
 
 /// Settings of a view from the command line and the config file.
-pub struct Start {
+pub struct ViewSettings {
     /// Command with its captures, without the settings of the view.
     pub command: String,
     /// Pane shown first.
@@ -36,7 +36,7 @@ pub struct Start {
     /// Starts writing report pages.
     pub write_report: WriteReport,
     /// Initial position of the cursor.
-    pub at: Option<Bound>,
+    pub at: Option<RangeBound>,
     /// Filter as text and parsed.
     pub filter: Option<(String, Filter)>,
     /// Show all events, not only changes.
@@ -51,22 +51,22 @@ pub struct Start {
 
 impl App {
     /// Opens a view of captures.
-    pub fn new(timeline: Timeline, theme: Theme, start: Start) -> Self {
-        let mut core = Core::new(timeline, theme);
+    pub fn new(timeline: Timeline, theme: Theme, start: ViewSettings) -> Self {
+        let mut core = UiState::new(timeline, theme);
         let (text, filter) =
             start.filter.map_or((String::new(), None), |(text, filter)| (text, Some(filter)));
         core.filter = text;
-        core.matcher = Matcher { filter, only_news: !start.all, text: None };
-        core.timeline.search(core.matcher.clone());
+        core.matcher = RowMatcher { filter, only_news: !start.all, text: None };
+        core.timeline.start_search(core.matcher.clone());
         core.named = start.named;
         let (against, compare) = start.against.unzip();
-        core.against = against.as_deref().map(Against::new);
+        core.against = against.as_deref().map(OtherCapture::new);
         core.columns = start.preferences.columns;
         let mut app = Self {
             core,
             panes: Panes::default(),
             pane: start.pane,
-            arrangement: Arrangement::new(start.preferences.layout, start.preferences.split),
+            arrangement: PaneArrangement::new(start.preferences.layout, start.preferences.split),
             has_strip: start.preferences.has_strip,
             keymap: start.keymap,
             defaults: start.defaults,
@@ -78,8 +78,8 @@ impl App {
             is_forgotten: false,
             is_dragging: false,
             trail: Vec::new(),
-            mode: Mode::Panes,
-            history: History::default(),
+            mode: InputMode::Panes,
+            history: ViewHistory::default(),
             prompt_row: PromptRow::default(),
             filter_before: String::new(),
             typed: Vec::new(),
@@ -93,15 +93,15 @@ impl App {
             last_story: None,
             awaited_jump: None,
         };
-        app.history = History::starting(app.shown());
+        app.history = ViewHistory::starting_with(app.row_selection());
         app.start_comparison();
         if start.follows {
-            app.core.notify("cobscope sends no frames; space pauses or resumes following");
+            app.core.show_message("cobscope sends no frames; space pauses or resumes following");
             app.core.is_following = true;
-            app.core.go(JumpPlace::End);
+            app.core.jump_to(JumpPlace::End);
         } else {
             // A requested time may not exist in a capture without timestamps; then the view starts here.
-            app.core.go(JumpPlace::Start);
+            app.core.jump_to(JumpPlace::Start);
             if let Some(bound) = start.at {
                 app.core.go_to(bound);
             }
@@ -110,7 +110,7 @@ impl App {
     }
 
     /// The command that opens this view again.
-    pub(super) fn command(&self) -> String {
+    pub(super) fn view_command(&self) -> String {
         // Writing to a string cannot fail.
         let mut command = format!("{} --pane {}", self.command, self.pane.name());
         if let Some(layout) = self.arrangement.chosen {
@@ -121,7 +121,7 @@ impl App {
             let _ = write!(command, " --at '#{}'", self.core.cursor.frame);
         }
         if !self.core.filter.is_empty() {
-            let _ = write!(command, " --filter {}", quoted(&self.core.filter));
+            let _ = write!(command, " --filter {}", quote_word(&self.core.filter));
         }
         if !self.core.matcher.only_news {
             command.push_str(" --all");

@@ -13,17 +13,17 @@
 //! enter open  f filter  ] finding  ? help  q quit                                      key bar or prompt
 //! ```
 
-use cobscope_decoder::words::plural;
+use cobscope_decoder::words::count_noun;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::Line;
 
-use super::application::{App, Mode};
-use super::hints::{self, Hint};
+use super::application::{App, InputMode};
+use super::hints::{self, KeyHint};
 use super::{diagnosis, header, strip};
 use crate::ascii;
 use crate::panes::PaneId;
-use crate::theme::{Borders, Glyph, Role};
+use crate::theme::{Glyph, LineCharacters, TextRole};
 use crate::widgets::bars::Gauge;
 use crate::widgets::draw;
 
@@ -39,7 +39,7 @@ const STRIP_FROM: u16 = 12;
 const LOAD_FROM: u16 = 20;
 
 /// Areas of the screen.
-pub(super) struct Parts {
+pub(super) struct ScreenAreas {
     pub(super) header: Rect,
     pub(super) tabs: Rect,
     /// One line of the diagnosis; empty on low screens.
@@ -52,7 +52,7 @@ pub(super) struct Parts {
 }
 
 /// Divides the screen.
-pub(super) fn parts(area: Rect, has_strip: bool) -> Parts {
+pub(super) fn divide_screen(area: Rect, has_strip: bool) -> ScreenAreas {
     let line = |y: u16| Rect { y: area.y + y.min(area.height), height: u16::from(y < area.height), ..area };
     let below = |from_end: u16| line(area.height.saturating_sub(from_end));
     let diagnosis = u16::from(area.height >= LOW);
@@ -63,7 +63,7 @@ pub(super) fn parts(area: Rect, has_strip: bool) -> Parts {
         _ => 2,
     };
     let above = 2 + diagnosis + strip;
-    Parts {
+    ScreenAreas {
         header: line(0),
         tabs: line(1),
         diagnosis: if diagnosis > 0 { line(2) } else { Rect::ZERO },
@@ -79,7 +79,7 @@ pub(super) fn parts(area: Rect, has_strip: bool) -> Parts {
 }
 
 /// Numbered titles of the panes; without spaces around them if `width` is too small.
-fn tabs(width: u16) -> Vec<(PaneId, String)> {
+fn pane_tabs(width: u16) -> Vec<(PaneId, String)> {
     let all = |is_wide: bool| {
         let title = move |pane: &PaneId| match (*pane as usize, is_wide) {
             (number, true) => format!(" {number} {} ", pane.title()),
@@ -88,16 +88,16 @@ fn tabs(width: u16) -> Vec<(PaneId, String)> {
         PaneId::ALL.iter().map(|pane| (*pane, title(pane))).collect::<Vec<_>>()
     };
     let wide = all(true);
-    let fits = wide.iter().map(|(_, title)| draw::width(title)).sum::<u16>() <= width;
+    let fits = wide.iter().map(|(_, title)| draw::text_width(title)).sum::<u16>() <= width;
     if fits { wide } else { all(false) }
 }
 
 /// The pane whose title is at a screen column.
 pub(super) fn tab_at(x: u16, width: u16) -> Option<PaneId> {
     let mut end = 0;
-    let mut tabs = tabs(width).into_iter();
+    let mut tabs = pane_tabs(width).into_iter();
     tabs.find(|(_, title)| {
-        end += draw::width(title);
+        end += draw::text_width(title);
         x < end
     })
     .map(|(pane, _)| pane)
@@ -106,45 +106,59 @@ pub(super) fn tab_at(x: u16, width: u16) -> Option<PaneId> {
 impl App {
     /// Draws the screen.
     pub fn draw(&mut self, area: Rect, buf: &mut Buffer) {
-        let parts = parts(area, self.has_strip);
-        header::draw(&self.core, parts.header, buf);
+        let parts = divide_screen(area, self.has_strip);
+        header::draw_header(&self.core, parts.header, buf);
         self.draw_tabs(parts.tabs, buf);
-        diagnosis::draw(&self.core, parts.diagnosis, buf);
-        strip::draw(&self.core, parts.strip, buf);
+        diagnosis::draw_diagnosis(&self.core, parts.diagnosis, buf);
+        strip::draw_strip(&self.core, parts.strip, buf);
         match &self.mode {
-            Mode::Help(scroll) => self.draw_help(*scroll, parts.body, buf),
+            InputMode::Help(scroll) => self.draw_help(*scroll, parts.body, buf),
             _ => self.draw_panes(parts.body, buf),
         }
         self.draw_status(parts.status, buf);
         self.draw_footer(&parts, buf);
-        if self.core.theme.borders() == Borders::Ascii {
+        if self.core.theme.borders() == LineCharacters::Ascii {
             // All text ends here, also that of captures.
-            ascii::replace(buf);
+            ascii::replace_symbols(buf);
         }
     }
 
     /// Draws the panes of the layout with their titles.
     fn draw_panes(&mut self, body: Rect, buf: &mut Buffer) {
         let theme = self.core.theme;
-        for cell in self.cells(body) {
+        for cell in self.shown_cells(body) {
             let is_focused = cell.pane == self.pane;
-            self.core.theme = theme.focused(is_focused);
-            let role = if is_focused { Role::BorderActive } else { Role::Border };
+            self.core.theme = theme.with_focus(is_focused);
+            let role = if is_focused { TextRole::BorderActive } else { TextRole::Border };
             if !cell.title.is_empty() {
                 let line = theme.glyph(Glyph::Horizontal).repeat(usize::from(cell.title.width));
-                draw::put(buf, cell.title.x, cell.title.y, cell.title.width, &line, theme.style(role));
+                draw::put_text(
+                    buf,
+                    cell.title.x,
+                    cell.title.y,
+                    cell.title.width,
+                    &line,
+                    theme.role_style(role),
+                );
                 let title = format!(" {} {} ", cell.pane as usize, cell.pane.title());
-                let role = if is_focused { Role::Selected } else { Role::Title };
-                draw::put(buf, cell.title.x + 1, cell.title.y, cell.title.width, &title, theme.style(role));
+                let role = if is_focused { TextRole::Selected } else { TextRole::Title };
+                draw::put_text(
+                    buf,
+                    cell.title.x + 1,
+                    cell.title.y,
+                    cell.title.width,
+                    &title,
+                    theme.role_style(role),
+                );
             }
             if let Some(beside) = cell.area.x.checked_sub(1).filter(|x| *x >= body.x) {
                 for y in cell.title.top()..cell.area.bottom() {
                     let line = theme.glyph(Glyph::Vertical);
-                    draw::put(buf, beside, y, 1, line, theme.style(Role::Border));
+                    draw::put_text(buf, beside, y, 1, line, theme.role_style(TextRole::Border));
                 }
             }
             if let Some(pane) = self.panes.get(cell.pane) {
-                pane.render(&self.core, cell.area, buf);
+                pane.render_pane(&self.core, cell.area, buf);
             }
         }
         self.core.theme = theme;
@@ -152,11 +166,11 @@ impl App {
 
     fn draw_tabs(&self, area: Rect, buf: &mut Buffer) {
         let mut x = area.x;
-        for (pane, title) in tabs(area.width) {
-            let is_shown = pane == self.pane && !matches!(self.mode, Mode::Help(_));
-            let role = if is_shown { Role::Selected } else { Role::Title };
+        for (pane, title) in pane_tabs(area.width) {
+            let is_shown = pane == self.pane && !matches!(self.mode, InputMode::Help(_));
+            let role = if is_shown { TextRole::Selected } else { TextRole::Title };
             let room = area.right().saturating_sub(x);
-            x = draw::put(buf, x, area.y, room, &title, self.core.theme.style(role));
+            x = draw::put_text(buf, x, area.y, room, &title, self.core.theme.role_style(role));
         }
     }
 
@@ -182,30 +196,30 @@ impl App {
         if core.is_pending() {
             right = format!("state pending  {right}");
         }
-        if let Some(matches) = core.timeline.matches().filter(|_| core.matcher.filter.is_some()) {
+        if let Some(matches) = core.timeline.search_matches().filter(|_| core.matcher.filter.is_some()) {
             let so_far = if matches.is_complete() { "" } else { " so far" };
-            right = format!("{} shown{so_far}  {right}", plural(matches.count(), "event"));
+            right = format!("{} shown{so_far}  {right}", count_noun(matches.match_count(), "event"));
         }
-        let room = area.width.saturating_sub(draw::width(&right) + 2);
-        let quiet = core.theme.style(Role::Quiet);
+        let room = area.width.saturating_sub(draw::text_width(&right) + 2);
+        let quiet = core.theme.role_style(TextRole::Quiet);
         let left = match &core.said {
-            Some((role, text)) => Line::styled(text.clone(), core.theme.style(*role)),
+            Some((role, text)) => Line::styled(text.clone(), core.theme.role_style(*role)),
             // The end of a long command shows the changing part.
-            None => Line::styled(draw::tail(&self.command(), room, &core.theme), quiet),
+            None => Line::styled(draw::fit_tail(&self.view_command(), room, &core.theme), quiet),
         };
-        draw::line(buf, Rect { width: room, ..area }, &left, draw::Align::Left, &core.theme);
-        draw::line(buf, area, &Line::styled(right, quiet), draw::Align::Right, &core.theme);
+        draw::draw_line(buf, Rect { width: room, ..area }, &left, draw::TextAlignment::Left, &core.theme);
+        draw::draw_line(buf, area, &Line::styled(right, quiet), draw::TextAlignment::Right, &core.theme);
     }
 
-    fn draw_footer(&self, parts: &Parts, buf: &mut Buffer) {
+    fn draw_footer(&self, parts: &ScreenAreas, buf: &mut Buffer) {
         let theme = &self.core.theme;
         match &self.mode {
-            Mode::Prompt(asking, prompt) => {
+            InputMode::Prompt(asking, prompt) => {
                 // The error of the prompt needs a second line, so the prompt uses the two bottom lines.
                 let area = Rect { height: parts.status.height + parts.footer.height, ..parts.status };
                 for y in area.top()..area.bottom() {
                     let blank = " ".repeat(usize::from(area.width));
-                    draw::put(buf, area.x, y, area.width, &blank, theme.style(Role::Text));
+                    draw::put_text(buf, area.x, y, area.width, &blank, theme.role_style(TextRole::Text));
                 }
                 prompt.render(theme, area, buf);
                 if parts.body.height > LEAST_BODY {
@@ -213,27 +227,27 @@ impl App {
                     self.draw_prompt_row(*asking, above, buf);
                 }
             }
-            Mode::Letter { is_new } => {
+            InputMode::Letter { is_new } => {
                 let text = if *is_new { "set mark: type a letter" } else { "go to mark: type its letter" };
-                draw::put(
+                draw::put_text(
                     buf,
                     parts.footer.x,
                     parts.footer.y,
                     parts.footer.width,
                     text,
-                    theme.style(Role::Key),
+                    theme.role_style(TextRole::Key),
                 );
             }
-            Mode::Help(_) => {
-                let hints = [Hint::new("j/k", "scroll"), Hint::new("any other key", "closes")];
-                hints::draw(theme, &hints, parts.footer, buf);
+            InputMode::Help(_) => {
+                let hints = [KeyHint::new("j/k", "scroll"), KeyHint::new("any other key", "closes")];
+                hints::draw_hints(theme, &hints, parts.footer, buf);
             }
-            Mode::Panes => {
-                let actions = self.panes.get(self.pane).map_or(&[][..], |pane| pane.actions());
+            InputMode::Panes => {
+                let actions = self.panes.get(self.pane).map_or(&[][..], |pane| pane.key_bar_actions());
                 let hints = hints::of_pane(&self.keymap, actions, self.pane == PaneId::Why, theme);
                 let gauge = if self.has_gauge(parts.footer) { GAUGE + 1 } else { 0 };
                 let area = Rect { width: parts.footer.width.saturating_sub(gauge), ..parts.footer };
-                hints::draw(theme, &hints, area, buf);
+                hints::draw_hints(theme, &hints, area, buf);
                 self.draw_progress(parts.footer, buf);
             }
         }

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use cobscope_decoder::finding::Severity;
 use cobscope_decoder::sink::findings::{FINDING_FORMATS, FindingFormat};
 
-use super::input::{count, date};
+use super::input::{parse_count, parse_date};
 use super::{Color, InputArgs, SelectArgs};
 
 /// `cobscope check`.
@@ -19,7 +19,7 @@ pub struct CheckArgs {
     #[command(flatten)]
     pub select: SelectArgs,
     /// Output format
-    #[arg(short, long, value_name = "FORMAT", default_value = "text", value_parser = formats())]
+    #[arg(short, long, value_name = "FORMAT", default_value = "text", value_parser = finding_formats())]
     pub format: &'static FindingFormat,
     /// Write to FILE instead of stdout; an earlier report is replaced, no other file
     #[arg(short, long, value_name = "FILE")]
@@ -56,10 +56,10 @@ pub struct CheckArgs {
     #[arg(short, long)]
     pub verbose: bool,
     /// Check N captures in parallel (default: number of processors)
-    #[arg(long, value_name = "N", value_parser = count)]
+    #[arg(long, value_name = "N", value_parser = parse_count)]
     pub threads: Option<NonZeroUsize>,
     /// Compare the expiry dates of suppressions with DATE (default: today)
-    #[arg(long, value_name = "DATE", value_parser = date)]
+    #[arg(long, value_name = "DATE", value_parser = parse_date)]
     pub today: Option<jiff::civil::Date>,
     /// Also use the profiles in $XDG_CONFIG_HOME/cobscope/profiles
     ///
@@ -72,7 +72,7 @@ pub struct CheckArgs {
 }
 
 /// Parser for findings formats.
-fn formats() -> impl TypedValueParser<Value = &'static FindingFormat> {
+fn finding_formats() -> impl TypedValueParser<Value = &'static FindingFormat> {
     let names = FINDING_FORMATS.iter().map(|format| PossibleValue::new(format.name).help(format.help));
     // clap has already rejected other names.
     PossibleValuesParser::new(names)
@@ -94,7 +94,7 @@ pub enum FailOn {
 
 impl FailOn {
     /// Lowest severity that fails; `None` for never.
-    pub fn least(self) -> Option<Severity> {
+    pub fn lowest_severity(self) -> Option<Severity> {
         match self {
             Self::Error => Some(Severity::Error),
             Self::Warning => Some(Severity::Warning),

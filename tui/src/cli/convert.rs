@@ -8,9 +8,9 @@ use cobscope_decoder::capture::WRITABLE;
 use cobscope_decoder::query::Filter;
 
 use super::input::from_help;
-use super::size::bytes;
-use super::{InputArgs, NodeArg, Packing};
-use crate::select::Bound;
+use super::size::parse_size;
+use super::{InputArgs, McapCompression, NodeArg};
+use crate::select::RangeBound;
 
 /// Long help of `--filter`.
 const FILTER_HELP: &str = "\
@@ -32,7 +32,7 @@ pub struct ConvertArgs {
     #[arg(short, long, value_name = "OUT")]
     pub output: Option<PathBuf>,
     /// Write in FORMAT (default: from the suffix of OUT)
-    #[arg(short, long, value_name = "FORMAT", value_parser = formats())]
+    #[arg(short, long, value_name = "FORMAT", value_parser = writable_formats())]
     pub format: Option<String>,
     /// Convert only frames whose own message matches EXPR, such as 'kind == emcy || id == 0x185'
     #[arg(long, value_name = "EXPR", long_help = FILTER_HELP)]
@@ -40,10 +40,10 @@ pub struct ConvertArgs {
     /// Convert only frames from WHEN on: 12.5 (seconds from the first frame), #1234 (frame), 22:13:25, a date,
     /// or both
     #[arg(long, value_name = "WHEN", long_help = from_help!("Convert only frames from WHEN on"))]
-    pub from: Option<Bound>,
+    pub from: Option<RangeBound>,
     /// Convert only frames up to WHEN, in the form of --from; a date includes the whole day
     #[arg(long, value_name = "WHEN")]
-    pub to: Option<Bound>,
+    pub to: Option<RangeBound>,
     /// Convert only frames from and to a node, with SYNC, TIME and NMT commands to all: 5, can0:5, sa:0x80
     /// (repeatable)
     #[arg(long, value_name = "[BUS:]ID")]
@@ -59,7 +59,7 @@ pub struct ConvertArgs {
     #[arg(long)]
     pub comments: bool,
     /// Start a new file at SIZE bytes: 100M, 2G (out.log becomes out-0001.log, out-0002.log, …)
-    #[arg(long, value_name = "SIZE", value_parser = bytes)]
+    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub split_size: Option<u64>,
     /// Start a new file at each frame with an event that matches EXPR, such as 'kind == boot-up'
     #[arg(long, value_name = "EXPR")]
@@ -69,14 +69,14 @@ pub struct ConvertArgs {
     pub align: bool,
     /// Compress MCAP chunks with METHOD
     #[arg(long, value_name = "METHOD", default_value = "zstd")]
-    pub packing: Packing,
+    pub packing: McapCompression,
     /// Overwrite existing files
     #[arg(long)]
     pub force: bool,
 }
 
 /// Parser for writable formats.
-fn formats() -> PossibleValuesParser {
+fn writable_formats() -> PossibleValuesParser {
     PossibleValuesParser::new(
         WRITABLE.iter().map(|format| PossibleValue::new(format.name).help(format.title)),
     )

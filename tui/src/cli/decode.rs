@@ -23,7 +23,7 @@ pub struct DecodeArgs {
 #[derive(Debug, Args)]
 pub struct PrintArgs {
     /// Output format
-    #[arg(short, long, value_name = "FORMAT", default_value = "text", value_parser = formats())]
+    #[arg(short, long, value_name = "FORMAT", default_value = "text", value_parser = event_formats())]
     pub format: PrintFormat,
     /// Write to FILE instead of stdout
     #[arg(short, long, value_name = "FILE")]
@@ -34,7 +34,7 @@ pub struct PrintArgs {
     /// Print these PDOs, J1939 messages and DBC messages: new information, all or none (default: change for
     /// text, all for other formats)
     #[arg(long, value_name = "WHICH")]
-    pub pdo: Option<Pdo>,
+    pub pdo: Option<PdoOption>,
     /// Also print repeated events: heartbeat, SYNC, guarding (text; other formats always contain them)
     #[arg(long)]
     pub all: bool,
@@ -47,10 +47,10 @@ pub struct PrintArgs {
     /// Print times as a (absolute), d (since the previous line), z (since the first frame) or A (date, UTC)
     /// (text)
     #[arg(short = 't', value_name = "COLUMN", default_value = "z")]
-    pub time_column: TimeColumn,
+    pub time_column: TimeColumnChoice,
     /// Compress MCAP chunks with METHOD
     #[arg(long, value_name = "METHOD", default_value = "zstd")]
-    pub packing: Packing,
+    pub packing: McapCompression,
     /// Do not run rules; print events only
     #[arg(long)]
     pub no_findings: bool,
@@ -64,7 +64,7 @@ pub struct PrintArgs {
 pub struct PrintFormat(pub Option<&'static EventFormat>);
 
 /// Parser for event formats and `none`.
-fn formats() -> impl TypedValueParser<Value = PrintFormat> {
+fn event_formats() -> impl TypedValueParser<Value = PrintFormat> {
     let formats = EVENT_FORMATS.iter().map(|format| PossibleValue::new(format.name).help(format.help));
     let none = PossibleValue::new("none").help("No output: read and decode only");
     PossibleValuesParser::new(formats.chain([none]))
@@ -73,7 +73,7 @@ fn formats() -> impl TypedValueParser<Value = PrintFormat> {
 
 /// Compression of MCAP chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Packing {
+pub enum McapCompression {
     /// No compression
     None,
     /// Fast
@@ -82,19 +82,19 @@ pub enum Packing {
     Zstd,
 }
 
-impl From<Packing> for cobscope_decoder::capture::Packing {
-    fn from(packing: Packing) -> Self {
+impl From<McapCompression> for cobscope_decoder::capture::CaptureCompression {
+    fn from(packing: McapCompression) -> Self {
         match packing {
-            Packing::None => Self::None,
-            Packing::Lz4 => Self::Lz4,
-            Packing::Zstd => Self::Zstd,
+            McapCompression::None => Self::None,
+            McapCompression::Lz4 => Self::Lz4,
+            McapCompression::Zstd => Self::Zstd,
         }
     }
 }
 
 /// PDOs and messages to print.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Pdo {
+pub enum PdoOption {
     /// The first message of an identifier and those with new information
     Change,
     /// All
@@ -105,7 +105,7 @@ pub enum Pdo {
 
 /// Time column, as for candump's -t.
 #[derive(Debug, Clone, Copy, ValueEnum)]
-pub enum TimeColumn {
+pub enum TimeColumnChoice {
     /// Seconds as in the capture
     #[value(name = "a")]
     Absolute,

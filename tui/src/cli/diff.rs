@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use cobscope_decoder::comparison::Section;
+use cobscope_decoder::comparison::DifferenceSection;
 use cobscope_decoder::query::Filter;
 
 use super::{DiffFormat, InputArgs};
-use crate::select::Bound;
+use crate::select::RangeBound;
 
 /// `cobscope diff`.
 #[derive(Debug, Args)]
@@ -16,8 +16,8 @@ pub struct DiffArgs {
     #[command(flatten)]
     pub input: InputArgs,
     /// Compare only these sections (repeatable, or separated by commas)
-    #[arg(long, value_name = "SECTION", value_delimiter = ',', value_parser = sections())]
-    pub only: Vec<Section>,
+    #[arg(long, value_name = "SECTION", value_delimiter = ',', value_parser = section_parser())]
+    pub only: Vec<DifferenceSection>,
     /// Also compare the steps from the first event on that matches EXPR, such as 'kind == boot-up && node == 2'
     ///
     /// Steps are the NMT commands, states, SDO transfers, EMCY, trouble codes and procedures of the node of that event, in
@@ -28,10 +28,10 @@ pub struct DiffArgs {
     ///
     /// Parameters and identities are those in force at the end of the range, also if they were written or read before it.
     #[arg(long, value_name = "WHEN")]
-    pub from: Option<Bound>,
+    pub from: Option<RangeBound>,
     /// Compare both captures up to the first frame after WHEN, in the form of --from
     #[arg(long, value_name = "WHEN")]
-    pub to: Option<Bound>,
+    pub to: Option<RangeBound>,
     /// Print all differences, and everything that one capture never showed
     #[arg(short, long)]
     pub verbose: bool,
@@ -43,10 +43,10 @@ pub struct DiffArgs {
     pub output: Option<PathBuf>,
 }
 
-fn sections() -> impl TypedValueParser<Value = Section> {
-    let names = Section::ALL.iter().map(|section| section.name());
+fn section_parser() -> impl TypedValueParser<Value = DifferenceSection> {
+    let names = DifferenceSection::ALL.iter().map(|section| section.name());
     PossibleValuesParser::new(names).map(|name| {
-        let found = Section::ALL.iter().copied().find(|section| section.name() == name);
-        found.unwrap_or(Section::Configuration)
+        let found = DifferenceSection::ALL.iter().copied().find(|section| section.name() == name);
+        found.unwrap_or(DifferenceSection::Configuration)
     })
 }

@@ -8,7 +8,7 @@ use cobscope_decoder::query::Filter;
 use cobscope_decoder::why::NodeChoice;
 use cobscope_decoder::wire::NodeId;
 
-use crate::select::{Bound, Selection};
+use crate::select::{RangeBound, Selection};
 
 /// Heading of options for reading; a command's own options precede it.
 const READING: &str = "Reading";
@@ -41,7 +41,7 @@ pub struct InputArgs {
     pub profiles: Vec<PathBuf>,
     /// Decode the traffic as PROTOCOL
     #[arg(long, help_heading = READING, value_name = "PROTOCOL", default_value = "auto")]
-    pub protocol: Protocol,
+    pub protocol: ProtocolOption,
     /// Read each CAPTURE alone: do not join the parts of one capture
     ///
     /// Files are parts of one capture if they have the same format, clock and bus names, their names differ
@@ -56,7 +56,7 @@ pub struct InputArgs {
     #[arg(long, help_heading = READING, conflicts_with = "separate")]
     pub join: bool,
     /// Join parts of one capture with gaps of up to SECONDS between them
-    #[arg(long, help_heading = READING, value_name = "SECONDS", default_value = "5", value_parser = seconds)]
+    #[arg(long, help_heading = READING, value_name = "SECONDS", default_value = "5", value_parser = parse_seconds)]
     pub part_gap: f64,
     /// Report an SDO transfer as unanswered after SECONDS without a further frame
     #[arg(long, help_heading = READING, value_name = "SECONDS", default_value = "1", value_parser = positive_seconds)]
@@ -65,7 +65,7 @@ pub struct InputArgs {
 
 /// Option that restricts a command to one node, if its `--node` only assigns profiles.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Otherwise {
+pub(super) enum NodeOption {
     /// `--filter`.
     Filter,
     /// `--only-node`.
@@ -77,14 +77,14 @@ pub(super) enum Otherwise {
 impl InputArgs {
     /// # Errors
     /// If a node has no profile.
-    pub(super) fn check_no_choice(&self, otherwise: Otherwise) -> Result<(), String> {
+    pub(super) fn check_no_choice(&self, otherwise: NodeOption) -> Result<(), String> {
         let Some(node) = self.node.iter().find(|node| node.profile.is_none()) else { return Ok(()) };
-        let shown = node.shown();
-        let filter = node.filter();
+        let shown = node.typed_text();
+        let filter = node.event_filter();
         let only = match otherwise {
-            Otherwise::Filter => format!("--filter '{filter}'"),
-            Otherwise::OnlyNode => format!("--only-node {shown}"),
-            Otherwise::Decode => format!("decode --filter '{filter}'"),
+            NodeOption::Filter => format!("--filter '{filter}'"),
+            NodeOption::OnlyNode => format!("--only-node {shown}"),
+            NodeOption::Decode => format!("decode --filter '{filter}'"),
         };
         Err(format!(
             "--node {shown}: profile missing; --node {shown}=PROFILE assigns one, {only} selects the node"
@@ -100,7 +100,7 @@ impl InputArgs {
                 (&other.bus, other.id) == (&node.bus, node.id) && *device != profile
             };
             if let Some((_, other)) = given().take(place).find(is_other) {
-                let shown = node.shown();
+                let shown = node.typed_text();
                 return Err(format!("--node {shown}={profile}: conflicts with --node {shown}={other}"));
             }
         }
@@ -181,10 +181,10 @@ pub struct SelectArgs {
     /// Print only events from WHEN on: 12.5 (seconds from the first frame), #1234 (frame), 22:13:25, a date,
     /// or both
     #[arg(long, value_name = "WHEN", long_help = from_help!("Print only events from WHEN on"))]
-    pub from: Option<Bound>,
+    pub from: Option<RangeBound>,
     /// Print only events up to WHEN, in the form of --from; a date includes the whole day
     #[arg(long, value_name = "WHEN")]
-    pub to: Option<Bound>,
+    pub to: Option<RangeBound>,
     /// Print only events of a node, with SYNC, TIME and NMT commands to all: 5, can0:5, sa:0x80 (repeatable)
     #[arg(long, value_name = "[BUS:]ID")]
     pub only_node: Vec<NodeArg>,
@@ -231,12 +231,12 @@ pub struct NodeArg {
 
 impl NodeArg {
     /// The node as typed: `can0:5`.
-    pub fn shown(&self) -> String {
+    pub fn typed_text(&self) -> String {
         self.bus.as_ref().map_or_else(|| self.id.to_string(), |bus| format!("{bus}:{}", self.id))
     }
 
     /// Filter for the events of the node.
-    fn filter(&self) -> String {
+    fn event_filter(&self) -> String {
         let node = format!("node == {}", self.id.number());
         self.bus.as_ref().map_or_else(|| node.clone(), |bus| format!("bus == \"{bus}\" && {node}"))
     }
@@ -297,7 +297,7 @@ pub enum StampStyle {
 
 /// Protocol of the traffic.
 #[derive(Debug, Clone, Copy, ValueEnum)]
-pub enum Protocol {
+pub enum ProtocolOption {
     /// Detected from the traffic
     Auto,
     /// 11-bit identifiers as CANopen, without detection
@@ -309,17 +309,17 @@ pub enum Protocol {
 }
 
 /// Parses a number from 1.
-pub(super) fn count(text: &str) -> Result<NonZeroUsize, &'static str> {
+pub(super) fn parse_count(text: &str) -> Result<NonZeroUsize, &'static str> {
     text.parse().map_err(|_| "expected 1 or more")
 }
 
 /// Parses a date.
-pub(super) fn date(text: &str) -> Result<jiff::civil::Date, &'static str> {
+pub(super) fn parse_date(text: &str) -> Result<jiff::civil::Date, &'static str> {
     text.parse().map_err(|_| "expected a date such as 2026-01-31")
 }
 
 /// Parses a number of seconds, at least 0.
-fn seconds(text: &str) -> Result<f64, String> {
+fn parse_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if seconds >= 0.0 && seconds.is_finite() => Ok(seconds),
         _ => Err("expected a number of seconds, 0 or more".into()),

@@ -8,7 +8,7 @@ use clap::{Args, Subcommand};
 use regex_lite::Regex;
 
 use super::InputArgs;
-use super::input::{count, date};
+use super::input::{parse_count, parse_date};
 
 /// Commands of `lake`.
 #[derive(Debug, Subcommand)]
@@ -40,7 +40,7 @@ pub struct LakeAddArgs {
     #[arg(long, value_name = "REGEX", conflicts_with = "machine")]
     pub machine_from: Option<MachinePattern>,
     /// Use DATE as the day of captures without a date (default: unknown)
-    #[arg(long, value_name = "DATE", value_parser = date)]
+    #[arg(long, value_name = "DATE", value_parser = parse_date)]
     pub day: Option<jiff::civil::Date>,
     /// Also add all frames
     #[arg(long)]
@@ -56,7 +56,7 @@ pub struct LakeAddArgs {
     #[arg(long)]
     pub replace: bool,
     /// Add N captures in parallel (default: number of processors)
-    #[arg(long, value_name = "N", value_parser = count)]
+    #[arg(long, value_name = "N", value_parser = parse_count)]
     pub threads: Option<NonZeroUsize>,
     /// Also use the profiles in $XDG_CONFIG_HOME/cobscope/profiles
     ///

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::duration::duration;
-use super::size::{bytes, part_bytes};
+use super::duration::parse_duration;
+use super::size::{parse_size, part_bytes};
 use super::trigger::TriggerArgs;
 use super::view::ScreenArgs;
 use super::{FailOn, InputArgs, PrintArgs, SelectArgs};
@@ -52,7 +52,7 @@ pub struct LiveArgs {
     #[arg(long, value_name = "SIZE", requires = "record", value_parser = part_bytes)]
     pub record_size: Option<u64>,
     /// Start a new file after TIME: 90s, 10min, 1h
-    #[arg(long, value_name = "TIME", requires = "record", value_parser = duration)]
+    #[arg(long, value_name = "TIME", requires = "record", value_parser = parse_duration)]
     pub record_time: Option<Duration>,
     /// Keep only the newest N files
     #[arg(long, value_name = "N", requires = "record")]
@@ -63,7 +63,7 @@ pub struct LiveArgs {
     #[arg(long)]
     pub follow: bool,
     /// Keep up to SIZE bytes of data in the terminal UI; older frames are dropped with a note (k, M, G: powers of 1,024)
-    #[arg(long, value_name = "SIZE", default_value = "2G", value_parser = bytes)]
+    #[arg(long, value_name = "SIZE", default_value = "2G", value_parser = parse_size)]
     pub keep: u64,
     #[command(flatten)]
     pub screen: ScreenArgs,

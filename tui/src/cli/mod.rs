@@ -30,12 +30,12 @@ use clap::{Parser, Subcommand};
 
 pub use check::{CheckArgs, FailOn};
 pub use convert::ConvertArgs;
-pub use decode::{DecodeArgs, Packing, Pdo, PrintArgs, TimeColumn};
+pub use decode::{DecodeArgs, McapCompression, PdoOption, PrintArgs, TimeColumnChoice};
 pub use diff::DiffArgs;
 pub use extcap::{ExtcapArgs, ExtcapCall, is_extcap_call};
 pub use formats::{Color, DiffFormat, ReportFormat};
-pub use input::{EdsArg, InputArgs, NodeArg, Protocol, SelectArgs, StampStyle, node_choices};
-use input::{Otherwise, filter_help, finding_filter_help, from_help};
+pub use input::{EdsArg, InputArgs, NodeArg, ProtocolOption, SelectArgs, StampStyle, node_choices};
+use input::{NodeOption, filter_help, finding_filter_help, from_help};
 #[cfg(feature = "parquet")]
 pub use lake::{LakeAddArgs, LakeCommand};
 pub use live::LiveArgs;
@@ -65,7 +65,7 @@ pub use why::WhyArgs;
 pub struct Cli {
     /// Command to run.
     #[command(subcommand)]
-    pub command: Command,
+    pub command: CliCommand,
 }
 
 /// Help of `--node` for commands in which a node without a profile selects.
@@ -73,7 +73,7 @@ const NODE_HELP: &str = "Choose a node: 5, can0:5, sa:0x80; or assign its profil
 
 /// The subcommands.
 #[derive(Debug, Subcommand)]
-pub enum Command {
+pub enum CliCommand {
     /// Show captures in a terminal UI: events, nodes, signals and findings at any moment
     ///
     /// Several captures are merged by time. Press ? for the list of keys.
@@ -161,7 +161,7 @@ pub enum Command {
             arg.help(help).long_help(help)
         }),
         override_usage = "cobscope diff [OPTIONS] <GOOD> <BAD>",
-        after_help = notes::diff()
+        after_help = notes::diff_notes()
     )]
     Diff(Box<DiffArgs>),
     /// Write a page with the claim, its evidence and its origin, to mail and print
@@ -183,7 +183,7 @@ pub enum Command {
     /// hidden files and other files are skipped. The exit status is 1 if there are findings at or above
     /// --fail-on, if a rule of --require-exercised is not exercised, if a rule is no longer exercised that is
     /// exercised in the baseline, or if a capture of the baseline in a folder was not checked.
-    #[command(after_help = notes::check())]
+    #[command(after_help = notes::check_notes())]
     #[command(mut_arg("filter", |arg| arg.help("Print only findings that match EXPR, such as 'node == 5 && severity == error'").long_help(finding_filter_help!("Print only findings that match EXPR"))))]
     #[command(mut_arg("from", |arg| arg.help("Print only findings present from WHEN on: 12.5 (seconds), #1234 (frame), 22:13:25, a date, or both").long_help(from_help!("Print only findings present from WHEN on"))))]
     #[command(mut_arg("to", |arg| arg.help("Print only findings present up to WHEN, in the form of --from")))]
@@ -255,7 +255,7 @@ pub enum Command {
     },
 }
 
-impl Command {
+impl CliCommand {
     /// Captures to read (stdin if empty); `None` for commands without captures.
     pub fn captures(&self) -> Option<&[PathBuf]> {
         let input = match self {
@@ -311,16 +311,16 @@ impl Command {
     /// If a node has no profile and the command does not select nodes, or if a node has two profiles.
     pub fn check_nodes(&self) -> Result<(), String> {
         let (input, otherwise) = match self {
-            Self::View(arguments) => (&arguments.input, Some(Otherwise::Filter)),
-            Self::Live(arguments) => (&arguments.input, Some(Otherwise::Filter)),
-            Self::Decode(arguments) => (&arguments.input, Some(Otherwise::Filter)),
-            Self::Convert(arguments) => (&arguments.input, Some(Otherwise::OnlyNode)),
-            Self::Stats(arguments) => (&arguments.input, Some(Otherwise::Decode)),
-            Self::Check(arguments) => (&arguments.input, Some(Otherwise::Decode)),
-            Self::Diff(arguments) => (&arguments.input, Some(Otherwise::Decode)),
+            Self::View(arguments) => (&arguments.input, Some(NodeOption::Filter)),
+            Self::Live(arguments) => (&arguments.input, Some(NodeOption::Filter)),
+            Self::Decode(arguments) => (&arguments.input, Some(NodeOption::Filter)),
+            Self::Convert(arguments) => (&arguments.input, Some(NodeOption::OnlyNode)),
+            Self::Stats(arguments) => (&arguments.input, Some(NodeOption::Decode)),
+            Self::Check(arguments) => (&arguments.input, Some(NodeOption::Decode)),
+            Self::Diff(arguments) => (&arguments.input, Some(NodeOption::Decode)),
             #[cfg(feature = "parquet")]
             Self::Lake { command: LakeCommand::Add(arguments) } => {
-                (&arguments.input, Some(Otherwise::Decode))
+                (&arguments.input, Some(NodeOption::Decode))
             }
             Self::Objects(arguments) => (&arguments.input, None),
             Self::Why(arguments) => (&arguments.input, None),

@@ -86,12 +86,12 @@ examples! {
 }
 
 /// Examples of `check`, and the exit statuses.
-pub fn check() -> String {
+pub fn check_notes() -> String {
     format!("{CHECK_EXAMPLES}\n\n{EXIT_STATUS}")
 }
 
 /// Examples of `diff`, and the exit statuses.
-pub fn diff() -> String {
+pub fn diff_notes() -> String {
     format!("{DIFF_EXAMPLES}\n\n{EXIT_STATUS}")
 }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{InputArgs, ReportFormat};
-use crate::select::Bound;
+use crate::select::RangeBound;
 
 /// `cobscope objects`.
 #[derive(Debug, Args)]
@@ -15,7 +15,7 @@ pub struct ObjectsArgs {
     /// Print values at TIME: 12.5 (seconds from the first frame), #1234 (frame), 22:13:25, a date, or
     /// both (default: end)
     #[arg(long, value_name = "TIME")]
-    pub at: Option<Bound>,
+    pub at: Option<RangeBound>,
     /// Compare with the values that a DCF or XDC configures for --node, or for the node of the file
     #[arg(long, value_name = "FILE")]
     pub want: Option<PathBuf>,

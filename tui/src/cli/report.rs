@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 
-use super::input::count;
+use super::input::parse_count;
 use super::{InputArgs, SelectArgs};
 
 /// `cobscope report`.
@@ -31,7 +31,7 @@ pub struct ReportArgs {
     #[arg(short, long, value_name = "FORMAT", default_value = "html")]
     pub format: PageStyle,
     /// Report story N only; stories are numbered as by why
-    #[arg(long, value_name = "N", value_parser = count)]
+    #[arg(long, value_name = "N", value_parser = parse_count)]
     pub story: Option<std::num::NonZeroUsize>,
     /// Report only stories with a finding: the name of its rule, or its number, the key finding
     /// of check -f jsonl

@@ -1,7 +1,7 @@
 //! Parsers for sizes.
 
 /// Parses a size in bytes, such as `100M`; k, M and G are powers of 1,024.
-pub(super) fn bytes(text: &str) -> Result<u64, String> {
+pub(super) fn parse_size(text: &str) -> Result<u64, String> {
     let wrong = || format!("found {text}; expected a size such as 100M or 2G");
     let (number, unit) = match text.char_indices().last() {
         Some((at, 'k' | 'K')) => (text.get(..at), 10),
@@ -18,7 +18,7 @@ const LEAST_PART: u64 = 64 << 10;
 
 /// Parses the size of a file written by `--record`; smaller files would fill the folder on a busy bus.
 pub(super) fn part_bytes(text: &str) -> Result<u64, String> {
-    let size = bytes(text)?;
+    let size = parse_size(text)?;
     if size < LEAST_PART {
         return Err(format!("found {text}; expected 64k or more"));
     }
@@ -31,11 +31,11 @@ mod tests {
 
     #[test]
     fn sizes() {
-        assert_eq!(bytes("100M"), Ok(104_857_600));
-        assert_eq!(bytes("2G"), Ok(2_147_483_648));
-        assert_eq!(bytes("512"), Ok(512));
+        assert_eq!(parse_size("100M"), Ok(104_857_600));
+        assert_eq!(parse_size("2G"), Ok(2_147_483_648));
+        assert_eq!(parse_size("512"), Ok(512));
         for text in ["", "0", "M", "-1", "99999999999G", "1T"] {
-            assert!(bytes(text).is_err(), "{text}");
+            assert!(parse_size(text).is_err(), "{text}");
         }
         assert_eq!((part_bytes("64k"), part_bytes("100M")), (Ok(65_536), Ok(104_857_600)));
         assert!(part_bytes("65535").unwrap_err().contains("64k or more"));

@@ -23,7 +23,7 @@ pub struct StatsArgs {
     pub input: InputArgs,
     /// Set the bit rate for the load in %, for one bus or all: 250k, 1M, 250000, can0:500k (repeatable)
     #[arg(long, value_name = "[BUS:]RATE")]
-    pub bitrate: Vec<BitRate>,
+    pub bitrate: Vec<BitRateOption>,
     #[command(flatten)]
     pub select: SelectArgs,
     /// Output format
@@ -33,14 +33,14 @@ pub struct StatsArgs {
 
 /// Bit rate of one bus or of all.
 #[derive(Debug, Clone)]
-pub struct BitRate {
+pub struct BitRateOption {
     /// Name of the bus; `None` for all.
     pub bus: Option<String>,
     /// Bit rate in bit/s.
     pub rate: u32,
 }
 
-impl std::str::FromStr for BitRate {
+impl std::str::FromStr for BitRateOption {
     type Err = &'static str;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {

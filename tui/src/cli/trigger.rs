@@ -6,8 +6,8 @@ use std::time::Duration;
 use clap::{ArgGroup, Args};
 use cobscope_decoder::query::Filter;
 
-use super::duration::side;
-use super::size::{bytes, part_bytes};
+use super::duration::parse_side;
+use super::size::{parse_size, part_bytes};
 
 /// Heading of the options in the help.
 const HEADING: &str = "Captures around triggers";
@@ -46,10 +46,10 @@ pub struct TriggerArgs {
         requires = "record", conflicts_with_all = ["record_size", "record_time", "record_files"])]
     pub trigger_finding: Vec<String>,
     /// Start each capture TIME before the first frame of its trigger: 500ms, 30s, 5min
-    #[arg(long, help_heading = HEADING, value_name = "TIME", default_value = "30s", requires = "causes", value_parser = side)]
+    #[arg(long, help_heading = HEADING, value_name = "TIME", default_value = "30s", requires = "causes", value_parser = parse_side)]
     pub before: Duration,
     /// End each capture TIME after its last trigger
-    #[arg(long, help_heading = HEADING, value_name = "TIME", default_value = "10s", requires = "causes", value_parser = side)]
+    #[arg(long, help_heading = HEADING, value_name = "TIME", default_value = "10s", requires = "causes", value_parser = parse_side)]
     pub after: Duration,
     /// Keep up to SIZE bytes of frames in memory (k, M and G are powers of 1,024)
     #[arg(long, help_heading = HEADING, value_name = "SIZE", default_value = "256M", requires = "causes", value_parser = part_bytes)]
@@ -64,7 +64,7 @@ pub struct TriggerArgs {
     #[arg(long, help_heading = HEADING, value_name = "N", default_value_t = 100, requires = "causes")]
     pub trigger_files: u32,
     /// Write captures of at most SIZE bytes in total (k, M, G: powers of 1,024); later triggers are only printed
-    #[arg(long, help_heading = HEADING, value_name = "SIZE", default_value = "1G", requires = "causes", value_parser = bytes)]
+    #[arg(long, help_heading = HEADING, value_name = "SIZE", default_value = "1G", requires = "causes", value_parser = parse_size)]
     pub trigger_size: u64,
     /// Run PROGRAM with the name of each complete capture as its only argument
     ///

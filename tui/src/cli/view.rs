@@ -6,8 +6,8 @@ use clap::Args;
 use cobscope_decoder::query::Filter;
 
 use super::{Color, InputArgs, filter_help};
-use crate::panes::{Layout, PaneId};
-use crate::select::Bound;
+use crate::panes::{PaneId, PaneLayout};
+use crate::select::RangeBound;
 use crate::theme::ThemeName;
 
 /// `cobscope view`.
@@ -18,7 +18,7 @@ pub struct ViewArgs {
     /// Start at TIME: 12.5 (seconds from the first frame), #1234 (frame), 22:13:25, a date, or both
     /// (default: most likely cause, else first frame)
     #[arg(long, value_name = "TIME")]
-    pub at: Option<Bound>,
+    pub at: Option<RangeBound>,
     /// Show only events that match EXPR, such as 'kind == emcy && node == 4'
     #[arg(long, value_name = "EXPR", long_help = filter_help!("Show", "--all"))]
     pub filter: Option<Filter>,
@@ -48,7 +48,7 @@ pub struct ScreenArgs {
     pub pane: Option<PaneId>,
     /// Show the panes of LAYOUT together (default: one; in a large terminal diagnose)
     #[arg(long, value_name = "LAYOUT")]
-    pub layout: Option<Layout>,
+    pub layout: Option<PaneLayout>,
     /// Use colours for a dark or light background (default: auto)
     #[arg(long, value_name = "THEME")]
     pub theme: Option<ThemeName>,

@@ -2,9 +2,9 @@
 
 use clap::Args;
 
-use super::input::count;
+use super::input::parse_count;
 use super::{InputArgs, ReportFormat, SelectArgs};
-use crate::select::Bound;
+use crate::select::RangeBound;
 
 /// `cobscope why`.
 #[derive(Debug, Args)]
@@ -16,9 +16,9 @@ pub struct WhyArgs {
     /// Show the latest story before TIME: 12.5 (seconds from the first frame), #1234 (frame), 22:13:25, a date,
     /// or both
     #[arg(long, value_name = "TIME")]
-    pub at: Option<Bound>,
+    pub at: Option<RangeBound>,
     /// Show story N only; stories are numbered by importance
-    #[arg(long, value_name = "N", value_parser = count)]
+    #[arg(long, value_name = "N", value_parser = parse_count)]
     pub story: Option<std::num::NonZeroUsize>,
     /// Output format
     #[arg(short, long, value_name = "FORMAT", default_value = "text")]

@@ -9,11 +9,11 @@ use anyhow::{Context as _, ensure};
 use cobscope_decoder::session::SessionOptions;
 
 use super::diff::{ComparisonJob, one};
-use super::input::{captures, join_options, read_options};
+use super::input::{capture_paths, join_options, read_options};
 use crate::app::Compare;
 use crate::cli::InputArgs;
-use crate::source::{CaptureFile, relate};
-use crate::timeline::News;
+use crate::source::{CaptureFile, relate_files};
+use crate::timeline::TimelineNews;
 
 /// Prepares the comparison of the captures with `good`.
 ///
@@ -22,12 +22,13 @@ use crate::timeline::News;
 pub(super) fn job(good: &Path, input: &InputArgs, options: &SessionOptions) -> anyhow::Result<ComparisonJob> {
     let shown = good.display();
     std::fs::metadata(good).with_context(|| format!("--against {shown}: cannot be opened"))?;
-    let paths = captures(input);
+    let paths = capture_paths(input);
     ensure!(
         paths.iter().all(|path| path.as_os_str() != "-"),
         "--against reads a capture twice; stdin cannot be read again, open a file"
     );
-    let mut all = relate(&CaptureFile::listed(&paths), &read_options(input), join_options(input)).series();
+    let mut all =
+        relate_files(&CaptureFile::files_named(&paths), &read_options(input), join_options(input)).series();
     let count = all.len();
     let bad = all.pop().filter(|_| count == 1);
     let bad = bad.with_context(|| format!("--against compares one capture; found {count}"))?;
@@ -35,7 +36,7 @@ pub(super) fn job(good: &Path, input: &InputArgs, options: &SessionOptions) -> a
 }
 
 /// Runs each comparison in a thread of its own; the result of the last one is sent to `news`.
-pub(super) fn comparer(job: ComparisonJob, news: Sender<News>) -> Compare {
+pub(super) fn comparer(job: ComparisonJob, news: Sender<TimelineNews>) -> Compare {
     let last = Arc::new(AtomicU64::new(0));
     Box::new(move |options| {
         let job = ComparisonJob { options: options.clone(), ..job.clone() };
@@ -45,7 +46,7 @@ pub(super) fn comparer(job: ComparisonJob, news: Sender<News>) -> Compare {
             let result = job.run().map(Box::new).map_err(|error| format!("{error:#}"));
             if last.load(Ordering::Acquire) == number {
                 // The application may have ended.
-                let _ = news.send(News::Compared(result));
+                let _ = news.send(TimelineNews::Compared(result));
             }
         };
         std::thread::Builder::new().name("against".into()).spawn(run).context("cannot start a thread")?;

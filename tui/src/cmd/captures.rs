@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use cobscope_decoder::capture::CaptureError;
 use cobscope_decoder::sink::escape;
 
-use super::input::{joined, read_options};
+use super::input::{join_files, read_options};
 use crate::cli::InputArgs;
-use crate::path_text::shown;
+use crate::path_text::path_text;
 use crate::record::format;
-use crate::source::{self, CaptureFile, Series};
+use crate::source::{self, CaptureFile, CaptureSeries};
 
 /// A file to read.
-pub(super) struct Source {
+pub(super) struct InputFile {
     pub(super) path: PathBuf,
     /// Folder on the command line that contains the file; such a file need not be a capture.
     pub(super) folder: Option<PathBuf>,
@@ -20,15 +20,15 @@ pub(super) struct Source {
 
 /// A capture to read: a file or the parts of a series.
 pub(super) struct SourceSeries {
-    pub(super) series: Series,
+    pub(super) series: CaptureSeries,
     /// Folder on the command line that contains the file; such a file need not be a capture.
     pub(super) folder: Option<PathBuf>,
 }
 
 /// Files to be joined; those of folders only if their names are consecutive.
-fn files(sources: &[Source]) -> Vec<CaptureFile> {
+fn files(sources: &[InputFile]) -> Vec<CaptureFile> {
     let file =
-        |source: &Source| CaptureFile { path: source.path.clone(), is_listed: source.folder.is_none() };
+        |source: &InputFile| CaptureFile { path: source.path.clone(), is_listed: source.folder.is_none() };
     sources.iter().map(file).collect()
 }
 
@@ -36,9 +36,9 @@ fn files(sources: &[Source]) -> Vec<CaptureFile> {
 const MOST_FILES: usize = 100_000;
 
 /// Files in the order of the command line; stdin without arguments.
-pub(super) fn captures(named: &[PathBuf]) -> Vec<Source> {
+pub(super) fn captures(named: &[PathBuf]) -> Vec<InputFile> {
     if named.is_empty() {
-        return vec![Source { path: "-".into(), folder: None }];
+        return vec![InputFile { path: "-".into(), folder: None }];
     }
     let mut all = Vec::new();
     for path in named {
@@ -47,9 +47,9 @@ pub(super) fn captures(named: &[PathBuf]) -> Vec<Source> {
             files_below(path, &mut found);
             found.sort();
             let folder = Some(path.clone());
-            all.extend(found.into_iter().map(|path| Source { path, folder: folder.clone() }));
+            all.extend(found.into_iter().map(|path| InputFile { path, folder: folder.clone() }));
         } else {
-            all.push(Source { path: path.clone(), folder: None });
+            all.push(InputFile { path: path.clone(), folder: None });
         }
     }
     all
@@ -62,17 +62,20 @@ pub(super) fn without_captures<'a>(named: &'a [PathBuf], judged: &[&SourceSeries
 }
 
 /// Joins the parts of captures.
-pub(super) fn series(captures: &[Source], input: &InputArgs) -> Vec<SourceSeries> {
-    let all = joined(&files(captures), input);
-    let folder = |series: &Series| {
-        captures.iter().find(|source| source.path == series.first()).and_then(|source| source.folder.clone())
+pub(super) fn series(captures: &[InputFile], input: &InputArgs) -> Vec<SourceSeries> {
+    let all = join_files(&files(captures), input);
+    let folder = |series: &CaptureSeries| {
+        captures
+            .iter()
+            .find(|source| source.path == series.first_path())
+            .and_then(|source| source.folder.clone())
     };
     all.into_iter().map(|series| SourceSeries { folder: folder(&series), series }).collect()
 }
 
 /// Message for a skipped file in a folder; `None` for a file that does not look like a capture.
 pub(super) fn passed_over(path: &Path, error: &anyhow::Error) -> Option<String> {
-    let shown = shown(path);
+    let shown = path_text(path);
     match error.downcast_ref::<CaptureError>()? {
         CaptureError::Empty => Some(format!("{shown}: empty; skipped")),
         _ if format::is_of_captures(path) => Some(format!("{}; skipped", escape(&format!("{error:#}")))),
@@ -81,8 +84,8 @@ pub(super) fn passed_over(path: &Path, error: &anyhow::Error) -> Option<String> 
 }
 
 /// Whether a file is read; files in a folder only if they are captures.
-pub(super) fn is_capture(source: &Source, input: &InputArgs) -> bool {
-    let opened = source::open(&source.path, &read_options(input));
+pub(super) fn is_capture(source: &InputFile, input: &InputArgs) -> bool {
+    let opened = source::open_capture(&source.path, &read_options(input));
     source.folder.is_none() || !opened.err().is_some_and(|error| is_no_capture(&error))
 }
 

@@ -16,7 +16,7 @@ pub(super) const TITLE: &str = "# State before ";
 ///
 /// # Errors
 /// If the bus file of the user cannot be read again.
-pub(super) fn text(
+pub(super) fn snapshot_text(
     mut snapshot: BusSnapshot,
     input: &InputArgs,
     path: &Path,
@@ -24,7 +24,7 @@ pub(super) fn text(
 ) -> anyhow::Result<String> {
     let (name, base) = input.bus.as_deref().map(bus_file_text).transpose()?.unwrap_or_default();
     let folder = input.bus.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
-    let target = absolute(path.parent().unwrap_or(Path::new("")));
+    let target = absolute_path(path.parent().unwrap_or(Path::new("")));
     let named = |file: &Path| named_from(&target, file);
     for file in &input.eds {
         let settings = match &file.node.bus {
@@ -36,14 +36,14 @@ pub(super) fn text(
     snapshot.everywhere.databases.extend(input.dbc.iter().map(|file| named(file)));
     let rename = |file: &str| named(&folder.join(file));
     snapshot
-        .text(&BaseFile { text: &base, rename: &rename }, title)
-        .map_err(|error| anyhow::anyhow!(error.show(&name)))
+        .bus_file_text(&BaseFile { text: &base, rename: &rename }, title)
+        .map_err(|error| anyhow::anyhow!(error.show_in_file(&name)))
         .context("cannot extend the bus file")
 }
 
 /// Name of a file for a bus file in the folder `target`: relative if it is inside.
 fn named_from(target: &Path, file: &Path) -> String {
-    let file = absolute(file);
+    let file = absolute_path(file);
     match file.strip_prefix(target) {
         // A bus file of Windows can be read on other systems.
         Ok(inside) if cfg!(windows) => inside.display().to_string().replace('\\', "/"),
@@ -52,7 +52,7 @@ fn named_from(target: &Path, file: &Path) -> String {
     }
 }
 
-fn absolute(path: &Path) -> PathBuf {
+fn absolute_path(path: &Path) -> PathBuf {
     let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
@@ -64,12 +64,12 @@ mod tests {
     #[test]
     fn names_of_files_are_relative_inside_the_folder() {
         // On Windows, a path without a drive is not absolute.
-        let root = absolute(Path::new("/"));
+        let root = absolute_path(Path::new("/"));
         let target = root.join("case").join("7");
         assert_eq!(named_from(&target, &target.join("eds").join("pump.eds")), "eds/pump.eds");
         let outside = root.join("case").join("pump.eds");
         assert_eq!(named_from(&target, &outside), outside.to_str().unwrap());
-        let here = absolute(Path::new(""));
+        let here = absolute_path(Path::new(""));
         assert_eq!(named_from(&here, Path::new("pump.eds")), "pump.eds");
     }
 }

@@ -6,28 +6,28 @@ use anyhow::Context as _;
 use cobscope_decoder::capture::{Batch, BusNames, Notice};
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::reading::{Reading, ReadingPart, Summary};
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
-use super::input::{read_options, series, session_options, unknown_buses};
-use super::messages::{complain, exit_of, warn};
+use super::input::{capture_series, read_options, session_options, unknown_buses};
+use super::messages::{exit_of, print_error, print_warning};
 use super::output;
 use super::remarks;
 use crate::cli::InputArgs;
-use crate::exit_code::Exit;
+use crate::exit_code::ExitStatus;
 use crate::select::Span;
-use crate::source::{Series, SeriesFrames, time_span};
+use crate::source::{CaptureSeries, SeriesFrames, time_span};
 use crate::words::unheard_until;
 
 /// A capture, and how it is read.
 #[derive(Clone, Copy)]
 pub(super) struct CaptureJob<'a> {
-    pub(super) series: &'a Series,
+    pub(super) series: &'a CaptureSeries,
     pub(super) input: &'a InputArgs,
     pub(super) options: &'a SessionOptions,
     /// Rules; `None` if the capture is only decoded.
-    pub(super) setup: Option<&'a Arc<Setup>>,
+    pub(super) setup: Option<&'a Arc<RuleSetup>>,
     /// No progress is shown: stderr belongs to something else, or events are printed to the terminal.
     pub(super) is_quiet: bool,
     /// The cores are used for other captures.
@@ -51,7 +51,7 @@ pub(super) struct ReadCapture<P> {
 impl<P> ReadCapture<P> {
     /// Prints warnings, and the number of unreadable lines and records.
     pub(super) fn report(&self) {
-        self.warnings.iter().chain(&self.unreadable).for_each(|text| warn(text));
+        self.warnings.iter().chain(&self.unreadable).for_each(|text| print_warning(text));
     }
 
     /// Error that ended reading early, as text.
@@ -73,7 +73,11 @@ impl UnreadableInput {
         for (_, notice) in notices.iter().filter(|(_, notice)| matches!(notice, Notice::Unreadable { .. })) {
             self.count += 1;
             self.first.get_or_insert_with(|| {
-                if frames.is_joined() { format!("{} {notice}", frames.file()) } else { notice.to_string() }
+                if frames.is_joined() {
+                    format!("{} {notice}", frames.file_name())
+                } else {
+                    notice.to_string()
+                }
             });
         }
     }
@@ -92,10 +96,10 @@ impl UnreadableInput {
 impl<'a> CaptureJob<'a> {
     /// Decodes a capture with rules, if there are any.
     pub(super) fn new(
-        series: &'a Series,
+        series: &'a CaptureSeries,
         input: &'a InputArgs,
         options: &'a SessionOptions,
-        setup: Option<&'a Arc<Setup>>,
+        setup: Option<&'a Arc<RuleSetup>>,
     ) -> Self {
         Self { series, input, options, setup, is_quiet: false, is_one_of_several: false }
     }
@@ -147,9 +151,9 @@ impl<'a> CaptureJob<'a> {
                     break;
                 }
             }
-            if frames.is_joined() && file != Some(frames.part()) {
-                file = Some(frames.part());
-                reading.begin_file(&frames.file());
+            if frames.is_joined() && file != Some(frames.part_index()) {
+                file = Some(frames.part_index());
+                reading.begin_file(&frames.file_name());
             }
             if let Some(first) = batch.frames().first().filter(|_| !has_frames) {
                 let mut span = || time_span(&series.parts, &read_options(input));
@@ -162,9 +166,10 @@ impl<'a> CaptureJob<'a> {
             }
             // A part that ended early ignores a truncated end.
             if failure.is_none() && !reading.is_done() {
-                failure = batch.cut_off().map(|reason| anyhow::Error::msg(reason).context(frames.file()));
+                failure =
+                    batch.cut_off().map(|reason| anyhow::Error::msg(reason).context(frames.file_name()));
             }
-            frames.tick();
+            frames.update_progress();
         }
         frames.finish_progress();
         reading.close(frames.buses());
@@ -188,7 +193,7 @@ impl<'a> CaptureJob<'a> {
     fn warnings<P: ReadingPart>(&self, name: &str, names: &BusNames, reading: &Reading<P>) -> Vec<String> {
         let mut warnings = unknown_buses(name, self.input, self.options, names);
         let (capture, buses) = (escape(name).into_owned(), reading.decoder().buses());
-        warnings.extend(remarks::limits(&capture, buses));
+        warnings.extend(remarks::decoding_limits(&capture, buses));
         warnings.extend(unheard_until(&capture, buses, self.options, reading.end_moment().as_deref()));
         warnings
     }
@@ -197,13 +202,13 @@ impl<'a> CaptureJob<'a> {
 /// Creates a report for each capture and prints all of them, including those for truncated captures.
 pub(super) fn report(
     input: &InputArgs,
-    one: impl FnMut(&Series, &SessionOptions, &mut String) -> anyhow::Result<Option<anyhow::Error>>,
-) -> Exit {
+    one: impl FnMut(&CaptureSeries, &SessionOptions, &mut String) -> anyhow::Result<Option<anyhow::Error>>,
+) -> ExitStatus {
     match session_options(input) {
         Ok(options) => report_with(input, &options, one),
         Err(error) => {
-            complain(&error);
-            Exit::Profile
+            print_error(&error);
+            ExitStatus::Profile
         }
     }
 }
@@ -212,15 +217,15 @@ pub(super) fn report(
 pub(super) fn report_with(
     input: &InputArgs,
     options: &SessionOptions,
-    mut one: impl FnMut(&Series, &SessionOptions, &mut String) -> anyhow::Result<Option<anyhow::Error>>,
-) -> Exit {
-    let mut exit = Exit::Clean;
+    mut one: impl FnMut(&CaptureSeries, &SessionOptions, &mut String) -> anyhow::Result<Option<anyhow::Error>>,
+) -> ExitStatus {
+    let mut exit = ExitStatus::Clean;
     let mut text = String::new();
-    for series in series(input) {
+    for series in capture_series(input) {
         if let Some(error) = one(&series, options, &mut text).unwrap_or_else(Some) {
-            complain(&error);
+            print_error(&error);
             exit = exit.max(exit_of(&error));
         }
     }
-    exit.max(output::print(text.as_bytes()))
+    exit.max(output::print_text(text.as_bytes()))
 }

@@ -3,13 +3,13 @@
 use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 
-use cobscope_decoder::diagnosis::{Diagnosis, Setting};
+use cobscope_decoder::diagnosis::{Diagnosis, DiagnosisContext};
 use cobscope_decoder::event::Event;
-use cobscope_decoder::finding::Findings;
+use cobscope_decoder::finding::CaptureFindings;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::reading::{self, ReadingPart};
-use cobscope_decoder::session::{Bus, Buses, Preview};
-use cobscope_decoder::why::{FaultScope, NodeChoice, Question, Why};
+use cobscope_decoder::session::{Bus, Buses, MessagePreview};
+use cobscope_decoder::why::{FaultScope, NodeChoice, WhyObserver, WhyScope};
 
 use super::messages::absent_value;
 use super::selected_findings::SelectedFindings;
@@ -18,8 +18,8 @@ use crate::select::{Selection, Span};
 use crate::words::unknown_bus;
 
 /// Facts of the capture, and findings within the selection.
-pub(super) struct Facts {
-    why: Why,
+pub(super) struct SelectedFacts {
+    why: WhyObserver,
     selection: Selection,
     /// The selection has a limit.
     is_limited: bool,
@@ -28,14 +28,14 @@ pub(super) struct Facts {
     scope: FaultScope,
 }
 
-impl Facts {
+impl SelectedFacts {
     /// No facts yet.
     ///
     /// # Errors
     /// If the selection is inconsistent.
-    pub(super) fn new(question: Question, select: &SelectArgs) -> anyhow::Result<Self> {
+    pub(super) fn new(question: WhyScope, select: &SelectArgs) -> anyhow::Result<Self> {
         Ok(Self {
-            why: Why::new(question),
+            why: WhyObserver::new(question),
             selection: select.selection()?,
             is_limited: true,
             findings: SelectedFindings::new(select.selection()?),
@@ -47,34 +47,34 @@ impl Facts {
         })
     }
 
-    /// Prepares the selection for a capture; see [`Selection::begin`].
+    /// Prepares the selection for a capture; see [`Selection::begin_capture`].
     ///
     /// # Errors
     /// If a bound is not possible for this capture.
     pub(super) fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
-        self.selection.begin(first, span)?;
+        self.selection.begin_capture(first, span)?;
         self.is_limited = self.selection.is_limited();
         self.findings.begin(first, span)
     }
 
-    /// Message for a range after the end of the capture; see [`Selection::missed`].
+    /// Message for a range after the end of the capture; see [`Selection::missed_text`].
     pub(super) fn missed(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
-        self.selection.missed(frame, last)
+        self.selection.missed_text(frame, last)
     }
 
     /// The facts, the numbers of the selected findings, and the scope of verdicts; `first` is the time of the
     /// first frame.
     pub(super) fn results(
         self,
-        findings: &Findings,
+        findings: &CaptureFindings,
         first: Option<Timestamp>,
-    ) -> (Why, BTreeSet<u64>, FaultScope) {
+    ) -> (WhyObserver, BTreeSet<u64>, FaultScope) {
         let Self { why, selection, findings: selected, scope, .. } = self;
         let selected = selected.numbers(&findings.groups);
-        let unselected = findings.leading().filter(|group| !selected.contains(&group.id));
+        let unselected = findings.leading_groups().filter(|group| !selected.contains(&group.id));
         let scope = FaultScope {
-            from: selection.from().map(|from| from.text(first)),
-            to: selection.to().map(|to| to.text(first)),
+            from: selection.from().map(|from| from.bound_text(first)),
+            to: selection.range_end().map(|to| to.bound_text(first)),
             unselected: unselected.count(),
             ..scope
         };
@@ -82,34 +82,34 @@ impl Facts {
     }
 }
 
-impl ReadingPart for Facts {
+impl ReadingPart for SelectedFacts {
     fn event(&mut self, event: &Event, bus: &Bus) {
-        let may_report = self.selection.admits(event, bus);
-        self.why.observe(event, bus, may_report);
+        let may_report = self.selection.admits_event(event, bus);
+        self.why.observe_event(event, bus, may_report);
     }
 
     fn finding(&mut self, event: &Event, bus: &Bus) {
         self.findings.finding(event, bus);
-        self.why.observe(event, bus, true);
+        self.why.observe_event(event, bus, true);
     }
 
     #[inline]
-    fn need(&self, preview: &Preview, bus: &Bus) -> bool {
-        self.is_limited || self.why.needs(preview, bus)
+    fn need(&self, preview: &MessagePreview, bus: &Bus) -> bool {
+        self.is_limited || self.why.needs_event(preview, bus)
     }
 
     #[inline]
-    fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        self.why.skip(preview, bus);
+    fn skip(&mut self, preview: &MessagePreview, bus: &Bus) {
+        self.why.skip_event(preview, bus);
     }
 }
 
 /// Stories and notes with a selected finding, about the chosen node.
 pub(super) fn diagnosis(
-    findings: &Findings,
+    findings: &CaptureFindings,
     selected: &BTreeSet<u64>,
-    setting: Setting,
-    (question, buses): (&Question, Buses<'_>),
+    setting: DiagnosisContext,
+    (question, buses): (&WhyScope, Buses<'_>),
 ) -> Diagnosis {
     let mut diagnosis = reading::diagnosis(findings, setting);
     diagnosis.keep_findings(|id| selected.contains(&id));
@@ -148,12 +148,12 @@ pub(super) fn ensure_story(
 }
 
 /// The question of a command line: a node without a profile is the chosen node.
-pub(super) fn question(input: &InputArgs, select: &SelectArgs, story: Option<NonZeroUsize>) -> Question {
+pub(super) fn question(input: &InputArgs, select: &SelectArgs, story: Option<NonZeroUsize>) -> WhyScope {
     let chosen = input.node.iter().find(|node| node.profile.is_none());
     let only = match select.only_node.as_slice() {
         [node] => Some(node),
         _ => None,
     };
     let chosen = chosen.or(only).map(|node| NodeChoice { bus: node.bus.clone(), node: node.id });
-    Question { chosen, latest: false, story: story.map_or(0, usize::from) }
+    WhyScope { chosen, latest: false, story: story.map_or(0, usize::from) }
 }

@@ -1,16 +1,16 @@
 //! Comment on a frame: the events that it causes, a line each.
 
-use cobscope_decoder::event::{Event, EventKind, Undecoded};
+use cobscope_decoder::event::{Event, EventKind, UndecodedFrame};
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::sink::text::Line;
+use cobscope_decoder::sink::text::EventLine;
 
 /// Adds an event to the comment on its frame. A frame without any known meaning has no comment.
 pub(super) fn add_event(comment: &mut String, event: &Event, bus: &Bus) {
-    if matches!(&event.kind, EventKind::Frame(Undecoded { name: None, message: None, .. })) {
+    if matches!(&event.kind, EventKind::Frame(UndecodedFrame { name: None, message: None, .. })) {
         return;
     }
-    let line = Line::of(event, bus);
+    let line = EventLine::describe_event(event, bus);
     if !comment.is_empty() {
         comment.push('\n');
     }

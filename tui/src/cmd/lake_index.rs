@@ -8,13 +8,13 @@ use cobscope_decoder::diagnosis::Diagnosis;
 use cobscope_decoder::finding::Severity;
 use cobscope_decoder::report::fleet::{FleetCapture, FleetStory};
 use cobscope_decoder::session::Buses;
-use cobscope_decoder::sink::findings::{CaptureResult, Outcome};
+use cobscope_decoder::sink::findings::{CaptureOutcome, CaptureResult};
 use cobscope_decoder::sink::lake::TABLES;
 use cobscope_decoder::wire::NodeId;
 use serde::{Deserialize, Serialize};
 
 use super::input::limited;
-use crate::path_text::shown;
+use crate::path_text::path_text;
 
 /// Length of a hash in file names: 128 bits.
 const NAME_DIGITS: usize = 32;
@@ -45,7 +45,7 @@ pub(super) struct LakeEntry {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct EntrySummary {
     frames: u64,
-    verdict: Outcome,
+    verdict: CaptureOutcome,
     failure: Option<String>,
     /// Most important first.
     stories: Vec<EntryStory>,
@@ -63,7 +63,7 @@ struct EntryStory {
 
 impl EntrySummary {
     /// Summary of the results of a capture; `least` is the lowest severity that counts as a failure.
-    pub(super) fn of(
+    pub(super) fn summary_of(
         judged: &CaptureResult,
         diagnosis: &Diagnosis,
         buses: Buses<'_>,
@@ -83,7 +83,7 @@ impl EntrySummary {
         });
         Self {
             frames: judged.frames,
-            verdict: judged.outcome(least),
+            verdict: judged.overall_outcome(least),
             failure: judged.failure.clone(),
             stories: stories.collect(),
         }
@@ -92,14 +92,14 @@ impl EntrySummary {
 
 impl LakeEntry {
     /// The entry as JSON.
-    pub(super) fn text(&self) -> String {
+    pub(super) fn entry_json(&self) -> String {
         // A structure of texts and numbers always has a text.
         serde_json::to_string(self).unwrap_or_default()
     }
 
     /// The entry in a file; `None` if there is none, or it is not valid for the hash.
-    pub(super) fn read(path: &Path, hash: &str) -> Option<Self> {
-        let entry: Self = serde_json::from_slice(&limited::bytes(path).ok()?).ok()?;
+    pub(super) fn read_entry(path: &Path, hash: &str) -> Option<Self> {
+        let entry: Self = serde_json::from_slice(&limited::read_bytes(path).ok()?).ok()?;
         entry.files.iter().all(|file| is_file_of(file, hash)).then_some(entry)
     }
 
@@ -161,14 +161,14 @@ pub(super) fn file_stem(hash: &str) -> &str {
 /// The folder is not a lake.
 pub(super) fn read_all(lake: &Path) -> anyhow::Result<Vec<FleetCapture>> {
     let index = lake.join(FOLDER);
-    ensure!(index.is_dir(), "{}: not a lake; cobscope lake add creates one", shown(lake));
+    ensure!(index.is_dir(), "{}: not a lake; cobscope lake add creates one", path_text(lake));
     let mut all = Vec::new();
     for group in fs::read_dir(&index)?.flatten() {
         for file in fs::read_dir(group.path()).into_iter().flatten().flatten() {
             let path = file.path();
             let hash = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
             if path.extension().is_some_and(|suffix| suffix == "json") {
-                all.extend(LakeEntry::read(&path, hash).map(LakeEntry::into_fleet));
+                all.extend(LakeEntry::read_entry(&path, hash).map(LakeEntry::into_fleet));
             }
         }
     }

@@ -6,10 +6,10 @@ use std::io::Write as _;
 
 use cobscope_decoder::sink::escape;
 
-use crate::exit_code::Exit;
+use crate::exit_code::ExitStatus;
 
 /// An error with its exit status.
-pub(super) type Refusal = (Exit, anyhow::Error);
+pub(super) type Refusal = (ExitStatus, anyhow::Error);
 
 /// Value of an option that does not exist in a capture, such as the number of a story.
 #[derive(Debug)]
@@ -33,8 +33,8 @@ pub(super) fn absent_value(text: String, failure: Option<&anyhow::Error>) -> any
 }
 
 /// Exit status for an error of one capture: an option names an absent value, or the capture cannot be read.
-pub(super) fn exit_of(error: &anyhow::Error) -> Exit {
-    if error.is::<AbsentValue>() { Exit::Usage } else { Exit::Capture }
+pub(super) fn exit_of(error: &anyhow::Error) -> ExitStatus {
+    if error.is::<AbsentValue>() { ExitStatus::Usage } else { ExitStatus::Capture }
 }
 
 thread_local! {
@@ -43,29 +43,29 @@ thread_local! {
 }
 
 /// Reports an error, with its context.
-pub(super) fn complain(error: &anyhow::Error) {
-    warn(&format!("{error:#}"));
+pub(super) fn print_error(error: &anyhow::Error) {
+    print_warning(&format!("{error:#}"));
 }
 
 /// Reports a problem that does not end the command, in several lines.
-pub(super) fn warn(text: &str) {
+pub(super) fn print_warning(text: &str) {
     let lines: Vec<_> = text.lines().map(escape).collect();
-    report(lines.join("\n"));
+    report_message(lines.join("\n"));
 }
 
 /// Reports information in one line.
-pub(super) fn note(text: &str) {
-    report(escape(text).into_owned());
+pub(super) fn print_note(text: &str) {
+    report_message(escape(text).into_owned());
 }
 
 /// Runs `work`, and returns its messages in place of printing them.
-pub(super) fn collected<T>(work: impl FnOnce() -> T) -> (T, Vec<String>) {
+pub(super) fn collect_messages<T>(work: impl FnOnce() -> T) -> (T, Vec<String>) {
     let outer = COLLECTED.replace(Some(Vec::new()));
     let result = work();
     (result, COLLECTED.replace(outer).unwrap_or_default())
 }
 
-fn report(message: String) {
+fn report_message(message: String) {
     let printed = COLLECTED.with_borrow_mut(|collected| match collected {
         Some(messages) => {
             messages.push(message);
@@ -84,13 +84,13 @@ mod tests {
 
     #[test]
     fn messages_are_collected_within_the_call_only() {
-        let (inner, messages) = collected(|| {
-            warn("one\x1b\ntwo");
-            let (value, inner) = collected(|| {
-                note("three");
+        let (inner, messages) = collect_messages(|| {
+            print_warning("one\x1b\ntwo");
+            let (value, inner) = collect_messages(|| {
+                print_note("three");
                 7
             });
-            note("four");
+            print_note("four");
             (value, inner)
         });
         assert_eq!(inner, (7, vec!["three".to_owned()]));

@@ -45,17 +45,17 @@ use std::io::{IsTerminal as _, Write as _};
 
 use cobscope_decoder::sink::escape;
 
-use crate::cli::{Cli, Command};
-use crate::exit_code::Exit;
+use crate::cli::{Cli, CliCommand};
+use crate::exit_code::ExitStatus;
 use crate::path_text;
-pub use extcap::{answer, set_program};
+pub use extcap::{answer_call, set_program};
 #[cfg(all(target_os = "linux", feature = "socketcan"))]
 pub use live::over_datagrams;
-use messages::complain;
-pub use view::open as open_view;
+use messages::print_error;
+pub use view::open_view;
 
 /// Prints help, or an error of the command line; file names in it may contain control characters.
-pub fn refuse(error: &clap::Error) -> Exit {
+pub fn print_refusal(error: &clap::Error) -> ExitStatus {
     let text = error.render().to_string();
     let safe: Vec<_> = text.lines().map(escape).collect();
     if safe.iter().any(|line| matches!(line, Cow::Owned(_))) {
@@ -64,42 +64,44 @@ pub fn refuse(error: &clap::Error) -> Exit {
         // With its colours.
         let _ = error.print();
     }
-    if error.use_stderr() { Exit::Usage } else { Exit::Clean }
+    if error.use_stderr() { ExitStatus::Usage } else { ExitStatus::Clean }
 }
 
 /// Runs the command.
-pub fn run(cli: Cli) -> Exit {
+pub fn run(cli: Cli) -> ExitStatus {
     if cli.command.captures().is_some_and(<[_]>::is_empty) && std::io::stdin().is_terminal() {
-        complain(&anyhow::anyhow!("no capture; give a file, or - for stdin"));
-        return Exit::Usage;
+        print_error(&anyhow::anyhow!("no capture; give a file, or - for stdin"));
+        return ExitStatus::Usage;
     }
     if let Err(error) = cli.command.check_nodes() {
-        complain(&anyhow::Error::msg(error));
-        return Exit::Usage;
+        print_error(&anyhow::Error::msg(error));
+        return ExitStatus::Usage;
     }
     if let Some(folder) = cli.command.profile_folders().iter().find(|folder| !folder.is_dir()) {
-        complain(&anyhow::anyhow!("--profiles {}: not a folder", path_text::shown(folder)));
-        return Exit::Profile;
+        print_error(&anyhow::anyhow!("--profiles {}: not a folder", path_text::path_text(folder)));
+        return ExitStatus::Profile;
     }
     match cli.command {
-        Command::View(arguments) => view::run(&arguments),
-        Command::Live(arguments) => live::run(&arguments),
-        Command::Decode(arguments) => decode::run(&arguments),
-        Command::Convert(arguments) => convert::run(&arguments),
-        Command::Stats(arguments) => stats::run(&arguments),
-        Command::Objects(arguments) => objects::run(&arguments),
-        Command::Check(arguments) => check::run(&arguments),
-        Command::Rules(arguments) => rules::run(&arguments),
-        Command::Why(arguments) => why::run(&arguments),
-        Command::Diff(arguments) => diff::run(&arguments),
-        Command::Report(arguments) => report::run(&arguments),
-        Command::Explain { thing, device, profiles } => explain::run(&thing, device.as_deref(), &profiles),
-        Command::Profiles { command, profiles } => profiles::run(&command, &input::catalogue(&profiles)),
-        Command::Extcap(arguments) => extcap::run(&arguments),
-        Command::Mcp(arguments) => mcp::run(&arguments),
+        CliCommand::View(arguments) => view::run(&arguments),
+        CliCommand::Live(arguments) => live::run(&arguments),
+        CliCommand::Decode(arguments) => decode::run(&arguments),
+        CliCommand::Convert(arguments) => convert::run(&arguments),
+        CliCommand::Stats(arguments) => stats::run(&arguments),
+        CliCommand::Objects(arguments) => objects::run(&arguments),
+        CliCommand::Check(arguments) => check::run(&arguments),
+        CliCommand::Rules(arguments) => rules::run(&arguments),
+        CliCommand::Why(arguments) => why::run(&arguments),
+        CliCommand::Diff(arguments) => diff::run(&arguments),
+        CliCommand::Report(arguments) => report::run(&arguments),
+        CliCommand::Explain { thing, device, profiles } => explain::run(&thing, device.as_deref(), &profiles),
+        CliCommand::Profiles { command, profiles } => {
+            profiles::run(&command, &input::load_catalogue(&profiles))
+        }
+        CliCommand::Extcap(arguments) => extcap::run(&arguments),
+        CliCommand::Mcp(arguments) => mcp::run(&arguments),
         #[cfg(feature = "parquet")]
-        Command::Lake { command } => lake::run(&command),
-        Command::Completions { shell } => shell::completions(shell),
-        Command::Man { of } => shell::man(of.as_deref()),
+        CliCommand::Lake { command } => lake::run(&command),
+        CliCommand::Completions { shell } => shell::print_completions(shell),
+        CliCommand::Man { of } => shell::print_manual(of.as_deref()),
     }
 }

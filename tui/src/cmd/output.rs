@@ -7,12 +7,12 @@ use anyhow::{Context as _, bail, ensure};
 use cobscope_decoder::sink::{EventFormat, Output, OutputFiles, SpoolFile};
 
 use super::input::files_named;
-use super::messages::{complain, note};
+use super::messages::{print_error, print_note};
 use crate::cli::{Color, InputArgs};
-use crate::exit_code::Exit;
+use crate::exit_code::ExitStatus;
 use crate::file_identity::StorageIdentity;
-use crate::output_file::{self, Existing, FinalName};
-use crate::path_text::shown;
+use crate::output_file::{self, ExistingFile, FinalName};
+use crate::path_text::path_text;
 use crate::record::format::part_of;
 
 /// Size of output buffers, in bytes.
@@ -45,7 +45,7 @@ pub(super) fn ensure_not_read<'a>(
     read: impl IntoIterator<Item = &'a PathBuf>,
 ) -> anyhow::Result<()> {
     let is_read = read.into_iter().any(|read| is_same(read, path));
-    ensure!(!is_read, "{}: is also an input; choose another output file", shown(path));
+    ensure!(!is_read, "{}: is also an input; choose another output file", path_text(path));
     Ok(())
 }
 
@@ -71,7 +71,7 @@ impl CommandOutput {
     pub(super) fn finish(mut self) -> io::Result<()> {
         self.writer.flush()?;
         drop(self.writer);
-        self.name.finish()
+        self.name.finish_file()
     }
 }
 
@@ -90,7 +90,7 @@ impl Write for CommandOutput {
 ///
 /// # Errors
 /// If the file is an input, exists and is to be kept, or cannot be created.
-pub(super) fn output<'a>(
+pub(super) fn open_output<'a>(
     path: Option<&Path>,
     naming: NamePolicy,
     read: impl IntoIterator<Item = &'a PathBuf> + Clone,
@@ -100,31 +100,31 @@ pub(super) fn output<'a>(
         Some(path) => {
             ensure_not_read(path, read.clone())?;
             ensure_not_read(&output_file::part_of(path), read)?;
-            let name = shown(path);
+            let name = path_text(path);
             let NamePolicy { existing, is_at_once } = naming;
             let created = if is_at_once {
                 output_file::create_at_once(path, existing).map(|file| (file, FinalName::at_once()))
             } else {
-                output_file::create(path, existing)
+                output_file::create_output(path, existing)
             };
-            let (file, final_name) = created.map_err(|error| refused(path, &error))?;
+            let (file, final_name) = created.map_err(|error| creation_error(path, &error))?;
             let writer = Box::new(BufWriter::with_capacity(BUFFER, NamedOutput { name, output: file }));
             CommandOutput { writer, name: final_name }
         }
         // Large blocks for a pipe or a file; on a terminal each line is visible immediately.
         None if io::stdout().is_terminal() => {
-            CommandOutput { writer: Box::new(stdout()), name: FinalName::at_once() }
+            CommandOutput { writer: Box::new(open_stdout()), name: FinalName::at_once() }
         }
         None => {
-            let writer = Box::new(BufWriter::with_capacity(BUFFER, stdout()));
+            let writer = Box::new(BufWriter::with_capacity(BUFFER, open_stdout()));
             CommandOutput { writer, name: FinalName::at_once() }
         }
     })
 }
 
 /// Message for a file that cannot be created.
-pub(super) fn refused(path: &Path, error: &io::Error) -> anyhow::Error {
-    let name = shown(path);
+pub(super) fn creation_error(path: &Path, error: &io::Error) -> anyhow::Error {
+    let name = path_text(path);
     match error.kind() {
         ErrorKind::AlreadyExists => anyhow::anyhow!("{name}: file exists; use --force to overwrite it"),
         _ => match output_file::folder_problem(path) {
@@ -140,7 +140,7 @@ pub(super) fn refused(path: &Path, error: &io::Error) -> anyhow::Error {
 /// If there is no such folder.
 pub(super) fn ensure_folder(path: &Path) -> anyhow::Result<()> {
     match output_file::folder_problem(path) {
-        Some(problem) => bail!("{}: {problem}", shown(path)),
+        Some(problem) => bail!("{}: {problem}", path_text(path)),
         None => Ok(()),
     }
 }
@@ -185,7 +185,7 @@ pub(super) struct SinkFiles<'a> {
 /// When an output file receives its name, and what happens to a file with this name.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NamePolicy {
-    pub(super) existing: Existing,
+    pub(super) existing: ExistingFile,
     /// The file has its name from the start, because others read it while it grows.
     pub(super) is_at_once: bool,
 }
@@ -200,7 +200,7 @@ impl FinalNames {
     /// # Errors
     /// If one cannot be renamed.
     pub(super) fn finish(self) -> io::Result<()> {
-        self.0.into_iter().try_for_each(FinalName::finish)
+        self.0.into_iter().try_for_each(FinalName::finish_file)
     }
 }
 
@@ -222,14 +222,14 @@ impl<'a> SinkFiles<'a> {
 
     /// Prints the names of the files of a format with several files.
     pub(super) fn report_parts(&self) {
-        let names: Vec<_> = self.parts.iter().map(|path| shown(path)).collect();
+        let names: Vec<_> = self.parts.iter().map(|path| path_text(path)).collect();
         if !names.is_empty() {
-            note(&format!("writing {}", names.join(" and ")));
+            print_note(&format!("writing {}", names.join(" and ")));
         }
     }
 
-    fn open(&mut self, path: Option<&Path>) -> anyhow::Result<Output> {
-        let CommandOutput { writer, name } = output(path, self.naming, self.read)?;
+    fn open_file(&mut self, path: Option<&Path>) -> anyhow::Result<Output> {
+        let CommandOutput { writer, name } = open_output(path, self.naming, self.read)?;
         self.names.0.push(name);
         Ok(writer)
     }
@@ -239,29 +239,29 @@ impl<'a> SinkFiles<'a> {
             !self.format.is_binary || self.to.is_some() || !io::stdout().is_terminal(),
             "binary format on a terminal; give a file with -o"
         );
-        self.open(self.to)
+        self.open_file(self.to)
     }
 
     fn open_part(&mut self, content: &str) -> anyhow::Result<Output> {
         let to = self.to.context("format with two files; give a name with -o NAME")?;
         let path = part_of(to, content, self.format.suffix)
-            .with_context(|| format!("{}: not a file name", shown(to)))?;
-        let output = self.open(Some(&path))?;
+            .with_context(|| format!("{}: not a file name", path_text(to)))?;
+        let output = self.open_file(Some(&path))?;
         self.parts.push(path);
         Ok(output)
     }
 }
 
 impl OutputFiles for SinkFiles<'_> {
-    fn whole(&mut self) -> io::Result<Output> {
+    fn whole_file(&mut self) -> io::Result<Output> {
         self.open_whole().map_err(|error| in_one(&error))
     }
 
-    fn part(&mut self, content: &str) -> io::Result<Output> {
+    fn part_file(&mut self, content: &str) -> io::Result<Output> {
         self.open_part(content).map_err(|error| in_one(&error))
     }
 
-    fn spool(&mut self) -> io::Result<Box<dyn SpoolFile>> {
+    fn spool_file(&mut self) -> io::Result<Box<dyn SpoolFile>> {
         let spool =
             tempfile::tempfile().context("cannot create a temporary file").map_err(|error| in_one(&error))?;
         Ok(Box::new(spool))
@@ -274,23 +274,23 @@ fn in_one(error: &anyhow::Error) -> io::Error {
 }
 
 /// Writes a text to stdout; returns the exit status.
-pub(super) fn print(text: &[u8]) -> Exit {
-    let mut output = stdout();
+pub(super) fn print_text(text: &[u8]) -> ExitStatus {
+    let mut output = open_stdout();
     write_result(output.write_all(text).and_then(|()| output.flush()))
 }
 
 /// Reports a write error; returns the exit status. A closed pipe is not an error.
-pub(super) fn write_result(written: io::Result<()>) -> Exit {
+pub(super) fn write_result(written: io::Result<()>) -> ExitStatus {
     match written {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            complain(&error.into());
-            Exit::Capture
+            print_error(&error.into());
+            ExitStatus::Capture
         }
-        _ => Exit::Clean,
+        _ => ExitStatus::Clean,
     }
 }
 
-fn stdout() -> NamedOutput<io::Stdout> {
+fn open_stdout() -> NamedOutput<io::Stdout> {
     NamedOutput { name: STDOUT.to_owned(), output: io::stdout() }
 }
 

@@ -8,14 +8,14 @@ use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::reading::{FrameDemand, ReadingPart};
-use cobscope_decoder::session::{Bus, Preview};
+use cobscope_decoder::session::{Bus, MessagePreview};
 use cobscope_decoder::sink::text::{self, PdoLines, TextOptions};
 use cobscope_decoder::sink::{EventContent, EventFormat, EventSink, SinkOptions};
 
-use super::messages::note;
+use super::messages::print_note;
 use super::output::{FinalNames, NamePolicy, SinkFiles, is_colored};
-use crate::cli::{InputArgs, Pdo, PrintArgs, SelectArgs, TimeColumn};
-use crate::output_file::Existing;
+use crate::cli::{InputArgs, PdoOption, PrintArgs, SelectArgs, TimeColumnChoice};
+use crate::output_file::ExistingFile;
 use crate::select::{Selection, Span};
 
 /// Whether rules run: not if findings are not printed.
@@ -24,7 +24,7 @@ pub(super) fn prints_findings(arguments: &PrintArgs) -> bool {
 }
 
 /// Prints events in the selected format.
-pub(super) struct Printer {
+pub(super) struct EventPrinter {
     /// `None` if events are only decoded.
     output: Option<OpenSink>,
     selection: Selection,
@@ -44,7 +44,7 @@ struct OpenSink {
 
 /// Selection of PDOs and frames, for formats without their own selection.
 struct PdoChoice {
-    pdo: Pdo,
+    pdo: PdoOption,
     frames: bool,
 }
 
@@ -92,11 +92,11 @@ const FLUSH_EVERY: Duration = Duration::from_secs(1);
 impl PdoChoice {
     /// Whether the event of a PDO or J1939 message may be printed; it is routine if no bit has changed.
     #[inline]
-    fn needs(&self, preview: &Preview) -> bool {
+    fn needs(&self, preview: &MessagePreview) -> bool {
         match self.pdo {
-            Pdo::All => true,
-            Pdo::Change => preview.change != 0,
-            Pdo::None => false,
+            PdoOption::All => true,
+            PdoOption::Change => preview.change != 0,
+            PdoOption::None => false,
         }
     }
 
@@ -104,12 +104,12 @@ impl PdoChoice {
     fn admits(&self, event: &Event) -> bool {
         match (&event.kind, self.pdo) {
             (EventKind::Frame(_), _) if self.frames => true,
-            (EventKind::Frame(undecoded), Pdo::All) => undecoded.message.is_some(),
+            (EventKind::Frame(undecoded), PdoOption::All) => undecoded.message.is_some(),
             // Without a database, frames are routine events.
-            (EventKind::Pdo(_) | EventKind::J1939Message(_) | EventKind::Frame(_), Pdo::Change) => {
+            (EventKind::Pdo(_) | EventKind::J1939Message(_) | EventKind::Frame(_), PdoOption::Change) => {
                 !event.routine
             }
-            (EventKind::Pdo(_) | EventKind::J1939Message(_) | EventKind::Frame(_), Pdo::None) => false,
+            (EventKind::Pdo(_) | EventKind::J1939Message(_) | EventKind::Frame(_), PdoOption::None) => false,
             _ => true,
         }
     }
@@ -120,10 +120,10 @@ impl OpenSink {
     fn open(
         format: &'static EventFormat,
         arguments: &PrintArgs,
-        (pdo, is_followed): (Pdo, bool),
+        (pdo, is_followed): (PdoOption, bool),
         read: &[PathBuf],
     ) -> anyhow::Result<Self> {
-        let existing = if arguments.force { Existing::Replace } else { Existing::Keep };
+        let existing = if arguments.force { ExistingFile::Replace } else { ExistingFile::Keep };
         let naming = NamePolicy { existing, is_at_once: is_followed };
         let options = SinkOptions { text: text_options(arguments, pdo), packing: arguments.packing.into() };
         let mut files = SinkFiles::new(format, arguments.output.as_deref(), naming, read);
@@ -151,15 +151,15 @@ impl OpenSink {
         for (path, media_type) in files.chain(input.eds.iter().map(|arg| (&arg.file, TEXT))) {
             // Unreadable files were already rejected.
             if let (Ok(bytes), Some(name)) = (std::fs::read(path), path.file_name()) {
-                self.sink.attach(&name.to_string_lossy(), media_type, &bytes);
+                self.sink.attach_file(&name.to_string_lossy(), media_type, &bytes);
             }
         }
         let version = ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
-        self.sink.describe("cobscope", std::collections::BTreeMap::from([version]));
+        self.sink.write_metadata("cobscope", std::collections::BTreeMap::from([version]));
     }
 }
 
-impl Printer {
+impl EventPrinter {
     /// Opens the output, which must not be one of the files `read`. Others may read it while it grows if it
     /// `is_followed`.
     pub(super) fn new(
@@ -170,7 +170,7 @@ impl Printer {
     ) -> anyhow::Result<Self> {
         let format = arguments.format.0;
         let is_news = format.is_some_and(|format| format.content == EventContent::News);
-        let pdo = arguments.pdo.unwrap_or(if is_news { Pdo::Change } else { Pdo::All });
+        let pdo = arguments.pdo.unwrap_or(if is_news { PdoOption::Change } else { PdoOption::All });
         let output =
             format.map(|format| OpenSink::open(format, arguments, (pdo, is_followed), read)).transpose()?;
         let selection = select.selection()?;
@@ -193,7 +193,7 @@ impl Printer {
         if let Some(output) = &mut self.output {
             output.sink.observe_time(first.time);
         }
-        self.selection.begin(first, span)
+        self.selection.begin_capture(first, span)
     }
 
     pub(super) fn begin_capture(&mut self, name: &str) {
@@ -214,7 +214,7 @@ impl Printer {
     /// frame.
     pub(super) fn missed(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
         self.output.as_ref()?;
-        self.selection.missed(frame, last).or_else(|| {
+        self.selection.missed_text(frame, last).or_else(|| {
             let is_empty = self.selection.has_filter() && !self.shown.is_any;
             is_empty.then(|| self.shown.hidden())
         })
@@ -228,10 +228,10 @@ impl Printer {
     /// Ends the output and prints a remark on missing data.
     pub(super) fn finish(&mut self) -> std::io::Result<()> {
         let Some(OpenSink { sink, names, .. }) = &mut self.output else { return Ok(()) };
-        sink.finish()?;
+        sink.finish_output()?;
         std::mem::take(names).finish()?;
-        if let Some(remark) = sink.remark() {
-            note(&remark);
+        if let Some(remark) = sink.omission_note() {
+            print_note(&remark);
         }
         Ok(())
     }
@@ -249,19 +249,19 @@ impl Printer {
     }
 }
 
-impl ReadingPart for Printer {
+impl ReadingPart for EventPrinter {
     fn event(&mut self, event: &Event, bus: &Bus) {
         let Some(OpenSink { format, sink, .. }) = &mut self.output else { return };
-        if !self.selection.admits(event, bus) {
+        if !self.selection.admits_event(event, bus) {
             return;
         }
         let is_wanted = format.content == EventContent::News || self.choice.admits(event);
-        let is_shown = is_wanted && sink.write(event, bus);
+        let is_shown = is_wanted && sink.write_event(event, bus);
         self.shown.see(event, is_shown);
     }
 
     #[inline]
-    fn need(&self, preview: &Preview, _bus: &Bus) -> bool {
+    fn need(&self, preview: &MessagePreview, _bus: &Bus) -> bool {
         self.output.is_some() && (self.selection.is_limited() || self.choice.needs(preview))
     }
 
@@ -272,13 +272,13 @@ impl ReadingPart for Printer {
 
     fn frame(&mut self, frame: &Frame, names: &BusNames) {
         if let Some(output) = self.capture() {
-            output.sink.frame(frame, names.name_of(frame.bus));
+            output.sink.write_frame(frame, names.name_of(frame.bus));
         }
     }
 
     fn notice(&mut self, notice: &Notice, names: &BusNames) {
         if let Some(output) = self.capture() {
-            output.sink.notice(notice, names.name_of(notice.bus()));
+            output.sink.write_notice(notice, names.name_of(notice.bus()));
         }
     }
 
@@ -287,18 +287,18 @@ impl ReadingPart for Printer {
     }
 }
 
-fn text_options(arguments: &PrintArgs, pdo: Pdo) -> TextOptions {
+fn text_options(arguments: &PrintArgs, pdo: PdoOption) -> TextOptions {
     TextOptions {
         time: match arguments.time_column {
-            TimeColumn::Absolute => text::TimeColumn::Absolute,
-            TimeColumn::Delta => text::TimeColumn::Delta,
-            TimeColumn::Zero => text::TimeColumn::Zero,
-            TimeColumn::Date => text::TimeColumn::Date,
+            TimeColumnChoice::Absolute => text::TimeColumn::Absolute,
+            TimeColumnChoice::Delta => text::TimeColumn::Delta,
+            TimeColumnChoice::Zero => text::TimeColumn::Zero,
+            TimeColumnChoice::Date => text::TimeColumn::Date,
         },
         pdo: match pdo {
-            Pdo::Change => PdoLines::Change,
-            Pdo::All => PdoLines::All,
-            Pdo::None => PdoLines::None,
+            PdoOption::Change => PdoLines::Change,
+            PdoOption::All => PdoLines::All,
+            PdoOption::None => PdoLines::None,
         },
         all: arguments.all,
         frames: arguments.frames,
@@ -314,11 +314,12 @@ mod tests {
     #[test]
     fn unchanged_messages_are_needed_only_if_all_are_printed() {
         let needs = |pdo, change| {
-            let preview = Preview { identifier: 0, frame: 2, time: Timestamp(0), now: 0, payload: 1, change };
+            let preview =
+                MessagePreview { identifier: 0, frame: 2, time: Timestamp(0), now: 0, payload: 1, change };
             PdoChoice { pdo, frames: false }.needs(&preview)
         };
-        assert_eq!([needs(Pdo::All, 0), needs(Pdo::All, 1)], [true, true]);
-        assert_eq!([needs(Pdo::Change, 0), needs(Pdo::Change, 1)], [false, true]);
-        assert_eq!([needs(Pdo::None, 0), needs(Pdo::None, 1)], [false, false]);
+        assert_eq!([needs(PdoOption::All, 0), needs(PdoOption::All, 1)], [true, true]);
+        assert_eq!([needs(PdoOption::Change, 0), needs(PdoOption::Change, 1)], [false, true]);
+        assert_eq!([needs(PdoOption::None, 0), needs(PdoOption::None, 1)], [false, false]);
     }
 }

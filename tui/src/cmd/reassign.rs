@@ -5,22 +5,22 @@ use std::sync::Arc;
 use cobscope_decoder::session::SessionOptions;
 
 use super::input::options_with;
-use crate::app::{AddedOption, Reassign, Reassigned};
+use crate::app::{AddedOption, Reassign, ReassignedOptions};
 use crate::cli::{EdsArg, InputArgs, NodeArg};
 
 /// Evaluates added options. Profiles and the bus file are not read again.
 pub(super) fn reassign(input: &InputArgs) -> Reassign {
     let mut input = input.clone();
     Box::new(move |added, before| {
-        let next = with(&input, added)?;
-        let reassigned = evaluate(&next, before)?;
+        let next = add_option(&input, added)?;
+        let reassigned = evaluate_options(&next, before)?;
         input = next;
         Ok(reassigned)
     })
 }
 
 /// The options with one more. It replaces the profile or device file that its node had.
-fn with(input: &InputArgs, added: &AddedOption) -> anyhow::Result<InputArgs> {
+fn add_option(input: &InputArgs, added: &AddedOption) -> anyhow::Result<InputArgs> {
     let mut next = input.clone();
     let is_other = |one: &NodeArg, node: &NodeArg| (one.id, &one.bus) != (node.id, &node.bus);
     let free = |next: &mut InputArgs, node: &NodeArg| {
@@ -43,9 +43,9 @@ fn with(input: &InputArgs, added: &AddedOption) -> anyhow::Result<InputArgs> {
     Ok(next)
 }
 
-fn evaluate(input: &InputArgs, before: &SessionOptions) -> anyhow::Result<Reassigned> {
+fn evaluate_options(input: &InputArgs, before: &SessionOptions) -> anyhow::Result<ReassignedOptions> {
     let mut problems = Vec::new();
     let catalogue = Arc::clone(&before.catalogue);
     let options = options_with(input, before.bus_file.clone(), catalogue, &mut problems)?;
-    Ok(Reassigned { options, problems })
+    Ok(ReassignedOptions { options, problems })
 }

@@ -3,13 +3,13 @@
 use cobscope_decoder::session::{Bus, Buses};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::suggestion::firm_suggestions;
-use cobscope_decoder::words::plural;
+use cobscope_decoder::words::count_noun;
 
 /// Limits of decoding per bus, each with the number of frames and the option that changes it.
-pub(super) fn limits(capture: &str, buses: Buses<'_>) -> Vec<String> {
+pub(super) fn decoding_limits(capture: &str, buses: Buses<'_>) -> Vec<String> {
     let of_bus = |bus: &Bus| {
         let place = format!("{capture}: {}", escape(bus.name()));
-        bus.limits().into_iter().map(move |text| format!("{place}: {text}")).collect::<Vec<_>>()
+        bus.limit_texts().into_iter().map(move |text| format!("{place}: {text}")).collect::<Vec<_>>()
     };
     buses.iter().flat_map(of_bus).collect()
 }
@@ -22,7 +22,7 @@ pub(super) fn without_values(capture: &str, buses: Buses<'_>) -> Vec<String> {
             format!(
                 "{capture}: {}: {} of unknown service without values; --dbc or [[id]] in a bus file (--bus) decodes them",
                 escape(bus.name()),
-                plural(count, "frame")
+                count_noun(count, "frame")
             )
         })
     };
@@ -30,7 +30,7 @@ pub(super) fn without_values(capture: &str, buses: Buses<'_>) -> Vec<String> {
 }
 
 /// Possible profiles of nodes without one, based on their behaviour.
-pub(super) fn profiles(capture: &str, buses: Buses<'_>) -> Vec<String> {
+pub(super) fn possible_profiles(capture: &str, buses: Buses<'_>) -> Vec<String> {
     let is_only = buses.len() == 1;
     let of_bus = |bus: &Bus| {
         let found = firm_suggestions(bus);

@@ -10,9 +10,9 @@ use cobscope_decoder::report::{ATTACHMENT_COMMENT, html, markdown};
 use cobscope_decoder::sink::findings::FINDING_FORMATS;
 
 use super::cut;
-use super::output::{CommandOutput, NamePolicy, ensure_folder, ensure_not_read, output};
-use crate::output_file::Existing;
-use crate::path_text::shown;
+use super::output::{CommandOutput, NamePolicy, ensure_folder, ensure_not_read, open_output};
+use crate::output_file::ExistingFile;
+use crate::path_text::path_text;
 
 /// Bytes of the start and of the end of a file that contain its mark.
 const SEARCHED: u64 = 64 * 1024;
@@ -37,7 +37,7 @@ pub(super) enum OwnFile {
 
 impl OwnFile {
     /// Texts of which each such file contains one.
-    fn marks(self) -> Vec<&'static str> {
+    fn content_marks(self) -> Vec<&'static str> {
         match self {
             Self::Findings => FINDING_FORMATS.iter().map(|format| format.mark).collect(),
             Self::Page => vec![html::MARK, markdown::MARK],
@@ -62,13 +62,13 @@ impl OwnFile {
 ///
 /// # Errors
 /// If the file has other content, is an input, or cannot be read or created.
-pub(super) fn replacing<'a>(
+pub(super) fn open_replacing<'a>(
     path: Option<&Path>,
     kind: OwnFile,
     read: impl IntoIterator<Item = &'a PathBuf> + Clone,
 ) -> anyhow::Result<CommandOutput> {
     ensure_replaceable(path, kind, read.clone())?;
-    output(path, NamePolicy { existing: Existing::Replace, is_at_once: false }, read)
+    open_output(path, NamePolicy { existing: ExistingFile::Replace, is_at_once: false }, read)
 }
 
 /// Checks an output file before the work for it begins.
@@ -95,15 +95,15 @@ fn ensure_own(path: &Path, kind: OwnFile) -> anyhow::Result<()> {
         Ok(found) if found.is_file() && found.len() > 0 => found.len(),
         _ => return Ok(()),
     };
-    let name = shown(path);
-    let text = ends(path, size).with_context(|| format!("{name}: cannot be read"))?;
-    let is_own = kind.marks().iter().any(|mark| text.contains(mark));
+    let name = path_text(path);
+    let text = file_ends(path, size).with_context(|| format!("{name}: cannot be read"))?;
+    let is_own = kind.content_marks().iter().any(|mark| text.contains(mark));
     ensure!(is_own, "{name}: not overwritten; expected {}, or no file", kind.name());
     Ok(())
 }
 
 /// Start and end of a file.
-fn ends(path: &Path, size: u64) -> std::io::Result<String> {
+fn file_ends(path: &Path, size: u64) -> std::io::Result<String> {
     let mut file = File::open(path)?;
     let mut bytes = Vec::new();
     Read::by_ref(&mut file).take(SEARCHED).read_to_end(&mut bytes)?;

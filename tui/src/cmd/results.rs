@@ -7,22 +7,22 @@ use cobscope_decoder::Summary;
 use cobscope_decoder::answers::statistics::CaptureStatistics;
 use cobscope_decoder::answers::stories::StoriesAnswer;
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::diagnosis::Setting;
+use cobscope_decoder::diagnosis::DiagnosisContext;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::reading::{ListedSignal, SignalList};
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::{Bus, SessionOptions};
-use cobscope_decoder::sink::findings::{CaptureResult, Report};
+use cobscope_decoder::sink::findings::{CaptureResult, FindingsReport};
 use cobscope_decoder::statistics::Statistics;
 use serde_json::Value;
 
 use super::decoding::{CaptureJob, ReadCapture};
-use super::facts::{Facts, diagnosis, question};
+use super::facts::{SelectedFacts, diagnosis, question};
 use crate::cli::{InputArgs, SelectArgs};
-use crate::source::Series;
+use crate::source::CaptureSeries;
 
 /// Results of one pass.
-pub(super) struct Results {
+pub(super) struct PassResults {
     /// State after the last frame.
     pub(super) decoder: Decoder,
     /// The first frame.
@@ -40,20 +40,21 @@ pub(super) struct Results {
     pub(super) failure: Option<String>,
 }
 
-impl Results {
+impl PassResults {
     /// Reads a capture.
     ///
     /// # Errors
     /// It cannot be opened, has an unknown format, or contains no frames.
     pub(super) fn of(
-        series: &Series,
+        series: &CaptureSeries,
         input: &InputArgs,
         options: &SessionOptions,
-        rules: &Arc<Setup>,
+        rules: &Arc<RuleSetup>,
     ) -> anyhow::Result<Self> {
         let (name, select) = (series.name(), SelectArgs::default());
         let question = question(input, &select, None);
-        let parts = (Statistics::default(), Facts::new(question.clone(), &select)?, SignalList::default());
+        let parts =
+            (Statistics::default(), SelectedFacts::new(question.clone(), &select)?, SignalList::default());
         let job = CaptureJob::new(series, input, options, Some(rules)).quiet(true);
         let read = job.read_from(parts, |parts, first, span| parts.1.begin(first, span))?;
         let failure = read.failure_text();
@@ -63,9 +64,9 @@ impl Results {
         let Some(first) = first else { bail!("{name}: contains no frames") };
         let buses = decoder.buses();
         let (why_facts, selected, _) = facts.results(&findings, first.time);
-        let setting = Setting { zero: first.time, end: None, is_growing: false };
+        let setting = DiagnosisContext { zero: first.time, end: None, is_growing: false };
         let stories = diagnosis(&findings, &selected, setting, (&question, buses));
-        let answer = why_facts.report(stories, buses, &options.catalogue);
+        let answer = why_facts.build_report(stories, buses, &options.catalogue);
         let why = serde_json::to_value(StoriesAnswer::new(&answer, buses, first.time, None, &name))?;
         let statistics = CaptureStatistics::new((&name, format), &statistics, buses, Bus::bit_rate);
         let statistics = serde_json::to_value(statistics)?;
@@ -88,6 +89,6 @@ impl Results {
 /// # Errors
 /// If they cannot be written.
 pub(super) fn findings_of(judged: CaptureResult) -> anyhow::Result<Vec<Value>> {
-    let report = Report { captures: vec![judged], ..Report::default() };
+    let report = FindingsReport { captures: vec![judged], ..FindingsReport::default() };
     report.records().map(|record| Ok(serde_json::to_value(record)?)).collect()
 }

@@ -7,9 +7,9 @@ use crate::app::{App, Preferences};
 use crate::cli::{Color, ScreenArgs};
 use crate::config::{Config, PaneColumns};
 use crate::keymap::Keymap;
-use crate::panes::{Arrangement, PaneId};
-use crate::terminal::{Background, background};
-use crate::theme::{Borders, Depth, Palette, Theme, ThemeName};
+use crate::panes::{PaneArrangement, PaneId};
+use crate::terminal::{BackgroundAnswer, background};
+use crate::theme::{ColorDepth, LineCharacters, Theme, ThemeName, ThemePalette};
 
 /// Settings of the terminal UI.
 pub struct ScreenSettings {
@@ -33,8 +33,8 @@ impl ScreenSettings {
     /// # Errors
     /// The config file is invalid.
     pub fn of_user(arguments: &ScreenArgs, color: Color) -> anyhow::Result<Self> {
-        let (config, remembered) = (Config::of_user()?, Config::remembered());
-        let is_plain = depth(color) == Depth::None;
+        let (config, remembered) = (Config::of_user()?, Config::remembered_view());
+        let is_plain = color_depth(color) == ColorDepth::None;
         let theme = arguments.theme.or(remembered.theme).or(config.theme).unwrap_or(ThemeName::Auto);
         let answer = (theme == ThemeName::Auto && !is_plain).then(background);
         Ok(Self::new(arguments, color, config, remembered, answer.as_ref()))
@@ -50,29 +50,29 @@ impl ScreenSettings {
         color: Color,
         config: Config,
         remembered: Config,
-        answer: Option<&Background>,
+        answer: Option<&BackgroundAnswer>,
     ) -> Self {
         let asked = answer.and_then(|answer| answer.palette).unwrap_or_default();
         let preferences = |config: &Config| Preferences {
             layout: config.layout,
             // As the panes are drawn: a share beyond the limits is not a change of the user.
-            split: config.split.map(|split| Arrangement::new(None, Some(split)).split()),
+            split: config.split.map(|split| PaneArrangement::new(None, Some(split)).split_share()),
             has_strip: config.strip.unwrap_or(true),
             palette: match config.theme {
-                Some(ThemeName::Light) => Palette::Light,
-                Some(ThemeName::Dark) => Palette::Dark,
+                Some(ThemeName::Light) => ThemePalette::Light,
+                Some(ThemeName::Dark) => ThemePalette::Dark,
                 Some(ThemeName::Auto) | None => asked,
             },
-            columns: chosen(config.columns.clone().unwrap_or_default()),
+            columns: chosen_columns(config.columns.clone().unwrap_or_default()),
         };
         let options = Config { theme: arguments.theme, layout: arguments.layout, ..Config::default() };
-        let defaults = preferences(&options.clone().or(config.clone()));
-        let config = options.or(remembered.or(config));
+        let defaults = preferences(&options.clone().or_else_from(config.clone()));
+        let config = options.or_else_from(remembered.or_else_from(config));
         let preferences = preferences(&config);
         let is_ascii = arguments.ascii || config.ascii.unwrap_or(false);
-        let borders = if is_ascii { Borders::Ascii } else { Borders::Unicode };
+        let borders = if is_ascii { LineCharacters::Ascii } else { LineCharacters::Unicode };
         Self {
-            theme: Theme::new(preferences.palette, depth(color), borders),
+            theme: Theme::new(preferences.palette, color_depth(color), borders),
             pane: arguments.pane.or(config.pane).unwrap_or(PaneId::Events),
             preferences,
             defaults,
@@ -86,26 +86,26 @@ impl ScreenSettings {
 ///
 /// # Errors
 /// The file cannot be written or removed.
-pub fn remember(app: &App, settings: &ScreenSettings) -> anyhow::Result<()> {
-    let Some(now) = app.preferences() else { return Config::forget() };
+pub fn remember_settings(app: &App, settings: &ScreenSettings) -> anyhow::Result<()> {
+    let Some(now) = app.changed_preferences() else { return Config::forget_view() };
     // After ctrl-r the view started again without a remembered choice.
     let (opened, kept) = if app.is_forgotten() {
         (&settings.defaults, Config::default())
     } else {
-        (&settings.preferences, Config::remembered())
+        (&settings.preferences, Config::remembered_view())
     };
     if now == *opened {
         return Ok(());
     }
-    changed(&now, opened, kept).remember()
+    changed_settings(&now, opened, kept).remember_view()
 }
 
 /// The settings that changed since `opened`; all others stay as they were remembered. A setting of the command
 /// line or of the config file is not remembered.
-fn changed(now: &Preferences, opened: &Preferences, kept: Config) -> Config {
+fn changed_settings(now: &Preferences, opened: &Preferences, kept: Config) -> Config {
     let palette = match now.palette {
-        Palette::Dark => ThemeName::Dark,
-        Palette::Light => ThemeName::Light,
+        ThemePalette::Dark => ThemeName::Dark,
+        ThemePalette::Light => ThemeName::Light,
     };
     let mut columns = kept.columns.unwrap_or_default();
     let panes: BTreeSet<&String> = now.columns.keys().chain(opened.columns.keys()).collect();
@@ -124,12 +124,12 @@ fn changed(now: &Preferences, opened: &Preferences, kept: Config) -> Config {
 }
 
 /// Columns without the empty lists, which mean all columns.
-fn chosen(columns: PaneColumns) -> PaneColumns {
+fn chosen_columns(columns: PaneColumns) -> PaneColumns {
     columns.into_iter().filter(|(_, titles)| !titles.is_empty()).collect()
 }
 
 /// Colours of the terminal.
-fn depth(color: Color) -> Depth {
+fn color_depth(color: Color) -> ColorDepth {
     let is_plain = match color {
         Color::Always => false,
         Color::Never => true,
@@ -140,16 +140,16 @@ fn depth(color: Color) -> Depth {
         // Consoles of Windows with escape sequences have 256 colours and set no variable.
         || (cfg!(windows) && enable_colors());
     match (is_plain, has_many) {
-        (true, _) => Depth::None,
-        (_, true) => Depth::Full,
-        _ => Depth::Sixteen,
+        (true, _) => ColorDepth::None,
+        (_, true) => ColorDepth::Full,
+        _ => ColorDepth::Sixteen,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::panes::Layout;
+    use crate::panes::PaneLayout;
 
     fn columns(pane: &str, titles: &[&str]) -> (String, Vec<String>) {
         (pane.to_owned(), titles.iter().map(|title| (*title).to_owned()).collect())
@@ -159,20 +159,20 @@ mod tests {
     #[test]
     fn only_settings_that_a_key_changed_are_remembered() {
         let opened = Preferences {
-            layout: Some(Layout::One),
+            layout: Some(PaneLayout::One),
             split: Some(40),
             columns: [columns("events", &["No"])].into(),
             ..Preferences::default()
         };
         let now = Preferences { has_strip: false, ..opened.clone() };
-        let found = changed(&now, &opened, Config::default());
+        let found = changed_settings(&now, &opened, Config::default());
         assert_eq!((found.layout, found.split, found.strip), (None, None, Some(false)));
         assert!(found.columns.is_none() && found.theme.is_none());
         // The remembered settings stay.
-        let kept = Config { layout: Some(Layout::List), split: Some(62), ..Config::default() };
-        let now = Preferences { palette: Palette::Light, ..opened.clone() };
-        let found = changed(&now, &opened, kept);
-        assert_eq!((found.layout, found.split, found.strip), (Some(Layout::List), Some(62), None));
+        let kept = Config { layout: Some(PaneLayout::List), split: Some(62), ..Config::default() };
+        let now = Preferences { palette: ThemePalette::Light, ..opened.clone() };
+        let found = changed_settings(&now, &opened, kept);
+        assert_eq!((found.layout, found.split, found.strip), (Some(PaneLayout::List), Some(62), None));
         assert_eq!(found.theme, Some(ThemeName::Light));
     }
 
@@ -180,7 +180,7 @@ mod tests {
     fn a_setting_changed_back_to_its_default_replaces_the_remembered_one() {
         let opened = Preferences { split: Some(62), ..Preferences::default() };
         let kept = Config { split: Some(62), ..Config::default() };
-        assert_eq!(changed(&Preferences::default(), &opened, kept).split, None);
+        assert_eq!(changed_settings(&Preferences::default(), &opened, kept).split, None);
     }
 
     #[test]
@@ -194,12 +194,12 @@ mod tests {
             columns: [columns("events", &["No"]), columns("frames", &["ID"])].into(),
             ..Preferences::default()
         };
-        let found = changed(&now, &opened, Config::default()).columns.unwrap();
+        let found = changed_settings(&now, &opened, Config::default()).columns.unwrap();
         assert_eq!(found, [columns("frames", &["ID"]), columns("nodes", &[])].into());
         // The config file still chooses those of the events.
         let file = Config { columns: Some(opened.columns.clone()), ..Config::default() };
-        let read = Config { columns: Some(found), ..Config::default() }.or(file);
+        let read = Config { columns: Some(found), ..Config::default() }.or_else_from(file);
         let expected = [columns("events", &["No"]), columns("frames", &["ID"])];
-        assert_eq!(chosen(read.columns.unwrap()), expected.into());
+        assert_eq!(chosen_columns(read.columns.unwrap()), expected.into());
     }
 }

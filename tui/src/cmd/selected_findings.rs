@@ -4,10 +4,10 @@ use std::collections::BTreeSet;
 
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::finding::{Cause, Group};
+use cobscope_decoder::finding::{FindingCause, FindingGroup};
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::reading::{FrameDemand, ReadingPart};
-use cobscope_decoder::session::{Bus, Preview};
+use cobscope_decoder::session::{Bus, MessagePreview};
 
 use crate::select::{Selection, Span};
 
@@ -23,30 +23,30 @@ impl SelectedFindings {
         Self { selection, numbers: BTreeSet::new() }
     }
 
-    /// Prepares the selection for a capture; see [`Selection::begin`].
+    /// Prepares the selection for a capture; see [`Selection::begin_capture`].
     ///
     /// # Errors
     /// If a bound is not possible for this capture.
     pub(super) fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
-        self.selection.begin(first, span)
+        self.selection.begin_capture(first, span)
     }
 
-    /// Message for a range after the end of the capture; see [`Selection::missed`].
+    /// Message for a range after the end of the capture; see [`Selection::missed_text`].
     pub(super) fn missed(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
-        self.selection.missed(frame, last)
+        self.selection.missed_text(frame, last)
     }
 
     /// Numbers of the findings with a part in the range. A finding that covers one of them is selected.
-    pub(super) fn numbers(mut self, groups: &[Group]) -> BTreeSet<u64> {
+    pub(super) fn numbers(mut self, groups: &[FindingGroup]) -> BTreeSet<u64> {
         let mut all = BTreeSet::new();
         for group in groups {
             let is_match = !self.selection.has_filter() || self.numbers.contains(&group.id);
             // Called for all, because it also detects a range after the end.
-            if !self.selection.overlaps(group) || !is_match {
+            if !self.selection.overlaps_finding(group) || !is_match {
                 continue;
             }
             all.insert(group.id);
-            if let (true, Some(Cause::Group(cause))) = (group.is_absorbed, &group.cause) {
+            if let (true, Some(FindingCause::Group(cause))) = (group.is_absorbed, &group.cause) {
                 all.insert(*cause);
             }
         }
@@ -65,7 +65,7 @@ impl ReadingPart for SelectedFindings {
         }
     }
 
-    fn need(&self, _preview: &Preview, _bus: &Bus) -> bool {
+    fn need(&self, _preview: &MessagePreview, _bus: &Bus) -> bool {
         false
     }
 

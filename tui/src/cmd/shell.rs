@@ -2,16 +2,16 @@
 
 use clap::{Command, CommandFactory as _, ValueHint};
 
-use super::messages::complain;
-use super::output::print;
+use super::messages::print_error;
+use super::output::print_text;
 use crate::cli::Cli;
-use crate::exit_code::Exit;
+use crate::exit_code::ExitStatus;
 
 /// Prints completions for `shell`.
-pub fn completions(shell: clap_complete::Shell) -> Exit {
+pub fn print_completions(shell: clap_complete::Shell) -> ExitStatus {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut without_file_names(Cli::command()), "cobscope", &mut script);
-    print(&script)
+    print_text(&script)
 }
 
 /// Disables file name completion for values other than paths.
@@ -30,15 +30,15 @@ fn without_help(command: Command) -> Command {
 }
 
 /// Prints the manual page of a command, such as `check` or `profiles-import`, or of the program.
-pub fn man(of: Option<&str>) -> Exit {
+pub fn print_manual(of: Option<&str>) -> ExitStatus {
     let mut program = without_help(Cli::command());
     // `build` prefixes command names with the program name and adds global options to each command.
     program.build();
     let mut command = &program;
     for name in of.iter().flat_map(|of| of.split('-')) {
         let Some(found) = command.find_subcommand(name) else {
-            complain(&anyhow::anyhow!("unknown command '{name}'; see cobscope --help"));
-            return Exit::Usage;
+            print_error(&anyhow::anyhow!("unknown command '{name}'; see cobscope --help"));
+            return ExitStatus::Usage;
         };
         command = found;
     }
@@ -46,7 +46,7 @@ pub fn man(of: Option<&str>) -> Exit {
     let title = of.map_or_else(|| "cobscope".to_owned(), |name| format!("cobscope-{name}"));
     let mut page = Vec::new();
     match clap_mangen::Man::new(command).title(title).render(&mut page) {
-        Ok(()) => print(&page),
-        Err(_) => Exit::Usage,
+        Ok(()) => print_text(&page),
+        Err(_) => ExitStatus::Usage,
     }
 }

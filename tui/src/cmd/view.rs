@@ -9,53 +9,53 @@ use anyhow::{Context as _, ensure};
 
 use super::against;
 use super::input::{
-    captures, check_rules_of, join_options, named_buses, read_options, session_options, setup,
+    build_setup, capture_paths, check_rules_of, join_options, named_buses, read_options, session_options,
 };
-use super::messages::complain;
+use super::messages::print_error;
 use super::page_writer::page_writer;
 use super::reassign::reassign;
-use super::screen_settings::{ScreenSettings, remember};
-use crate::app::{App, Compare, Start, quoted};
+use super::screen_settings::{ScreenSettings, remember_settings};
+use crate::app::{App, Compare, ViewSettings, quote_word};
 use crate::cli::ViewArgs;
-use crate::exit_code::Exit;
-use crate::terminal::{self, Message, Screen};
-use crate::timeline::{Captures, News, Timeline};
+use crate::exit_code::ExitStatus;
+use crate::terminal::{self, LoopMessage, TerminalScreen};
+use crate::timeline::{Timeline, TimelineCaptures, TimelineNews};
 
 /// Runs the command.
-pub fn run(arguments: &ViewArgs) -> Exit {
+pub fn run(arguments: &ViewArgs) -> ExitStatus {
     if !std::io::stdout().is_terminal() {
-        complain(&anyhow::anyhow!("stdout is not a terminal; for text output use decode"));
-        return Exit::Usage;
+        print_error(&anyhow::anyhow!("stdout is not a terminal; for text output use decode"));
+        return ExitStatus::Usage;
     }
     let settings = match ScreenSettings::of_user(&arguments.screen, arguments.color) {
         Ok(settings) => settings,
         Err(error) => {
-            complain(&error);
-            return Exit::Usage;
+            print_error(&error);
+            return ExitStatus::Usage;
         }
     };
     let captures = match captures_of(arguments) {
         Ok(captures) => captures,
         Err(error) => {
-            complain(&error);
-            return Exit::Profile;
+            print_error(&error);
+            return ExitStatus::Profile;
         }
     };
-    match show(arguments, captures, &settings) {
-        Ok(()) => Exit::Clean,
+    match show_view(arguments, captures, &settings) {
+        Ok(()) => ExitStatus::Clean,
         Err(error) => {
-            complain(&error);
-            Exit::Capture
+            print_error(&error);
+            ExitStatus::Capture
         }
     }
 }
 
-fn captures_of(arguments: &ViewArgs) -> anyhow::Result<Captures> {
+fn captures_of(arguments: &ViewArgs) -> anyhow::Result<TimelineCaptures> {
     let session = session_options(&arguments.input)?;
-    let rules = Arc::new(setup(&arguments.input, &session.catalogue, None)?);
+    let rules = Arc::new(build_setup(&arguments.input, &session.catalogue, None)?);
     check_rules_of(arguments.filter.as_ref(), &rules)?;
-    let paths = captures(&arguments.input);
-    Ok(Captures {
+    let paths = capture_paths(&arguments.input);
+    Ok(TimelineCaptures {
         paths,
         align: arguments.align,
         join: join_options(&arguments.input),
@@ -70,40 +70,44 @@ fn captures_of(arguments: &ViewArgs) -> anyhow::Result<Captures> {
 ///
 /// # Errors
 /// As for the command: invalid profiles or bus file, captures that cannot be opened.
-pub fn open(arguments: &ViewArgs, words: &[String]) -> anyhow::Result<(App, Receiver<News>)> {
-    let command = command("view", words.iter().cloned());
+pub fn open_view(arguments: &ViewArgs, words: &[String]) -> anyhow::Result<(App, Receiver<TimelineNews>)> {
+    let command = command_line("view", words.iter().cloned());
     let (news, found) = channel();
     let captures = captures_of(arguments)?;
     let settings = ScreenSettings::of_options(&arguments.screen, arguments.color);
-    let start = start(arguments, &settings, command, (&captures, &news))?;
+    let start = view_settings(arguments, &settings, command, (&captures, &news))?;
     let timeline = Timeline::open(captures, news)?;
     Ok((App::new(timeline, settings.theme, start), found))
 }
 
-fn show(arguments: &ViewArgs, captures: Captures, settings: &ScreenSettings) -> anyhow::Result<()> {
+fn show_view(
+    arguments: &ViewArgs,
+    captures: TimelineCaptures,
+    settings: &ScreenSettings,
+) -> anyhow::Result<()> {
     let (messages, inbox) = channel();
     let (news, found) = channel();
-    let command = command("view", std::env::args().skip(1));
-    let start = start(arguments, settings, command, (&captures, &news))?;
+    let command = command_line("view", std::env::args().skip(1));
+    let start = view_settings(arguments, settings, command, (&captures, &news))?;
     let timeline = Timeline::open(captures, news)?;
     ensure_keys(arguments)?;
-    forward(found, messages.clone())?;
+    forward_news(found, messages.clone())?;
     let mut app = App::new(timeline, settings.theme, start);
-    let mut screen = Screen::take()?;
-    terminal::listen(messages, settings.may_answer)?;
-    terminal::run(&mut app, &mut screen, &inbox)?;
+    let mut screen = TerminalScreen::enter_screen()?;
+    terminal::start_threads(messages, settings.may_answer)?;
+    terminal::run_loop(&mut app, &mut screen, &inbox)?;
     drop(screen);
-    remember(&app, settings)
+    remember_settings(&app, settings)
 }
 
 /// The comparison with another capture, if one is requested.
 ///
 /// # Errors
 /// If that capture is missing, or the captures of the view are several ones.
-fn comparison(
+fn start_comparison(
     arguments: &ViewArgs,
-    captures: &Captures,
-    news: &Sender<News>,
+    captures: &TimelineCaptures,
+    news: &Sender<TimelineNews>,
 ) -> anyhow::Result<Option<(String, Compare)>> {
     let Some(good) = &arguments.against else { return Ok(None) };
     let job = against::job(good, &arguments.input, &captures.session)?;
@@ -114,10 +118,13 @@ fn comparison(
 ///
 /// # Errors
 /// If the thread cannot be started.
-pub(super) fn forward(found: Receiver<News>, messages: Sender<Message>) -> anyhow::Result<()> {
+pub(super) fn forward_news(
+    found: Receiver<TimelineNews>,
+    messages: Sender<LoopMessage>,
+) -> anyhow::Result<()> {
     let run = move || {
         for news in found {
-            if messages.send(Message::News(news)).is_err() {
+            if messages.send(LoopMessage::News(news)).is_err() {
                 return;
             }
         }
@@ -128,20 +135,20 @@ pub(super) fn forward(found: Receiver<News>, messages: Sender<Message>) -> anyho
 
 /// Checks that stdin is a terminal, unless it is a capture; in that case keys are read from `/dev/tty`.
 fn ensure_keys(arguments: &ViewArgs) -> anyhow::Result<()> {
-    let is_piped = captures(&arguments.input).iter().any(|path| path.as_os_str() == "-");
+    let is_piped = capture_paths(&arguments.input).iter().any(|path| path.as_os_str() == "-");
     ensure!(is_piped || std::io::stdin().is_terminal(), "stdin is not a terminal; keys cannot be read");
     Ok(())
 }
 
 /// # Errors
-/// As for [`comparison`].
-fn start(
+/// As for [`start_comparison`].
+fn view_settings(
     arguments: &ViewArgs,
     settings: &ScreenSettings,
     command: String,
-    (captures, news): (&Captures, &Sender<News>),
-) -> anyhow::Result<Start> {
-    Ok(Start {
+    (captures, news): (&TimelineCaptures, &Sender<TimelineNews>),
+) -> anyhow::Result<ViewSettings> {
+    Ok(ViewSettings {
         command,
         pane: settings.pane,
         preferences: settings.preferences.clone(),
@@ -154,7 +161,7 @@ fn start(
         all: arguments.all,
         follows: false,
         named: named_buses(&arguments.input, &captures.session),
-        against: comparison(arguments, captures, news)?,
+        against: start_comparison(arguments, captures, news)?,
     })
 }
 
@@ -163,7 +170,7 @@ fn file_name(path: &Path) -> String {
 }
 
 /// The command line without the options whose state the view adds itself.
-pub fn command(name: &str, given: impl Iterator<Item = String>) -> String {
+pub fn command_line(name: &str, given: impl Iterator<Item = String>) -> String {
     let mut words = vec!["cobscope".to_owned(), name.to_owned()];
     let mut given = given.peekable();
     given.next_if(|word| word == name);
@@ -172,7 +179,7 @@ pub fn command(name: &str, given: impl Iterator<Item = String>) -> String {
         if own.contains(&word.as_str()) {
             given.next();
         } else if word != "--all" && !own.iter().any(|name| word.starts_with(&format!("{name}="))) {
-            words.push(quoted(&word));
+            words.push(quote_word(&word));
         }
     }
     words.join(" ")

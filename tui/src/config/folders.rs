@@ -4,17 +4,17 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 /// Folder of the config file.
-pub fn config() -> Option<PathBuf> {
-    folder("XDG_CONFIG_HOME", "APPDATA", ".config", &|name| std::env::var_os(name))
+pub fn config_folder() -> Option<PathBuf> {
+    program_folder("XDG_CONFIG_HOME", "APPDATA", ".config", &|name| std::env::var_os(name))
 }
 
 /// Folder of files that the program remembers.
-pub(super) fn state() -> Option<PathBuf> {
-    folder("XDG_STATE_HOME", "LOCALAPPDATA", ".local/state", &|name| std::env::var_os(name))
+pub(super) fn state_folder() -> Option<PathBuf> {
+    program_folder("XDG_STATE_HOME", "LOCALAPPDATA", ".local/state", &|name| std::env::var_os(name))
 }
 
 /// The folder of the program in that of a variable, or below the home folder.
-fn folder(
+fn program_folder(
     variable: &str,
     on_windows: &str,
     below_home: &str,
@@ -39,7 +39,7 @@ mod tests {
                 "HOME" => Some(home.into()),
                 _ => None,
             };
-            folder("XDG_CONFIG_HOME", "APPDATA", ".config", &value)
+            program_folder("XDG_CONFIG_HOME", "APPDATA", ".config", &value)
         };
         assert_eq!(of("/etc/xdg", "/home/a").unwrap().to_str(), Some("/etc/xdg/cobscope"));
         assert_eq!(of("relative", "/home/a").unwrap().to_str(), Some("/home/a/.config/cobscope"));

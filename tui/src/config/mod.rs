@@ -1,9 +1,9 @@
 //! The config file of the terminal UI, and the view that is remembered from run to run.
 //!
 //! ```text
-//! $XDG_CONFIG_HOME/cobscope/config.toml   written by the user: theme, ascii, pane, layout, split, strip, [columns],
-//!                                         [keys]
-//! $XDG_STATE_HOME/cobscope/view.toml      written by the program: theme, layout, split, strip, [columns]
+//! $XDG_CONFIG_HOME/cobscope/config.toml   written by the user: theme, ascii, pane, layout, split, strip, [parse_columns],
+//!                                         [keys_for]
+//! $XDG_STATE_HOME/cobscope/view.toml      written by the program: theme, layout, split, strip, [parse_columns]
 //! ```
 //!
 //! An option of the command line overrides the remembered view, which overrides the config file.
@@ -21,12 +21,12 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::keymap::Keymap;
-use crate::output_file::{self, Existing};
-use crate::panes::{Layout, PaneId, Panes};
-use crate::path_text::shown;
+use crate::output_file::{self, ExistingFile};
+use crate::panes::{PaneId, PaneLayout, Panes};
+use crate::path_text::path_text;
 use crate::theme::ThemeName;
 
-pub use folders::config as folder;
+pub use folders::config_folder as folder;
 
 /// Maximum size of a config file, in bytes.
 const LARGEST: u64 = 64 * 1024;
@@ -44,7 +44,7 @@ pub struct Config {
     /// Pane shown first.
     pub pane: Option<PaneId>,
     /// Panes shown together.
-    pub layout: Option<Layout>,
+    pub layout: Option<PaneLayout>,
     /// Share of the left column of panes, in per cent.
     pub split: Option<u16>,
     /// The strip of time is shown.
@@ -84,13 +84,13 @@ impl Config {
     /// # Errors
     /// The file cannot be read or is invalid; the message names file, line and column.
     pub fn of_user() -> anyhow::Result<Self> {
-        folders::config()
+        folders::config_folder()
             .map_or_else(|| Ok(Self::default()), |folder| Self::read(&folder.join("config.toml")))
     }
 
     /// Reads a file; without it nothing is set.
     fn read(path: &Path) -> anyhow::Result<Self> {
-        let name = shown(path);
+        let name = path_text(path);
         let size = match path.metadata() {
             Ok(metadata) => metadata.len(),
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Self::default()),
@@ -99,7 +99,7 @@ impl Config {
         anyhow::ensure!(size <= LARGEST, "{name}: {size} bytes; a config file has at most {LARGEST}");
         let text = std::fs::read_to_string(path).with_context(|| format!("{name}: cannot be read"))?;
         Self::parse(&text).map_err(|(offset, reason)| {
-            let (line, column) = place(&text, offset);
+            let (line, column) = line_and_column(&text, offset);
             anyhow::anyhow!("{name}:{line}:{column}: {reason}")
         })
     }
@@ -116,28 +116,28 @@ impl Config {
                 KeyNames::One(name) => vec![name.clone()],
                 KeyNames::Several(names) => names.clone(),
             };
-            keymap.bind(action.get_ref(), &keys).map_err(|reason| (action.span().start, reason))?;
+            keymap.bind_action(action.get_ref(), &keys).map_err(|reason| (action.span().start, reason))?;
         }
         Ok(Self {
-            theme: choice("theme", file.theme)?,
+            theme: parse_choice("theme", file.theme)?,
             ascii: file.ascii,
-            pane: choice("pane", file.pane)?,
-            layout: choice("layout", file.layout)?,
+            pane: parse_choice("pane", file.pane)?,
+            layout: parse_choice("layout", file.layout)?,
             split: file.split,
             strip: file.strip,
-            columns: file.columns.map(columns).transpose()?,
+            columns: file.columns.map(parse_columns).transpose()?,
             keymap,
         })
     }
 
     /// The remembered view; nothing is set if there is none or if it is damaged.
-    pub fn remembered() -> Self {
-        memory().and_then(|path| Self::read(&path).ok()).unwrap_or_default()
+    pub fn remembered_view() -> Self {
+        memory_path().and_then(|path| Self::read(&path).ok()).unwrap_or_default()
     }
 
     /// The settings of another file where this one has none.
     #[must_use]
-    pub fn or(self, other: Self) -> Self {
+    pub fn or_else_from(self, other: Self) -> Self {
         Self {
             theme: self.theme.or(other.theme),
             ascii: self.ascii.or(other.ascii),
@@ -145,7 +145,7 @@ impl Config {
             layout: self.layout.or(other.layout),
             split: self.split.or(other.split),
             strip: self.strip.or(other.strip),
-            columns: merged(self.columns, other.columns),
+            columns: merge_columns(self.columns, other.columns),
             keymap: other.keymap,
         }
     }
@@ -154,29 +154,30 @@ impl Config {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn remember(&self) -> anyhow::Result<()> {
-        let Some(path) = memory() else { return Ok(()) };
+    pub fn remember_view(&self) -> anyhow::Result<()> {
+        let Some(path) = memory_path() else { return Ok(()) };
         if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).with_context(|| shown(folder))?;
+            std::fs::create_dir_all(folder).with_context(|| path_text(folder))?;
         }
-        output_file::write(&path, Existing::Replace, self.text().as_bytes()).with_context(|| shown(&path))
+        output_file::write_file(&path, ExistingFile::Replace, self.settings_text().as_bytes())
+            .with_context(|| path_text(&path))
     }
 
     /// Removes the remembered view.
     ///
     /// # Errors
     /// The file cannot be removed.
-    pub fn forget() -> anyhow::Result<()> {
-        match memory().map(|path| (std::fs::remove_file(&path), path)) {
+    pub fn forget_view() -> anyhow::Result<()> {
+        match memory_path().map(|path| (std::fs::remove_file(&path), path)) {
             Some((Err(error), path)) if error.kind() != ErrorKind::NotFound => {
-                Err(error).with_context(|| shown(&path))
+                Err(error).with_context(|| path_text(&path))
             }
             _ => Ok(()),
         }
     }
 
     /// The remembered settings as a file.
-    fn text(&self) -> String {
+    fn settings_text(&self) -> String {
         let mut text = String::from("# The view of the last run; ctrl-r in the program discards it.\n");
         // Writing to a string cannot fail.
         if let Some(theme) = self.theme.and_then(|theme| theme.to_possible_value()) {
@@ -202,7 +203,7 @@ impl Config {
 }
 
 /// Chosen columns by name of the pane; `first` takes precedence.
-fn merged(first: Option<PaneColumns>, second: Option<PaneColumns>) -> Option<PaneColumns> {
+fn merge_columns(first: Option<PaneColumns>, second: Option<PaneColumns>) -> Option<PaneColumns> {
     match (first, second) {
         (Some(first), Some(mut all)) => {
             all.extend(first);
@@ -213,7 +214,9 @@ fn merged(first: Option<PaneColumns>, second: Option<PaneColumns>) -> Option<Pan
 }
 
 /// Columns of panes; both must exist.
-fn columns(found: BTreeMap<Spanned<String>, Vec<Spanned<String>>>) -> Result<PaneColumns, (usize, String)> {
+fn parse_columns(
+    found: BTreeMap<Spanned<String>, Vec<Spanned<String>>>,
+) -> Result<PaneColumns, (usize, String)> {
     let panes = Panes::default();
     let mut all = BTreeMap::new();
     for (name, titles) in found {
@@ -221,7 +224,7 @@ fn columns(found: BTreeMap<Spanned<String>, Vec<Spanned<String>>>) -> Result<Pan
         let id = PaneId::ALL.iter().find(|id| id.name() == name.get_ref());
         let pane =
             id.and_then(|id| panes.get(*id)).ok_or_else(|| (at, format!("no pane {:?}", name.get_ref())))?;
-        let known: Vec<String> = pane.heads().into_iter().map(|head| head.title.into_owned()).collect();
+        let known: Vec<String> = pane.table_heads().into_iter().map(|head| head.title.into_owned()).collect();
         if let Some(title) = titles.iter().find(|title| !known.contains(title.get_ref())) {
             let known: Vec<&str> =
                 known.iter().map(String::as_str).filter(|known| !known.is_empty()).collect();
@@ -234,12 +237,15 @@ fn columns(found: BTreeMap<Spanned<String>, Vec<Spanned<String>>>) -> Result<Pan
 }
 
 /// File of the remembered view.
-fn memory() -> Option<PathBuf> {
-    Some(folders::state()?.join("view.toml"))
+fn memory_path() -> Option<PathBuf> {
+    Some(folders::state_folder()?.join("view.toml"))
 }
 
 /// One of the values that the command line has too.
-fn choice<T: ValueEnum>(key: &str, found: Option<Spanned<String>>) -> Result<Option<T>, (usize, String)> {
+fn parse_choice<T: ValueEnum>(
+    key: &str,
+    found: Option<Spanned<String>>,
+) -> Result<Option<T>, (usize, String)> {
     let Some(found) = found else { return Ok(None) };
     T::from_str(found.get_ref(), false).map(Some).map_err(|_| {
         let known = T::value_variants()
@@ -251,7 +257,7 @@ fn choice<T: ValueEnum>(key: &str, found: Option<Spanned<String>>) -> Result<Opt
 }
 
 /// Line and column of a byte offset, both from 1.
-fn place(text: &str, offset: usize) -> (usize, usize) {
+fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     let before = text.get(..offset).unwrap_or(text);
     let line = before.bytes().filter(|byte| *byte == b'\n').count() + 1;
     (line, before.chars().rev().take_while(|letter| *letter != '\n').count() + 1)
@@ -266,16 +272,16 @@ mod tests {
     fn a_file_sets_what_it_names() {
         let text = "theme = \"light\"\nlayout = \"list\"\nsplit = 70\nstrip = false\n[columns]\nframes = [\"ID\", \"Data\"]\n[keys]\nplot = \"P\"\nfilter = [\"F\", \"f3\"]\n";
         let config = Config::parse(text).unwrap();
-        assert_eq!((config.theme, config.layout), (Some(ThemeName::Light), Some(Layout::List)));
+        assert_eq!((config.theme, config.layout), (Some(ThemeName::Light), Some(PaneLayout::List)));
         assert_eq!((config.split, config.strip, config.ascii), (Some(70), Some(false), None));
-        assert_eq!(config.keymap.keys(Action::Filter), ["F", "f3"]);
+        assert_eq!(config.keymap.keys_for(Action::Filter), ["F", "f3"]);
         // The remembered settings can be read again and go first.
-        let remembered = Config::parse(&config.text()).unwrap();
-        assert_eq!(remembered.layout, Some(Layout::List));
+        let remembered = Config::parse(&config.settings_text()).unwrap();
+        assert_eq!(remembered.layout, Some(PaneLayout::List));
         assert_eq!(remembered.columns.unwrap().get("frames").unwrap(), &["ID", "Data"]);
-        let both = Config { layout: Some(Layout::One), ..Config::default() }.or(config);
-        assert_eq!((both.layout, both.theme), (Some(Layout::One), Some(ThemeName::Light)));
-        assert_eq!(both.keymap.keys(Action::Plot), ["P"]);
+        let both = Config { layout: Some(PaneLayout::One), ..Config::default() }.or_else_from(config);
+        assert_eq!((both.layout, both.theme), (Some(PaneLayout::One), Some(ThemeName::Light)));
+        assert_eq!(both.keymap.keys_for(Action::Plot), ["P"]);
     }
 
     #[test]
@@ -300,7 +306,7 @@ mod tests {
         let (at, reason) = wrong("[columns]\nnodes = [\"Nod\"]");
         assert!(at == 19 && reason.starts_with("no column \"Nod\"; columns: ID/hex"), "{at} {reason}");
         assert_eq!(wrong("[columns]\nnods = []").1, "no pane \"nods\"");
-        assert_eq!(place("a\nbc\n", 3), (2, 2));
+        assert_eq!(line_and_column("a\nbc\n", 3), (2, 2));
     }
 
     #[test]

@@ -15,11 +15,11 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
 use crate::action::Action;
-use crate::figures::seconds;
-use crate::state::Core;
-use crate::theme::{Glyph, Role, Theme};
+use crate::figures::format_seconds;
+use crate::state::UiState;
+use crate::theme::{Glyph, TextRole, Theme};
 use crate::widgets::draw;
-use crate::widgets::table::{Column, TableState, Width};
+use crate::widgets::table::{ColumnWidth, TableColumn, TableState};
 use crate::widgets::text_lines::TextLines;
 
 /// Minimum width of a text whose column the user chose together with others.
@@ -27,18 +27,18 @@ const LEAST_CHOSEN: u16 = 20;
 
 /// The columns that the user chose for the pane with this name; all without a choice. `heads` are all columns in
 /// the same order.
-pub(super) fn chosen(
-    core: &Core,
+pub(super) fn chosen_columns(
+    core: &UiState,
     pane: &str,
-    heads: impl IntoIterator<Item = Column>,
-    mut columns: Vec<Column>,
-) -> Vec<Column> {
+    heads: impl IntoIterator<Item = TableColumn>,
+    mut columns: Vec<TableColumn>,
+) -> Vec<TableColumn> {
     let Some(titles) = core.columns.get(pane) else { return columns };
     for (column, head) in columns.iter_mut().zip(heads) {
         let is_chosen = head.title.is_empty() || titles.iter().any(|title| *title == head.title);
         column.width = match column.width {
-            _ if !is_chosen => Width::Fixed(0),
-            Width::Min(least) => Width::Min(least.min(LEAST_CHOSEN)),
+            _ if !is_chosen => ColumnWidth::Fixed(0),
+            ColumnWidth::Min(least) => ColumnWidth::Min(least.min(LEAST_CHOSEN)),
             width => width,
         };
     }
@@ -46,43 +46,45 @@ pub(super) fn chosen(
 }
 
 /// A time in the chosen display: seconds from the first frame, or wall-clock time.
-pub(super) fn time(core: &Core, time: Option<Timestamp>) -> String {
+pub(super) fn display_time(core: &UiState, time: Option<Timestamp>) -> String {
     core.time_text(time, 3).unwrap_or_default()
 }
 
 /// Width of the latest time, at least that of the column head.
-pub(super) fn time_width(core: &Core) -> u16 {
-    let latest = core.timeline.progress().times().map(|(_, last)| last);
-    draw::width(&time(core, latest)).max(draw::width(time_title(core)))
+pub(super) fn time_width(core: &UiState) -> u16 {
+    let latest = core.timeline.progress().time_range().map(|(_, last)| last);
+    draw::text_width(&display_time(core, latest)).max(draw::text_width(time_title(core)))
 }
 
 /// Head of a column of times.
-pub(super) fn time_title(core: &Core) -> &'static str {
-    core.clock.title()
+pub(super) fn time_title(core: &UiState) -> &'static str {
+    core.clock.column_title()
 }
 
 /// Seconds relative to the cursor: `-0.502` is before it, `+1.200` after it.
-pub(super) fn ahead(core: &Core, time: Option<Timestamp>) -> String {
-    let Some((time, cursor)) = time.zip(core.time().or(core.zero())) else { return String::new() };
+pub(super) fn relative_time(core: &UiState, time: Option<Timestamp>) -> String {
+    let Some((time, cursor)) = time.zip(core.cursor_time().or(core.first_time())) else {
+        return String::new();
+    };
     let ahead = time.since(cursor);
     let sign = if ahead > 0 { "+" } else { "" };
-    format!("{sign}{}", seconds(ahead))
+    format!("{sign}{}", format_seconds(ahead))
 }
 
 /// The state at the end of the capture if it is read, else at the cursor: it has the most buses.
-pub(crate) fn last_world(core: &Core) -> Option<Arc<ReplayState>> {
-    core.timeline.end().or_else(|| core.window.as_ref().map(|window| Arc::clone(&window.world)))
+pub(crate) fn last_world(core: &UiState) -> Option<Arc<ReplayState>> {
+    core.timeline.end_state().or_else(|| core.window.as_ref().map(|window| Arc::clone(&window.world)))
 }
 
 /// Escaped name of a bus.
-pub(super) fn bus_name(core: &Core, bus: BusIndex) -> String {
+pub(super) fn bus_name(core: &UiState, bus: BusIndex) -> String {
     let world = last_world(core);
     let bus = world.as_ref().and_then(|world| world.buses().get(usize::from(bus.0)));
     bus.map_or(String::new(), |bus| escape(bus.name()).into_owned())
 }
 
 /// Whether the captures or live interfaces have several buses, including those without frames so far.
-pub(super) fn has_buses(core: &Core) -> bool {
+pub(super) fn has_buses(core: &UiState) -> bool {
     last_world(core).is_some_and(|world| world.buses().len() > 1)
         || core.timeline.progress().buses() > 1
         || core.timeline.live().is_some_and(|live| live.get().buses.len() > 1)
@@ -96,7 +98,7 @@ const NARROW: u16 = 48;
 
 /// Width of the bus column: 0 with one bus. In a narrow pane it has room for the part in which the names
 /// differ.
-pub(super) fn bus_width(core: &Core, width: u16) -> u16 {
+pub(super) fn bus_width(core: &UiState, width: u16) -> u16 {
     if !has_buses(core) {
         return 0;
     }
@@ -104,10 +106,10 @@ pub(super) fn bus_width(core: &Core, width: u16) -> u16 {
     let names = world.iter().flat_map(|world| world.buses()).map(|bus| escape(bus.name()).into_owned());
     if width < NARROW {
         let common = common_start(core);
-        let ends = names.filter_map(|name| name.get(common..).map(draw::width));
+        let ends = names.filter_map(|name| name.get(common..).map(draw::text_width));
         return ends.max().unwrap_or(1).clamp(1, *BUS_WIDTH.start());
     }
-    names.map(|name| draw::width(&name)).max().unwrap_or(0).clamp(*BUS_WIDTH.start(), *BUS_WIDTH.end())
+    names.map(|name| draw::text_width(&name)).max().unwrap_or(0).clamp(*BUS_WIDTH.start(), *BUS_WIDTH.end())
 }
 
 /// Head of a bus column of this width.
@@ -116,14 +118,14 @@ pub(super) const fn bus_title(width: u16) -> &'static str {
 }
 
 /// Escaped name of a bus for a column of this width: its end if the whole has no room.
-pub(super) fn bus_short(core: &Core, name: &str, width: u16) -> String {
-    let is_long = draw::width(name) > width;
+pub(super) fn bus_short(core: &UiState, name: &str, width: u16) -> String {
+    let is_long = draw::text_width(name) > width;
     let end = if is_long && width > 0 { name.get(common_start(core)..) } else { None };
-    end.filter(|end| draw::width(end) <= width).unwrap_or(name).to_owned()
+    end.filter(|end| draw::text_width(end) <= width).unwrap_or(name).to_owned()
 }
 
 /// Number of bytes with which the names of all buses start; each name is longer.
-fn common_start(core: &Core) -> usize {
+fn common_start(core: &UiState) -> usize {
     let world = last_world(core);
     let names: Vec<String> =
         world.iter().flat_map(|world| world.buses()).map(|bus| escape(bus.name()).into_owned()).collect();
@@ -136,11 +138,11 @@ fn common_start(core: &Core) -> usize {
 }
 
 /// Role that draws a severity.
-pub(super) const fn severity_role(severity: Severity) -> Role {
+pub(super) const fn severity_role(severity: Severity) -> TextRole {
     match severity {
-        Severity::Error => Role::Bad,
-        Severity::Warning => Role::Caution,
-        Severity::Note => Role::Note,
+        Severity::Error => TextRole::Bad,
+        Severity::Warning => TextRole::Caution,
+        Severity::Note => TextRole::Note,
     }
 }
 
@@ -154,7 +156,7 @@ pub(super) struct LabelledLines {
 
 impl LabelledLines {
     /// The lines indented by the width of the labels.
-    fn indented(&self) -> Vec<Line<'static>> {
+    fn indent_lines(&self) -> Vec<Line<'static>> {
         let blank = " ".repeat(usize::from(self.room));
         let indent = |(label, line): &(&str, Line<'static>)| {
             let mut line = line.clone();
@@ -168,29 +170,29 @@ impl LabelledLines {
 
     /// Scroll position that shows the end.
     pub(super) fn last_scroll(&self, theme: &Theme, area: Rect) -> usize {
-        TextLines::new(theme, &self.indented()).last_scroll(area)
+        TextLines::new(theme, &self.indent_lines()).last_scroll(area)
     }
 
     /// Draws the visible lines; consecutive equal labels are drawn once.
     pub(super) fn render(&self, theme: &Theme, scroll: usize, area: Rect, buf: &mut Buffer) {
-        let lines = self.indented();
-        let text = TextLines::new(theme, &lines).scroll(scroll);
+        let lines = self.indent_lines();
+        let text = TextLines::new(theme, &lines).with_scroll(scroll);
         let last = text.last_scroll(area);
         let scroll = scroll.min(last);
         text.render(area, buf);
         let width = if last > 0 { area.width.saturating_sub(1) } else { area.width };
         let (mut row, mut last) = (0_usize, "");
         for ((label, _), line) in self.lines.iter().zip(&lines) {
-            let y = row.checked_sub(scroll).map(|row| area.y.saturating_add(draw::cells(row)));
+            let y = row.checked_sub(scroll).map(|row| area.y.saturating_add(draw::to_cells(row)));
             if y.is_some_and(|y| y >= area.bottom()) {
                 break;
             }
             if let Some(y) = y.filter(|_| last != *label) {
                 let room = self.room.min(area.width);
-                draw::put(buf, area.x, y, room, label, theme.style(Role::Quiet));
+                draw::put_text(buf, area.x, y, room, label, theme.role_style(TextRole::Quiet));
             }
             last = label;
-            row += TextLines::new(theme, std::slice::from_ref(line)).total(width);
+            row += TextLines::new(theme, std::slice::from_ref(line)).line_count(width);
         }
     }
 }
@@ -200,24 +202,31 @@ pub(super) fn move_in(table: &mut TableState, action: Action, height: usize, len
     match action {
         Action::Down => table.move_by(1, len),
         Action::Up => table.move_by(-1, len),
-        Action::PageDown => table.page(1, height, len),
-        Action::PageUp => table.page(-1, height, len),
-        Action::Top => table.home(),
-        Action::Bottom => table.end(len),
+        Action::PageDown => table.page_selection(1, height, len),
+        Action::PageUp => table.page_selection(-1, height, len),
+        Action::Top => table.select_first(),
+        Action::Bottom => table.select_last(len),
         _ => {}
     }
-    table.settle(height, len);
+    table.settle_offset(height, len);
 }
 
 /// A horizontal line with a title in it.
-pub(super) fn divider(theme: &Theme, area: Rect, title: &str, buf: &mut Buffer) {
-    let (line, style) = (theme.glyph(Glyph::Horizontal), theme.style(Role::Border));
+pub(super) fn draw_divider(theme: &Theme, area: Rect, title: &str, buf: &mut Buffer) {
+    let (line, style) = (theme.glyph(Glyph::Horizontal), theme.role_style(TextRole::Border));
     let all = line.repeat(usize::from(area.width));
-    draw::put(buf, area.x, area.y, area.width, &all, style);
+    draw::put_text(buf, area.x, area.y, area.width, &all, style);
     if !title.is_empty() {
         let title = format!(" {title} ");
         let room = area.width.saturating_sub(2);
-        draw::put(buf, area.x.saturating_add(2), area.y, room, &title, theme.style(Role::Title));
+        draw::put_text(
+            buf,
+            area.x.saturating_add(2),
+            area.y,
+            room,
+            &title,
+            theme.role_style(TextRole::Title),
+        );
     }
 }
 

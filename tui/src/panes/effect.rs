@@ -5,7 +5,7 @@ use crate::timeline::SignalKey;
 
 /// A request of a pane or of the user to the application.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Effect {
+pub enum PaneRequest {
     /// Move the cursor.
     Go(JumpPlace),
     /// Show the Events pane.

@@ -29,7 +29,7 @@ const SPLIT_LIMITS: (u16, u16) = (30, 78);
 
 /// Panes that are shown together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum Layout {
+pub enum PaneLayout {
     /// One pane
     One,
     /// Why, Events, Signals; Nodes, Detail, Findings
@@ -41,8 +41,8 @@ pub enum Layout {
 }
 
 /// Panes of a layout.
-struct Plan {
-    layout: Layout,
+struct LayoutPlan {
+    layout: PaneLayout,
     name: &'static str,
     /// Panes of the left and the right column.
     wide: [&'static [PaneId]; 2],
@@ -55,24 +55,24 @@ struct Plan {
 use PaneId::{Detail, Events, Findings, Nodes, Signals, Why};
 
 /// All layouts in the order of the key.
-const PLANS: [Plan; 4] = [
-    Plan { layout: Layout::One, name: "one", wide: [&[], &[]], narrow: &[], main: Events },
-    Plan {
-        layout: Layout::Diagnose,
+const PLANS: [LayoutPlan; 4] = [
+    LayoutPlan { layout: PaneLayout::One, name: "one", wide: [&[], &[]], narrow: &[], main: Events },
+    LayoutPlan {
+        layout: PaneLayout::Diagnose,
         name: "diagnose",
         wide: [&[Why, Events, Signals], &[Nodes, Detail, Findings]],
         narrow: &[Why, Events, Detail],
         main: Events,
     },
-    Plan {
-        layout: Layout::List,
+    LayoutPlan {
+        layout: PaneLayout::List,
         name: "list",
         wide: [&[Events], &[Detail]],
         narrow: &[Events, Detail],
         main: Events,
     },
-    Plan {
-        layout: Layout::Signals,
+    LayoutPlan {
+        layout: PaneLayout::Signals,
         name: "signals",
         wide: [&[Signals, Events], &[Nodes, Detail]],
         narrow: &[Signals, Events],
@@ -82,7 +82,7 @@ const PLANS: [Plan; 4] = [
 
 /// A pane in its area.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Cell {
+pub struct PlacedPane {
     /// The pane.
     pub pane: PaneId,
     /// Line of the title; empty if the pane is alone.
@@ -93,9 +93,9 @@ pub struct Cell {
 
 /// The user's choice of panes.
 #[derive(Debug, Clone)]
-pub struct Arrangement {
+pub struct PaneArrangement {
     /// None: by the size of the terminal.
-    pub chosen: Option<Layout>,
+    pub chosen: Option<PaneLayout>,
     /// Only the focused pane is shown.
     pub is_zoomed: bool,
     /// Share of the left column, in per cent.
@@ -104,7 +104,7 @@ pub struct Arrangement {
     guest: Option<PaneId>,
 }
 
-impl Layout {
+impl PaneLayout {
     /// All layouts in the order of the key.
     pub const ALL: [Self; 4] = [Self::One, Self::Diagnose, Self::List, Self::Signals];
 
@@ -114,21 +114,21 @@ impl Layout {
     }
 
     /// Panes of the left and the right column in a wide terminal.
-    pub fn columns(self) -> [&'static [PaneId]; 2] {
-        self.plan().map_or([&[], &[]], |plan| plan.wide)
+    pub fn layout_columns(self) -> [&'static [PaneId]; 2] {
+        self.layout_plan().map_or([&[], &[]], |plan| plan.wide)
     }
 
     /// Panes below each other in a narrow terminal.
-    pub fn stack(self) -> &'static [PaneId] {
-        self.plan().map_or(&[], |plan| plan.narrow)
+    pub fn stacked_panes(self) -> &'static [PaneId] {
+        self.layout_plan().map_or(&[], |plan| plan.narrow)
     }
 
     /// The pane whose place another one takes.
     pub fn main(self) -> PaneId {
-        self.plan().map_or(Events, |plan| plan.main)
+        self.layout_plan().map_or(Events, |plan| plan.main)
     }
 
-    fn plan(self) -> Option<&'static Plan> {
+    fn layout_plan(self) -> Option<&'static LayoutPlan> {
         PLANS.iter().find(|plan| plan.layout == self)
     }
 
@@ -139,27 +139,27 @@ impl Layout {
     }
 }
 
-impl Arrangement {
+impl PaneArrangement {
     /// A layout and the share of the left column in per cent; `None` chooses by default.
-    pub fn new(chosen: Option<Layout>, split: Option<u16>) -> Self {
+    pub fn new(chosen: Option<PaneLayout>, split: Option<u16>) -> Self {
         let (least, most) = SPLIT_LIMITS;
         Self { chosen, is_zoomed: false, split: split.unwrap_or(SPLIT).clamp(least, most), guest: None }
     }
 
     /// Share of the left column, in per cent.
-    pub fn split(&self) -> u16 {
+    pub fn split_share(&self) -> u16 {
         self.split
     }
 
     /// The layout for a terminal of this size.
-    pub fn layout(&self, terminal: Rect) -> Layout {
+    pub fn layout_for(&self, terminal: Rect) -> PaneLayout {
         let is_large = terminal.width >= WIDE || terminal.height >= HIGH;
-        self.chosen.unwrap_or(if is_large { Layout::Diagnose } else { Layout::One })
+        self.chosen.unwrap_or(if is_large { PaneLayout::Diagnose } else { PaneLayout::One })
     }
 
     /// Chooses the next layout.
-    pub fn next(&mut self, terminal: Rect) -> Layout {
-        let next = self.layout(terminal).next();
+    pub fn next(&mut self, terminal: Rect) -> PaneLayout {
+        let next = self.layout_for(terminal).next();
         (self.chosen, self.is_zoomed, self.guest) = (Some(next), false, None);
         next
     }
@@ -172,10 +172,10 @@ impl Arrangement {
     }
 
     /// Panes that are shown. The focused one is among them: in its own cell or in that of the main pane.
-    pub fn cells(&self, focus: PaneId, terminal: Rect, body: Rect) -> Vec<Cell> {
-        let (main, mut cells) = self.planned(terminal, body);
+    pub fn placed_panes(&self, focus: PaneId, terminal: Rect, body: Rect) -> Vec<PlacedPane> {
+        let (main, mut cells) = self.plan_cells(terminal, body);
         if self.is_zoomed || cells.len() < 2 {
-            return vec![Cell { pane: focus, title: Rect::ZERO, area: body }];
+            return vec![PlacedPane { pane: focus, title: Rect::ZERO, area: body }];
         }
         let has = |pane: &PaneId| cells.iter().any(|cell| cell.pane == *pane);
         let guest = if has(&focus) { self.guest.filter(|guest| !has(guest)) } else { Some(focus) };
@@ -187,8 +187,8 @@ impl Arrangement {
     }
 
     /// Keeps a pane visible that the layout does not contain, in the place of the main pane.
-    pub fn focus(&mut self, pane: PaneId, terminal: Rect, body: Rect) {
-        let (main, cells) = self.planned(terminal, body);
+    pub fn focus_pane(&mut self, pane: PaneId, terminal: Rect, body: Rect) {
+        let (main, cells) = self.plan_cells(terminal, body);
         if pane == main {
             self.guest = None;
         } else if !cells.iter().any(|cell| cell.pane == pane) {
@@ -197,18 +197,18 @@ impl Arrangement {
     }
 
     /// The main pane and the cells of the layout. The main pane has a cell if there is any.
-    fn planned(&self, terminal: Rect, body: Rect) -> (PaneId, Vec<Cell>) {
-        let Some(plan) = self.layout(terminal).plan() else { return (Events, Vec::new()) };
+    fn plan_cells(&self, terminal: Rect, body: Rect) -> (PaneId, Vec<PlacedPane>) {
+        let Some(plan) = self.layout_for(terminal).layout_plan() else { return (Events, Vec::new()) };
         let [left, right] = plan.wide;
         let cells = if terminal.width >= WIDE {
             let width = u32::from(body.width) * u32::from(self.split) / 100;
             let width = u16::try_from(width).unwrap_or(body.width).min(body.width);
             let beside = Rect { x: body.x + width + 1, width: body.width.saturating_sub(width + 1), ..body };
-            let mut cells = stacked(left, Rect { width, ..body });
-            cells.extend(stacked(right, beside));
+            let mut cells = stack_panes(left, Rect { width, ..body });
+            cells.extend(stack_panes(right, beside));
             cells
         } else {
-            stacked(plan.narrow, body)
+            stack_panes(plan.narrow, body)
         };
         let has_main = cells.iter().any(|cell| cell.pane == plan.main);
         (if has_main { plan.main } else { cells.first().map_or(plan.main, |cell| cell.pane) }, cells)
@@ -216,28 +216,28 @@ impl Arrangement {
 }
 
 /// Panes below each other; the last ones are left out if there is no room for all.
-fn stacked(panes: &[PaneId], area: Rect) -> Vec<Cell> {
+fn stack_panes(panes: &[PaneId], area: Rect) -> Vec<PlacedPane> {
     let count = panes.len().min(usize::from(area.height / LEAST_ROWS));
     let panes = panes.get(..count).unwrap_or_default();
-    let (mut y, mut weights) = (area.y, panes.iter().map(|pane| weight(*pane)).sum::<u16>());
+    let (mut y, mut weights) = (area.y, panes.iter().map(|pane| pane_weight(*pane)).sum::<u16>());
     let mut cells = Vec::new();
     for (pane, behind) in panes.iter().zip((0..u16::try_from(count).unwrap_or(0)).rev()) {
         let rest = area.bottom().saturating_sub(y);
         // The panes behind keep their minimum.
         let most = rest.saturating_sub(behind * LEAST_ROWS);
-        let share = u32::from(rest) * u32::from(weight(*pane)) / u32::from(weights.max(1));
+        let share = u32::from(rest) * u32::from(pane_weight(*pane)) / u32::from(weights.max(1));
         let height = u16::try_from(share).unwrap_or(most).max(LEAST_ROWS).min(most);
-        weights = weights.saturating_sub(weight(*pane));
+        weights = weights.saturating_sub(pane_weight(*pane));
         let title = Rect { y, height: height.min(1), ..area };
         let inside = Rect { y: y.saturating_add(1), height: height.saturating_sub(1), ..area };
-        cells.push(Cell { pane: *pane, title, area: inside });
+        cells.push(PlacedPane { pane: *pane, title, area: inside });
         y = y.saturating_add(height);
     }
     cells
 }
 
 /// Share of the height of a column.
-const fn weight(pane: PaneId) -> u16 {
+const fn pane_weight(pane: PaneId) -> u16 {
     match pane {
         Why | Events | Detail => 4,
         _ => 3,
@@ -248,10 +248,10 @@ const fn weight(pane: PaneId) -> u16 {
 mod tests {
     use super::*;
 
-    fn shown(arrangement: &Arrangement, focus: PaneId, width: u16, height: u16) -> Vec<PaneId> {
+    fn shown(arrangement: &PaneArrangement, focus: PaneId, width: u16, height: u16) -> Vec<PaneId> {
         let terminal = Rect::new(0, 0, width, height);
         let body = Rect { y: 5, height: height.saturating_sub(7), ..terminal };
-        let cells = arrangement.cells(focus, terminal, body);
+        let cells = arrangement.placed_panes(focus, terminal, body);
         for cell in &cells {
             assert!(cell.area.height + 1 >= LEAST_ROWS.min(body.height), "{cell:?}");
             assert_eq!(cell.area.intersection(body), cell.area, "{cell:?}");
@@ -261,42 +261,42 @@ mod tests {
 
     #[test]
     fn the_size_of_the_terminal_decides_what_is_shown() {
-        let any = Arrangement::new(None, None);
+        let any = PaneArrangement::new(None, None);
         assert_eq!(shown(&any, Events, 80, 24), [Events]);
         assert_eq!(shown(&any, Events, 139, 39), [Events]);
         assert_eq!(shown(&any, Events, 100, 40), [Why, Events, Detail]);
         assert_eq!(shown(&any, Events, 140, 24), [Why, Events, Nodes, Detail]);
         assert_eq!(shown(&any, Events, 200, 60), [Why, Events, Signals, Nodes, Detail, Findings]);
         // Without room for two panes a layout shows one.
-        let list = Arrangement::new(Some(Layout::List), None);
+        let list = PaneArrangement::new(Some(PaneLayout::List), None);
         assert_eq!(shown(&list, Events, 80, 20), [Events]);
         assert_eq!(shown(&list, Events, 80, 24), [Events, Detail]);
-        assert_eq!(shown(&Arrangement::new(Some(Layout::One), None), Nodes, 200, 60), [Nodes]);
+        assert_eq!(shown(&PaneArrangement::new(Some(PaneLayout::One), None), Nodes, 200, 60), [Nodes]);
     }
 
     #[test]
     fn another_pane_takes_the_place_of_the_main_one() {
         let (terminal, body) = (Rect::new(0, 0, 140, 24), Rect::new(0, 5, 140, 17));
-        let mut any = Arrangement::new(None, None);
-        any.focus(PaneId::Bus, terminal, body);
+        let mut any = PaneArrangement::new(None, None);
+        any.focus_pane(PaneId::Bus, terminal, body);
         assert_eq!(shown(&any, PaneId::Bus, 140, 24), [Why, PaneId::Bus, Nodes, Detail]);
-        any.focus(Nodes, terminal, body);
+        any.focus_pane(Nodes, terminal, body);
         assert_eq!(shown(&any, Nodes, 140, 24), [Why, PaneId::Bus, Nodes, Detail]);
-        any.focus(Events, terminal, body);
+        any.focus_pane(Events, terminal, body);
         assert_eq!(shown(&any, Nodes, 140, 24), [Why, Events, Nodes, Detail]);
         any.is_zoomed = true;
         assert_eq!(shown(&any, Nodes, 140, 24), [Nodes]);
-        assert_eq!(any.next(terminal), Layout::List);
+        assert_eq!(any.next(terminal), PaneLayout::List);
         assert_eq!(shown(&any, Nodes, 140, 24), [Nodes, Detail]);
     }
 
     #[test]
     fn the_split_has_limits() {
-        let mut any = Arrangement::new(None, Some(99));
-        assert_eq!(any.split(), 78);
+        let mut any = PaneArrangement::new(None, Some(99));
+        assert_eq!(any.split_share(), 78);
         (0..40).for_each(|_| any.move_split(false));
-        assert_eq!(any.split(), 30);
+        assert_eq!(any.split_share(), 30);
         any.move_split(true);
-        assert_eq!(any.split(), 34);
+        assert_eq!(any.split_share(), 34);
     }
 }

@@ -19,10 +19,10 @@ mod transfers;
 mod why;
 
 pub(crate) use common::last_world;
-pub use effect::Effect;
+pub use effect::PaneRequest;
 pub use findings::filtered_places;
-pub use layout::{Arrangement, Cell, Layout, SPLIT};
-pub use legend::{COMMON, Legend, LegendEntry};
+pub use layout::{PaneArrangement, PaneLayout, PlacedPane, SPLIT};
+pub use legend::{COMMON, LegendEntry, PaneLegend};
 pub use pane::{OPTIONAL, Pane, Sorting};
 
 macro_rules! panes {
@@ -55,15 +55,15 @@ macro_rules! panes {
 }
 
 panes! {
-    Why "why" "Why" why::Why::default();
-    Nodes "nodes" "Nodes" nodes::Nodes::default();
-    Events "events" "Events" events::Events::default();
-    Frames "frames" "Frames" frames::Frames::default();
-    Detail "detail" "Detail" detail::Detail::default();
-    Signals "signals" "Signals" signals::Signals::default();
-    Transfers "transfers" "Transfers" transfers::Transfers::default();
-    Objects "objects" "Objects" objects::Objects::default();
-    Findings "findings" "Findings" findings::Findings::default();
+    Why "why" "Why" why::WhyPane::default();
+    Nodes "nodes" "Nodes" nodes::NodesPane::default();
+    Events "events" "Events" events::EventsPane::default();
+    Frames "frames" "Frames" frames::FramesPane::default();
+    Detail "detail" "Detail" detail::DetailPane::default();
+    Signals "signals" "Signals" signals::SignalsPane::default();
+    Transfers "transfers" "Transfers" transfers::TransfersPane::default();
+    Objects "objects" "Objects" objects::ObjectsPane::default();
+    Findings "findings" "Findings" findings::FindingsPane::default();
     Bus "bus" "Bus" bus::BusPane::default();
 }
 

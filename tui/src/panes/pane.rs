@@ -3,11 +3,11 @@
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
-use super::effect::Effect;
-use super::legend::Legend;
+use super::effect::PaneRequest;
+use super::legend::PaneLegend;
 use crate::action::Action;
-use crate::state::{Core, NodeKey};
-use crate::widgets::table::Column;
+use crate::state::{NodeKey, UiState};
+use crate::widgets::table::TableColumn;
 
 /// Column of a sort order, and whether it is descending; None for the order of the pane.
 pub type Sorting = Option<(usize, bool)>;
@@ -28,33 +28,33 @@ pub const OPTIONAL: [Action; 9] = [
 /// A view of the captures with its own selection.
 pub trait Pane {
     /// Draws the pane into `area`.
-    fn render(&self, core: &Core, area: Rect, buf: &mut Buffer);
+    fn render_pane(&self, core: &UiState, area: Rect, buf: &mut Buffer);
 
     /// Handles an action of the user; returns the requests that follow from it.
-    fn act(&mut self, action: Action, core: &Core) -> Vec<Effect>;
+    fn on_action(&mut self, action: Action, core: &UiState) -> Vec<PaneRequest>;
 
-    /// Handles a mouse press at a position of `area`, which is the area passed to [`Pane::render`]. A second
+    /// Handles a mouse press at a position of `area`, which is the area passed to [`Pane::render_pane`]. A second
     /// press at the same position is followed by [`Action::Open`].
-    fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect>;
+    fn on_click(&mut self, x: u16, y: u16, area: Rect, core: &UiState) -> Vec<PaneRequest>;
 
     /// Updates the selection after the cursor moved or more data was read.
-    fn refresh(&mut self, _core: &Core) {}
+    fn refresh_state(&mut self, _core: &UiState) {}
 
     /// Receives the request of another pane or of the application.
-    fn offer(&mut self, _effect: &Effect, _core: &Core) {}
+    fn on_request(&mut self, _effect: &PaneRequest, _core: &UiState) {}
 
     /// Searches in the pane while the text is typed; `false` if the pane has no search of its own.
-    fn search(&mut self, _text: &str, _core: &Core) -> bool {
+    fn search_text(&mut self, _text: &str, _core: &UiState) -> bool {
         false
     }
 
     /// Text of its own search.
-    fn sought(&self) -> Option<&str> {
+    fn sought_text(&self) -> Option<&str> {
         None
     }
 
     /// Sort order of its table.
-    fn sorting(&self) -> Sorting {
+    fn table_sorting(&self) -> Sorting {
         None
     }
 
@@ -62,36 +62,36 @@ pub trait Pane {
     fn set_sorting(&mut self, _sorting: Sorting) {}
 
     /// Meaning of its columns, marks and colours.
-    fn legend(&self) -> &'static Legend;
+    fn pane_legend(&self) -> &'static PaneLegend;
 
     /// All columns of its table; empty without a table.
-    fn heads(&self) -> Vec<Column> {
+    fn table_heads(&self) -> Vec<TableColumn> {
         Vec::new()
     }
 
     /// Those of [`OPTIONAL`] that the pane performs.
-    fn performs(&self) -> &'static [Action] {
+    fn performed_actions(&self) -> &'static [Action] {
         &[]
     }
 
     /// Actions shown in the key bar.
-    fn actions(&self) -> &'static [Action];
+    fn key_bar_actions(&self) -> &'static [Action];
 
     /// The filter for the value of the selected cell.
-    fn filter_of_cell(&self, _core: &Core) -> Option<String> {
+    fn filter_of_cell(&self, _core: &UiState) -> Option<String> {
         None
     }
 
     /// The node of the selected row.
-    fn node(&self, _core: &Core) -> Option<NodeKey> {
+    fn selected_node(&self, _core: &UiState) -> Option<NodeKey> {
         None
     }
 
     /// Id of the finding of the selected row, or of the first finding of its story.
-    fn finding(&self, _core: &Core) -> Option<u64> {
+    fn selected_finding(&self, _core: &UiState) -> Option<u64> {
         None
     }
 
     /// The selected line as text.
-    fn line(&self, core: &Core) -> Option<String>;
+    fn selected_line(&self, core: &UiState) -> Option<String>;
 }

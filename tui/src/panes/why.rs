@@ -8,20 +8,20 @@
 //!  NOT JUDGED     wiring: no error frames, and the capture does not show whether they were recorded
 //! ```
 
-use cobscope_decoder::diagnosis::{Diagnosis, Label, StoryLine, stories};
-use cobscope_decoder::finding::{Findings, Verdict};
+use cobscope_decoder::diagnosis::{Diagnosis, LineLabel, StoryLine, story_count};
+use cobscope_decoder::finding::{CaptureFindings, RuleOutcome};
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::words::plural;
+use cobscope_decoder::words::count_noun;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::Line;
 
 use super::common::LabelledLines;
-use super::legend::{self, Legend};
-use super::{Effect, Pane};
+use super::legend::{self, PaneLegend};
+use super::{Pane, PaneRequest};
 use crate::action::Action;
-use crate::state::{Core, JumpPlace};
-use crate::theme::Role;
+use crate::state::{JumpPlace, UiState};
+use crate::theme::TextRole;
 use crate::timeline::SurveyResults;
 use crate::widgets::text_lines::TextLines;
 
@@ -30,21 +30,21 @@ const LABELS: u16 = 16;
 
 /// The stories of the diagnosis.
 #[derive(Debug, Default)]
-pub struct Why {
+pub struct WhyPane {
     /// Index of the selected line.
     selected: usize,
     /// The line that the user selected; stories so far may move it.
-    kept: Option<LineKey>,
+    kept: Option<DiagnosisLineKey>,
     /// Number of the diagnosis of the selection, and whether it was the last one.
     seen: (u64, bool),
 }
 
 /// Identity of a line in all diagnoses of a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct LineKey {
+struct DiagnosisLineKey {
     /// Id of the first finding of the story; 0 for a line outside the stories.
     story: u64,
-    label: Option<Label>,
+    label: Option<LineLabel>,
     /// First frame of evidence.
     frame: u64,
     /// Number of earlier lines with the same story, label and frame.
@@ -55,36 +55,42 @@ struct LineKey {
 struct WhyLine {
     label: &'static str,
     text: String,
-    role: Role,
+    role: TextRole,
     /// Frame of evidence.
     frame: Option<u64>,
-    key: LineKey,
+    key: DiagnosisLineKey,
 }
 
 impl WhyLine {
-    fn plain(text: String, role: Role) -> Self {
-        Self { label: "", text, role, frame: None, key: LineKey { story: 0, label: None, frame: 0, nth: 0 } }
+    fn plain_line(text: String, role: TextRole) -> Self {
+        Self {
+            label: "",
+            text,
+            role,
+            frame: None,
+            key: DiagnosisLineKey { story: 0, label: None, frame: 0, nth: 0 },
+        }
     }
 
-    fn of(line: &StoryLine, story: u64) -> Self {
+    fn line_of(line: &StoryLine, story: u64) -> Self {
         let role = match line.label {
-            Label::Cause | Label::FirstEffect => Role::Bad,
-            Label::NoCause => Role::Caution,
-            Label::Note => Role::Note,
-            Label::Disproved | Label::Unjudged | Label::Manual => Role::Quiet,
-            _ => Role::Text,
+            LineLabel::Cause | LineLabel::FirstEffect => TextRole::Bad,
+            LineLabel::NoCause => TextRole::Caution,
+            LineLabel::Note => TextRole::Note,
+            LineLabel::Disproved | LineLabel::Unjudged | LineLabel::Manual => TextRole::Quiet,
+            _ => TextRole::Text,
         };
         // A line without a label continues the one before; a blank keeps it below the text.
-        let label = if line.label.word().is_empty() { " " } else { line.label.word() };
+        let label = if line.label.label_word().is_empty() { " " } else { line.label.label_word() };
         let frame = Some(line.at.frames.last).filter(|frame| *frame > 0);
-        let key = LineKey { story, label: Some(line.label), frame: line.at.frames.first, nth: 0 };
+        let key = DiagnosisLineKey { story, label: Some(line.label), frame: line.at.frames.first, nth: 0 };
         Self { label, text: escape(&line.text).into_owned(), role, frame, key }
     }
 }
 
 /// Numbers lines with equal keys.
-fn number(lines: &mut [WhyLine]) {
-    let mut known: Vec<(LineKey, usize)> = Vec::new();
+fn number_lines(lines: &mut [WhyLine]) {
+    let mut known: Vec<(DiagnosisLineKey, usize)> = Vec::new();
     for line in lines {
         if let Some((_, count)) = known.iter_mut().find(|(key, _)| *key == line.key) {
             line.key.nth = *count;
@@ -96,169 +102,174 @@ fn number(lines: &mut [WhyLine]) {
 }
 
 /// Index of a line in other lines; else of the last line of its story.
-fn place_of(key: LineKey, lines: &[WhyLine]) -> Option<usize> {
+fn place_of(key: DiagnosisLineKey, lines: &[WhyLine]) -> Option<usize> {
     let same = lines.iter().position(|line| line.key == key);
     same.or_else(|| lines.iter().rposition(|line| key.story > 0 && line.key.story == key.story))
 }
 
 /// Lines of all stories, of the notes, or the reason why there is none.
-fn lines(survey: &SurveyResults) -> Vec<WhyLine> {
+fn story_lines(survey: &SurveyResults) -> Vec<WhyLine> {
     let none = Diagnosis::default();
     let diagnosis = survey.diagnosis.as_ref().unwrap_or(&none);
     let count = diagnosis.stories.len();
     let mut lines = Vec::new();
     if !survey.is_complete {
-        lines.push(WhyLine::plain(so_far(survey, count), Role::Quiet));
+        lines.push(WhyLine::plain_line(so_far(survey, count), TextRole::Quiet));
     }
     for (number, story) in (1..).zip(&diagnosis.stories) {
         let id = story.findings.first().copied().unwrap_or(0);
         if count > 1 {
-            let key = LineKey { story: id, label: None, frame: 0, nth: 0 };
+            let key = DiagnosisLineKey { story: id, label: None, frame: 0, nth: 0 };
             let text = format!("story {number} of {count}");
-            lines.push(WhyLine { key, ..WhyLine::plain(text, Role::Title) });
+            lines.push(WhyLine { key, ..WhyLine::plain_line(text, TextRole::Title) });
         }
-        lines.extend(story.lines.iter().map(|line| WhyLine::of(line, id)));
+        lines.extend(story.lines.iter().map(|line| WhyLine::line_of(line, id)));
     }
     if let Some(findings) = survey.findings.as_ref().filter(|_| count == 0 && survey.is_complete) {
-        lines.push(WhyLine::plain(nothing(diagnosis, findings), Role::Good));
+        lines.push(WhyLine::plain_line(no_story_text(diagnosis, findings), TextRole::Good));
     }
-    lines.extend(diagnosis.notes.iter().map(|note| WhyLine::of(&note.line, 0)));
-    number(&mut lines);
+    lines.extend(diagnosis.notes.iter().map(|note| WhyLine::line_of(&note.line, 0)));
+    number_lines(&mut lines);
     lines
 }
 
 /// `2 stories so far, 1204 frames judged; rules still run`.
 fn so_far(survey: &SurveyResults, count: usize) -> String {
-    let found = if count == 0 { "no fault".to_owned() } else { stories(count) };
-    format!("{found} so far, {} judged; rules still run", plural(survey.frames, "frame"))
+    let found = if count == 0 { "no fault".to_owned() } else { story_count(count) };
+    format!("{found} so far, {} judged; rules still run", count_noun(survey.frames, "frame"))
 }
 
 /// `no fault; 52 rules not exercised`.
-fn nothing(diagnosis: &Diagnosis, findings: &Findings) -> String {
+fn no_story_text(diagnosis: &Diagnosis, findings: &CaptureFindings) -> String {
     let rules = findings.rules.iter().zip(&findings.tallies).filter(|(rule, _)| rule.is_on);
-    let missing = rules.filter(|(_, tally)| tally.verdict() == Verdict::NotExercised).count();
+    let missing = rules.filter(|(_, tally)| tally.verdict() == RuleOutcome::NotExercised).count();
     let notes = match diagnosis.notes.len() {
         0 => String::new(),
-        count => format!("; {}", plural(count, "note")),
+        count => format!("; {}", count_noun(count, "note")),
     };
-    format!("no fault in this capture{notes}; {} not exercised", plural(missing, "rule"))
+    format!("no fault in this capture{notes}; {} not exercised", count_noun(missing, "rule"))
 }
 
-impl Why {
-    fn at(&self, lines: &[WhyLine]) -> usize {
+impl WhyPane {
+    fn selected_index(&self, lines: &[WhyLine]) -> usize {
         self.selected.min(lines.len().saturating_sub(1))
     }
 
     /// The lines for drawing, and the first screen row of each.
-    fn drawn(&self, core: &Core, lines: &[WhyLine], width: u16) -> (LabelledLines, Vec<usize>) {
-        let selected = self.at(lines);
+    fn drawn_lines(&self, core: &UiState, lines: &[WhyLine], width: u16) -> (LabelledLines, Vec<usize>) {
+        let selected = self.selected_index(lines);
         let (mut drawn, mut starts, mut row) = (Vec::new(), Vec::new(), 0);
         for (index, line) in lines.iter().enumerate() {
-            let mut style = core.theme.style(line.role);
+            let mut style = core.theme.role_style(line.role);
             if index == selected {
-                style = style.patch(core.theme.selection(true));
+                style = style.patch(core.theme.selection_style(true));
             }
             let text = Line::styled(line.text.clone(), style);
             let indent = if line.label.is_empty() { 0 } else { usize::from(LABELS) };
             let mut whole = text.clone();
             whole.spans.insert(0, " ".repeat(indent).into());
             starts.push(row);
-            row += TextLines::new(&core.theme, std::slice::from_ref(&whole)).total(width);
+            row += TextLines::new(&core.theme, std::slice::from_ref(&whole)).line_count(width);
             drawn.push((line.label, text));
         }
         (LabelledLines { room: LABELS, lines: drawn }, starts)
     }
 
     /// First visible row: the selected line is in the upper third.
-    fn scroll(&self, lines: &[WhyLine], starts: &[usize], height: u16) -> usize {
-        let start = starts.get(self.at(lines)).copied().unwrap_or(0);
+    fn first_visible(&self, lines: &[WhyLine], starts: &[usize], height: u16) -> usize {
+        let start = starts.get(self.selected_index(lines)).copied().unwrap_or(0);
         start.saturating_sub(usize::from(height) / 3)
     }
 
-    fn step(&mut self, lines: &[WhyLine], delta: isize) {
-        self.select(lines, self.at(lines).saturating_add_signed(delta));
+    fn step_selection(&mut self, lines: &[WhyLine], delta: isize) {
+        self.select_line(lines, self.selected_index(lines).saturating_add_signed(delta));
     }
 
-    fn select(&mut self, lines: &[WhyLine], index: usize) {
+    fn select_line(&mut self, lines: &[WhyLine], index: usize) {
         self.selected = index.min(lines.len().saturating_sub(1));
         self.kept = lines.get(self.selected).map(|line| line.key);
     }
 
     /// Moves the selection to its line in a new diagnosis.
-    fn keep(&mut self, lines: &[WhyLine]) {
+    fn keep_selection(&mut self, lines: &[WhyLine]) {
         if let Some(place) = self.kept.and_then(|key| place_of(key, lines)) {
             self.selected = place;
         }
     }
 
     /// Goes to the frames of the selected line.
-    fn open(&self, core: &Core) -> Vec<Effect> {
+    fn open_frames(&self, core: &UiState) -> Vec<PaneRequest> {
         let survey = core.timeline.survey();
-        let lines = lines(&survey);
-        match lines.get(self.at(&lines)).map(|line| (line.frame, line.text.clone())) {
+        let lines = story_lines(&survey);
+        match lines.get(self.selected_index(&lines)).map(|line| (line.frame, line.text.clone())) {
             Some((Some(frame), text)) => {
-                vec![Effect::Go(JumpPlace::Frame(frame)), Effect::Say(text), Effect::ShowEvents]
+                vec![
+                    PaneRequest::Go(JumpPlace::Frame(frame)),
+                    PaneRequest::Say(text),
+                    PaneRequest::ShowEvents,
+                ]
             }
-            _ => vec![Effect::Refuse("this line has no frames".into())],
+            _ => vec![PaneRequest::Refuse("this line has no frames".into())],
         }
     }
 }
 
-impl Pane for Why {
-    fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
+impl Pane for WhyPane {
+    fn render_pane(&self, core: &UiState, area: Rect, buf: &mut Buffer) {
         let survey = core.timeline.survey();
-        let lines = lines(&survey);
-        let (drawn, starts) = self.drawn(core, &lines, area.width.saturating_sub(1));
-        drawn.render(&core.theme, self.scroll(&lines, &starts, area.height), area, buf);
+        let lines = story_lines(&survey);
+        let (drawn, starts) = self.drawn_lines(core, &lines, area.width.saturating_sub(1));
+        drawn.render(&core.theme, self.first_visible(&lines, &starts, area.height), area, buf);
     }
 
-    fn refresh(&mut self, core: &Core) {
+    fn refresh_state(&mut self, core: &UiState) {
         let survey = core.timeline.survey();
         let present = (survey.revision, survey.is_complete);
         if std::mem::replace(&mut self.seen, present) != present {
-            self.keep(&lines(&survey));
+            self.keep_selection(&story_lines(&survey));
         }
     }
 
-    fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
+    fn on_action(&mut self, action: Action, core: &UiState) -> Vec<PaneRequest> {
         let survey = core.timeline.survey();
-        let lines = lines(&survey);
+        let lines = story_lines(&survey);
         drop(survey);
         let page = isize::try_from(core.height / 2).unwrap_or(1).max(1);
         match action {
-            Action::Down => self.step(&lines, 1),
-            Action::Up => self.step(&lines, -1),
-            Action::PageDown => self.step(&lines, page),
-            Action::PageUp => self.step(&lines, -page),
-            Action::Top => self.select(&lines, 0),
-            Action::Bottom => self.step(&lines, isize::MAX),
-            Action::Open | Action::Toggle => return self.open(core),
+            Action::Down => self.step_selection(&lines, 1),
+            Action::Up => self.step_selection(&lines, -1),
+            Action::PageDown => self.step_selection(&lines, page),
+            Action::PageUp => self.step_selection(&lines, -page),
+            Action::Top => self.select_line(&lines, 0),
+            Action::Bottom => self.step_selection(&lines, isize::MAX),
+            Action::Open | Action::Toggle => return self.open_frames(core),
             _ => {}
         }
         Vec::new()
     }
 
-    fn click(&mut self, _x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
+    fn on_click(&mut self, _x: u16, y: u16, area: Rect, core: &UiState) -> Vec<PaneRequest> {
         let survey = core.timeline.survey();
-        let lines = lines(&survey);
-        let (drawn, starts) = self.drawn(core, &lines, area.width.saturating_sub(1));
-        let scroll = self.scroll(&lines, &starts, area.height).min(drawn.last_scroll(&core.theme, area));
+        let lines = story_lines(&survey);
+        let (drawn, starts) = self.drawn_lines(core, &lines, area.width.saturating_sub(1));
+        let scroll =
+            self.first_visible(&lines, &starts, area.height).min(drawn.last_scroll(&core.theme, area));
         let row = scroll.saturating_add(usize::from(y.saturating_sub(area.y)));
         if let Some(at) = starts.partition_point(|start| *start <= row).checked_sub(1) {
-            self.select(&lines, at);
+            self.select_line(&lines, at);
         }
         Vec::new()
     }
 
-    fn legend(&self) -> &'static Legend {
+    fn pane_legend(&self) -> &'static PaneLegend {
         &legend::WHY
     }
 
-    fn performs(&self) -> &'static [Action] {
+    fn performed_actions(&self) -> &'static [Action] {
         &[Action::Toggle]
     }
 
-    fn actions(&self) -> &'static [Action] {
+    fn key_bar_actions(&self) -> &'static [Action] {
         &[
             Action::Open,
             Action::Down,
@@ -270,16 +281,16 @@ impl Pane for Why {
         ]
     }
 
-    fn finding(&self, core: &Core) -> Option<u64> {
+    fn selected_finding(&self, core: &UiState) -> Option<u64> {
         let survey = core.timeline.survey();
-        let lines = lines(&survey);
-        lines.get(self.at(&lines)).map(|line| line.key.story).filter(|id| *id > 0)
+        let lines = story_lines(&survey);
+        lines.get(self.selected_index(&lines)).map(|line| line.key.story).filter(|id| *id > 0)
     }
 
-    fn line(&self, core: &Core) -> Option<String> {
+    fn selected_line(&self, core: &UiState) -> Option<String> {
         let survey = core.timeline.survey();
-        let lines = lines(&survey);
-        let line = lines.get(self.at(&lines))?;
+        let lines = story_lines(&survey);
+        let line = lines.get(self.selected_index(&lines))?;
         Some(format!("{:14} {}", line.label, line.text).trim().to_owned())
     }
 }
@@ -289,42 +300,49 @@ mod tests {
     use super::*;
 
     /// A line of a story at a frame.
-    fn line(story: u64, label: Label, frame: u64) -> WhyLine {
-        let key = LineKey { story, label: Some(label), frame, nth: 0 };
-        WhyLine { key, ..WhyLine::plain(format!("{story} {frame}"), Role::Text) }
+    fn line(story: u64, label: LineLabel, frame: u64) -> WhyLine {
+        let key = DiagnosisLineKey { story, label: Some(label), frame, nth: 0 };
+        WhyLine { key, ..WhyLine::plain_line(format!("{story} {frame}"), TextRole::Text) }
     }
 
     fn numbered(mut lines: Vec<WhyLine>) -> Vec<WhyLine> {
-        number(&mut lines);
+        number_lines(&mut lines);
         lines
     }
 
     #[test]
     fn the_selection_stays_on_its_line() {
         let before = numbered(vec![
-            line(1, Label::Cause, 10),
-            line(1, Label::Effect, 12),
-            line(1, Label::More, 0),
-            line(1, Label::More, 0),
+            line(1, LineLabel::Cause, 10),
+            line(1, LineLabel::Effect, 12),
+            line(1, LineLabel::More, 0),
+            line(1, LineLabel::More, 0),
         ]);
         let after = || {
-            let mut after =
-                vec![line(7, Label::Cause, 30), line(7, Label::Act, 0), line(1, Label::Cause, 10)];
-            after.extend([line(1, Label::Effect, 11), line(1, Label::Effect, 12)]);
-            after.extend([line(1, Label::More, 0), line(1, Label::More, 0), line(1, Label::Act, 0)]);
+            let mut after = vec![
+                line(7, LineLabel::Cause, 30),
+                line(7, LineLabel::Act, 0),
+                line(1, LineLabel::Cause, 10),
+            ];
+            after.extend([line(1, LineLabel::Effect, 11), line(1, LineLabel::Effect, 12)]);
+            after.extend([
+                line(1, LineLabel::More, 0),
+                line(1, LineLabel::More, 0),
+                line(1, LineLabel::Act, 0),
+            ]);
             numbered(after)
         };
-        let mut why = Why::default();
-        why.keep(&after());
+        let mut why = WhyPane::default();
+        why.keep_selection(&after());
         assert_eq!(why.selected, 0, "without a choice of the user the first story is selected");
         for (chosen, expected) in [(1, 4), (2, 5), (3, 6)] {
-            why.select(&before, chosen);
-            why.keep(&after());
+            why.select_line(&before, chosen);
+            why.keep_selection(&after());
             assert_eq!(why.selected, expected, "{chosen}");
         }
         // Its line is gone, its story remains.
-        why.select(&before, 1);
-        why.keep(&numbered(vec![line(7, Label::Cause, 30), line(1, Label::Cause, 10)]));
+        why.select_line(&before, 1);
+        why.keep_selection(&numbered(vec![line(7, LineLabel::Cause, 30), line(1, LineLabel::Cause, 10)]));
         assert_eq!(why.selected, 1);
     }
 }

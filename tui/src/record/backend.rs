@@ -2,36 +2,36 @@
 
 use std::time::Instant;
 
-use super::item::Item;
-use super::parts::Parts;
+use super::item::PendingItem;
+use super::parts::RecordParts;
 use super::status::RecordStatus;
 
 /// Writes the items of a recorder, on the thread of the recorder.
-pub(super) trait Backend: Send {
+pub(super) trait RecorderBackend: Send {
     /// Takes items in order and passes them to the system. `buses` contains the names of their buses.
-    fn take(&mut self, items: Vec<Item>, buses: &[String], now: Option<Instant>);
+    fn take_items(&mut self, items: Vec<PendingItem>, buses: &[String], now: Option<Instant>);
 
     /// Waits until all is on the disk.
-    fn sync(&mut self);
+    fn sync_to_disk(&mut self);
 
     /// Writes the rest at the end.
-    fn finish(&mut self, buses: &[String]);
+    fn finish_recording(&mut self, buses: &[String]);
 
     /// Status so far.
     fn status(&self) -> &RecordStatus;
 }
 
-impl Backend for Parts {
-    fn take(&mut self, items: Vec<Item>, buses: &[String], now: Option<Instant>) {
-        Self::take(self, items, buses, now);
+impl RecorderBackend for RecordParts {
+    fn take_items(&mut self, items: Vec<PendingItem>, buses: &[String], now: Option<Instant>) {
+        Self::take_items(self, items, buses, now);
     }
 
-    fn sync(&mut self) {
-        Self::sync(self);
+    fn sync_to_disk(&mut self) {
+        Self::sync_to_disk(self);
     }
 
-    fn finish(&mut self, _buses: &[String]) {
-        Self::finish(self);
+    fn finish_recording(&mut self, _buses: &[String]) {
+        Self::finish_recording(self);
     }
 
     fn status(&self) -> &RecordStatus {

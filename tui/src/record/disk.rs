@@ -7,34 +7,34 @@ use std::path::Path;
 use crate::output_file;
 
 /// File system for the parts of a capture.
-pub(super) trait Disk: Send {
+pub(super) trait RecordDisk: Send {
     /// Creates a file; fails if it exists.
-    fn create(&mut self, path: &Path) -> io::Result<Box<dyn RecordFile>>;
+    fn create_file(&mut self, path: &Path) -> io::Result<Box<dyn RecordFile>>;
 
     /// Opens a file for reading.
     fn read(&mut self, path: &Path) -> io::Result<Box<dyn Read + Send>>;
 
     /// Removes a file.
-    fn remove(&mut self, path: &Path) -> io::Result<()>;
+    fn remove_file(&mut self, path: &Path) -> io::Result<()>;
 
     /// Renames a file; replaces the file `to`.
-    fn rename(&mut self, from: &Path, to: &Path) -> io::Result<()>;
+    fn rename_file(&mut self, from: &Path, to: &Path) -> io::Result<()>;
 }
 
 /// A file of the capture. Written bytes go to the system at once.
 pub(super) trait RecordFile: Write + Send {
     /// Waits until the content is on the disk.
-    fn sync(&mut self) -> io::Result<()>;
+    fn sync_to_disk(&mut self) -> io::Result<()>;
 
     /// Truncates the file to `length` bytes.
-    fn cut(&mut self, length: u64) -> io::Result<()>;
+    fn truncate_to(&mut self, length: u64) -> io::Result<()>;
 }
 
 /// The real file system.
-pub(super) struct Files;
+pub(super) struct RealDisk;
 
-impl Disk for Files {
-    fn create(&mut self, path: &Path) -> io::Result<Box<dyn RecordFile>> {
+impl RecordDisk for RealDisk {
+    fn create_file(&mut self, path: &Path) -> io::Result<Box<dyn RecordFile>> {
         // Fails for the name of a device of Windows.
         output_file::is_device(path)?;
         let file = File::options().write(true).create_new(true).open(path)?;
@@ -46,11 +46,11 @@ impl Disk for Files {
         Ok(Box::new(File::open(path)?))
     }
 
-    fn remove(&mut self, path: &Path) -> io::Result<()> {
+    fn remove_file(&mut self, path: &Path) -> io::Result<()> {
         std::fs::remove_file(path)
     }
 
-    fn rename(&mut self, from: &Path, to: &Path) -> io::Result<()> {
+    fn rename_file(&mut self, from: &Path, to: &Path) -> io::Result<()> {
         std::fs::rename(from, to)?;
         sync_folder_of(to);
         Ok(())
@@ -65,7 +65,7 @@ fn sync_folder_of(path: &Path) {
 }
 
 impl RecordFile for File {
-    fn sync(&mut self) -> io::Result<()> {
+    fn sync_to_disk(&mut self) -> io::Result<()> {
         match self.sync_data() {
             // Files without a disk report this error.
             Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => Ok(()),
@@ -73,7 +73,7 @@ impl RecordFile for File {
         }
     }
 
-    fn cut(&mut self, length: u64) -> io::Result<()> {
+    fn truncate_to(&mut self, length: u64) -> io::Result<()> {
         self.set_len(length)
     }
 }

@@ -10,7 +10,7 @@ pub fn suffix(path: &Path) -> String {
 }
 
 /// The capture format of a file name.
-pub fn of(path: &Path) -> Option<&'static WritableFormat> {
+pub fn format_of(path: &Path) -> Option<&'static WritableFormat> {
     let suffix = suffix(path);
     WRITABLE.iter().find(|format| format.suffix == suffix)
 }
@@ -25,7 +25,7 @@ pub fn part_of(path: &Path, content: &str, suffix: &str) -> Option<PathBuf> {
 }
 
 /// Suffixes of capture formats with their titles.
-pub fn suffixes() -> impl Iterator<Item = (&'static str, &'static str)> {
+pub fn all_suffixes() -> impl Iterator<Item = (&'static str, &'static str)> {
     WRITABLE.iter().map(|format| (format.suffix, format.title))
 }
 
@@ -39,11 +39,11 @@ pub fn is_of_captures(path: &Path) -> bool {
         path.as_os_str()
     });
     let suffix = suffix(name);
-    ONLY_READ.contains(&suffix.as_str()) || suffixes().any(|(known, _)| known == suffix)
+    ONLY_READ.contains(&suffix.as_str()) || all_suffixes().any(|(known, _)| known == suffix)
 }
 
 /// Error text for an unknown suffix; `known` are the available ones.
-pub fn unknown(known: impl Iterator<Item = (&'static str, &'static str)>) -> String {
+pub fn unknown_suffix(known: impl Iterator<Item = (&'static str, &'static str)>) -> String {
     let known: Vec<_> = known.map(|(suffix, title)| format!(".{suffix} ({title})")).collect();
     format!("unknown suffix; expected {}", known.join(", "))
 }
@@ -54,7 +54,7 @@ mod tests {
 
     #[test]
     fn suffixes_are_compared_without_case() {
-        let format = |name: &str| of(Path::new(name)).map(|format| format.name);
+        let format = |name: &str| format_of(Path::new(name)).map(|format| format.name);
         assert_eq!((format("RUN.LOG"), format("run.log")), (Some("candump"), Some("candump")));
         assert_eq!((format("run"), format("run.docx")), (None, None));
         assert!(is_of_captures(Path::new("RUN.BLF")) && is_of_captures(Path::new("run.Asc.GZ")));

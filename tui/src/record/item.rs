@@ -3,11 +3,11 @@
 use cobscope_decoder::capture::{CapturePlace, Notice};
 use cobscope_decoder::frame::{BusIndex, Frame};
 
-use super::trigger::Trigger;
+use super::trigger::CaptureTrigger;
 
 /// An item to be written.
 #[derive(Debug, Clone)]
-pub(super) struct Item {
+pub(super) struct PendingItem {
     /// Index in the buses of the recorder.
     pub bus: usize,
     /// Frame or notice.
@@ -24,10 +24,10 @@ pub(super) enum RecordItem {
     /// A notice.
     Notice(Notice),
     /// The next item triggers a capture. It is never part of one.
-    Trigger(Box<Trigger>),
+    Trigger(Box<CaptureTrigger>),
 }
 
-impl Item {
+impl PendingItem {
     /// The frame, if the item is one.
     pub(super) fn frame(&self) -> Option<&Frame> {
         match &self.what {
@@ -38,10 +38,10 @@ impl Item {
     }
 
     /// Memory in bytes.
-    pub(super) fn memory(&self) -> usize {
+    pub(super) fn memory_size(&self) -> usize {
         let RecordItem::Trigger(trigger) = &self.what else { return size_of::<Self>() };
         let texts = [&trigger.bus, &trigger.subject, &trigger.cause, &trigger.text].map(String::len);
-        size_of::<Self>() + size_of::<Trigger>() + texts.iter().sum::<usize>()
+        size_of::<Self>() + size_of::<CaptureTrigger>() + texts.iter().sum::<usize>()
     }
 
     pub(super) fn is_frame(&self) -> bool {
@@ -52,7 +52,7 @@ impl Item {
 /// Items that could not be written. When writing resumes, the capture gets a notice of the lost frames and
 /// the state of each link.
 #[derive(Debug, Default)]
-pub(super) struct Gap(Vec<BusGap>);
+pub(super) struct RecordGap(Vec<BusGap>);
 
 #[derive(Debug)]
 struct BusGap {
@@ -62,27 +62,27 @@ struct BusGap {
     link: Option<Notice>,
 }
 
-impl Gap {
+impl RecordGap {
     pub(super) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
     /// Adds an item to the gap. Frames lost before they arrived here count as lost too.
-    pub(super) fn miss(&mut self, item: Item) {
-        let Item { bus, what } = item;
+    pub(super) fn add_missed(&mut self, item: PendingItem) {
+        let PendingItem { bus, what } = item;
         match what {
-            RecordItem::Frame(_) | RecordItem::Commented(_) => self.lose(bus, 1),
-            RecordItem::Notice(Notice::LostFrames { count: Some(count), .. }) => self.lose(bus, count),
-            RecordItem::Notice(link @ Notice::Link { .. }) => self.of(bus, |gap| gap.link = Some(link)),
+            RecordItem::Frame(_) | RecordItem::Commented(_) => self.add_lost(bus, 1),
+            RecordItem::Notice(Notice::LostFrames { count: Some(count), .. }) => self.add_lost(bus, count),
+            RecordItem::Notice(link @ Notice::Link { .. }) => self.bus_gap(bus, |gap| gap.link = Some(link)),
             RecordItem::Notice(_) | RecordItem::Trigger(_) => (),
         }
     }
 
-    fn lose(&mut self, bus: usize, count: u64) {
-        self.of(bus, |gap| gap.lost = gap.lost.saturating_add(count));
+    fn add_lost(&mut self, bus: usize, count: u64) {
+        self.bus_gap(bus, |gap| gap.lost = gap.lost.saturating_add(count));
     }
 
-    fn of(&mut self, bus: usize, change: impl FnOnce(&mut BusGap)) {
+    fn bus_gap(&mut self, bus: usize, change: impl FnOnce(&mut BusGap)) {
         if let Some(known) = self.0.iter_mut().find(|gap| gap.bus == bus) {
             change(known);
         } else {
@@ -93,7 +93,7 @@ impl Gap {
     }
 
     /// Removes and returns the notices about the gap.
-    pub(super) fn take(&mut self) -> Vec<Item> {
+    pub(super) fn take_notices(&mut self) -> Vec<PendingItem> {
         let mut items = Vec::new();
         for BusGap { bus, lost, link } in self.0.drain(..) {
             let lost = (lost > 0).then(|| {
@@ -101,7 +101,7 @@ impl Gap {
                 Notice::LostFrames { place: CapturePlace::Now, bus: index, count: Some(lost) }
             });
             let notices = lost.into_iter().chain(link);
-            items.extend(notices.map(|notice| Item { bus, what: RecordItem::Notice(notice) }));
+            items.extend(notices.map(|notice| PendingItem { bus, what: RecordItem::Notice(notice) }));
         }
         items
     }

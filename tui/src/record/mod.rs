@@ -34,15 +34,15 @@ use cobscope_decoder::frame::Frame;
 use cobscope_decoder::session::SessionOptions;
 use jiff::civil::DateTime;
 
-use backend::Backend;
+use backend::RecorderBackend;
 pub use cuts::{CompleteCut, CutEnd, CutNews, CutOptions, RefusalReason, StateText};
 use cuts::{CutWriter, StateFollower};
-use disk::{Disk, Files};
-use item::{Gap, Item, RecordItem};
-pub use names::Names;
-use parts::{Limits, Parts};
+use disk::{RealDisk, RecordDisk};
+use item::{PendingItem, RecordGap, RecordItem};
+pub use names::RecordNames;
+use parts::{RecordLimits, RecordParts};
 pub use status::{RecordFailure, RecordStatus};
-pub use trigger::Trigger;
+pub use trigger::CaptureTrigger;
 
 /// Maximum memory of the queue in bytes: more than half a million frames.
 const QUEUE: usize = 64 * 1024 * 1024;
@@ -80,7 +80,7 @@ pub struct RecordOptions {
 
 /// A batch for the writer thread.
 struct RecordThread {
-    items: Vec<Item>,
+    items: Vec<PendingItem>,
     /// Memory of the items in bytes.
     memory: usize,
     buses: Arc<Vec<String>>,
@@ -90,7 +90,7 @@ struct RecordThread {
 
 /// A capture being written.
 pub struct Recorder {
-    items: Vec<Item>,
+    items: Vec<PendingItem>,
     /// Memory of `items` in bytes.
     memory: usize,
     buses: Arc<Vec<String>>,
@@ -104,7 +104,7 @@ pub struct Recorder {
     patience: Duration,
     status: Arc<Mutex<RecordStatus>>,
     /// Items lost while the queue was full.
-    gap: Gap,
+    gap: RecordGap,
     too_fast: u64,
     lost_triggers: u64,
     /// Number of frames lost because the thread has ended.
@@ -121,23 +121,23 @@ impl Recorder {
     /// # Errors
     /// Folder missing, file exists, file cannot be created or written, or unknown suffix.
     pub fn open(options: &RecordOptions, now: DateTime) -> anyhow::Result<Self> {
-        Self::open_on(Box::new(Files), options, now, QUEUE)
+        Self::open_on(Box::new(RealDisk), options, now, QUEUE)
     }
 
     fn open_on(
-        disk: Box<dyn Disk>,
+        disk: Box<dyn RecordDisk>,
         options: &RecordOptions,
         now: DateTime,
         most_queued: usize,
     ) -> anyhow::Result<Self> {
         let has_limits = options.max_bytes.is_some() || options.max_time.is_some();
-        let (names, format) = Names::new(options.path.as_deref(), has_limits, now)?;
-        let limits = Limits {
+        let (names, format) = RecordNames::new(options.path.as_deref(), has_limits, now)?;
+        let limits = RecordLimits {
             bytes: options.max_bytes.unwrap_or(u64::MAX),
             time: options.max_time.unwrap_or(Duration::MAX),
             files: options.files.map_or(usize::MAX, |files| files as usize),
         };
-        Self::start(Parts::open(disk, names, format, limits)?, most_queued)
+        Self::start(RecordParts::open_parts(disk, names, format, limits)?, most_queued)
     }
 
     /// Writes a capture per trigger instead of all frames. News of the captures arrive through the receiver. Frames are
@@ -153,13 +153,14 @@ impl Recorder {
     ) -> anyhow::Result<(Self, Receiver<CutNews>)> {
         let (news, inbox) = channel();
         let state = StateFollower::new(session, text);
-        let writer = CutWriter::open(Box::new(|| Box::new(Files)), options, Some(state), news, now)?;
+        let writer =
+            CutWriter::open_writer(Box::new(|| Box::new(RealDisk)), options, Some(state), news, now)?;
         let mut recorder = Self::start(writer, QUEUE)?;
         recorder.patience = PATIENCE;
         Ok((recorder, inbox))
     }
 
-    fn start(backend: impl Backend + 'static, most_queued: usize) -> anyhow::Result<Self> {
+    fn start(backend: impl RecorderBackend + 'static, most_queued: usize) -> anyhow::Result<Self> {
         let status = Arc::new(Mutex::new(backend.status().clone()));
         let queued = Arc::new(AtomicUsize::new(0));
         let (work, inbox) = channel();
@@ -177,7 +178,7 @@ impl Recorder {
             most_queued,
             patience: Duration::ZERO,
             status,
-            gap: Gap::default(),
+            gap: RecordGap::default(),
             too_fast: 0,
             lost_triggers: 0,
             stranded: 0,
@@ -191,19 +192,19 @@ impl Recorder {
     /// Writes a frame of the bus `bus`.
     pub fn frame(&mut self, frame: &Frame, bus: &str) {
         let bus = self.bus(bus);
-        self.add(Item { bus, what: RecordItem::Frame(*frame) });
+        self.add(PendingItem { bus, what: RecordItem::Frame(*frame) });
     }
 
     /// Writes a notice about the bus `bus`, if the format can store it.
     pub fn notice(&mut self, notice: &Notice, bus: &str) {
         let bus = self.bus(bus);
-        self.add(Item { bus, what: RecordItem::Notice(notice.clone()) });
+        self.add(PendingItem { bus, what: RecordItem::Notice(notice.clone()) });
     }
 
     /// The next item triggers a capture. Only for a recorder of triggers.
-    pub fn trigger(&mut self, trigger: Trigger) {
+    pub fn trigger(&mut self, trigger: CaptureTrigger) {
         let bus = self.bus(&trigger.bus);
-        self.add(Item { bus, what: RecordItem::Trigger(Box::new(trigger)) });
+        self.add(PendingItem { bus, what: RecordItem::Trigger(Box::new(trigger)) });
     }
 
     /// Advances the time; called every 100 ms or more often. Items are passed to the system within 200 ms,
@@ -250,7 +251,7 @@ impl Recorder {
 
     fn close(&mut self) {
         if self.work.is_some() {
-            self.items.extend(self.gap.take());
+            self.items.extend(self.gap.take_notices());
             self.hand_over(true);
         }
         self.work = None;
@@ -268,16 +269,16 @@ impl Recorder {
         })
     }
 
-    fn add(&mut self, item: Item) {
-        let own = item.memory();
+    fn add(&mut self, item: PendingItem) {
+        let own = item.memory_size();
         if !self.has_room(own) && !self.finds_room(own) {
             self.too_fast += u64::from(item.is_frame());
             self.lost_triggers += u64::from(matches!(item.what, RecordItem::Trigger(_)));
-            self.gap.miss(item);
+            self.gap.add_missed(item);
             return;
         }
         if !self.gap.is_empty() {
-            self.items.extend(self.gap.take());
+            self.items.extend(self.gap.take_notices());
         }
         self.memory = self.memory.saturating_add(own);
         self.items.push(item);
@@ -330,24 +331,24 @@ impl Drop for Recorder {
 }
 
 fn run(
-    mut backend: impl Backend,
+    mut backend: impl RecorderBackend,
     inbox: &Receiver<RecordThread>,
     status: &Mutex<RecordStatus>,
     queued: &AtomicUsize,
 ) {
-    let tell = |backend: &dyn Backend| {
+    let tell = |backend: &dyn RecorderBackend| {
         status.lock().unwrap_or_else(PoisonError::into_inner).clone_from(backend.status());
     };
     let mut known = Arc::default();
     for RecordThread { items, memory, buses, now, sync } in inbox {
-        backend.take(items, &buses, now);
+        backend.take_items(items, &buses, now);
         if sync {
-            backend.sync();
+            backend.sync_to_disk();
         }
         tell(&backend);
         queued.fetch_sub(memory, Ordering::AcqRel);
         known = buses;
     }
-    backend.finish(&known);
+    backend.finish_recording(&known);
     tell(&backend);
 }

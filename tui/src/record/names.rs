@@ -15,7 +15,7 @@ use jiff::civil::DateTime;
 
 use super::format;
 use crate::output_file;
-use crate::path_text::shown;
+use crate::path_text::path_text;
 
 /// Number of digits of a part number.
 const DIGITS: usize = 4;
@@ -25,7 +25,7 @@ const OTHERWISE: &str = "files are never overwritten; choose another name or mov
 
 /// Names of the parts of a capture.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Names {
+pub struct RecordNames {
     folder: PathBuf,
     stem: OsString,
     suffix: OsString,
@@ -35,7 +35,7 @@ pub struct Names {
     pub number: u32,
 }
 
-impl Names {
+impl RecordNames {
     /// Names for the option `path`; `now` is the local time for a name like that of `candump -l`.
     ///
     /// # Errors
@@ -53,10 +53,10 @@ impl Names {
             Some(path) => path.to_owned(),
             None => usual_name(now).into(),
         };
-        let Some(format) = format::of(&path) else {
-            bail!("{}: {}", shown(&path), format::unknown(format::suffixes()));
+        let Some(format) = format::format_of(&path) else {
+            bail!("{}: {}", path_text(&path), format::unknown_suffix(format::all_suffixes()));
         };
-        let names = Self::of(&path, is_numbered)?;
+        let names = Self::names_for(&path, is_numbered)?;
         names.ensure_free()?;
         Ok((names, format))
     }
@@ -65,8 +65,8 @@ impl Names {
     ///
     /// # Errors
     /// Folder missing or no file name.
-    pub fn of(path: &Path, is_numbered: bool) -> anyhow::Result<Self> {
-        let name = shown(path);
+    pub fn names_for(path: &Path, is_numbered: bool) -> anyhow::Result<Self> {
+        let name = path_text(path);
         let folder = path.parent().unwrap_or(Path::new("")).to_owned();
         if let Some(problem) = output_file::folder_problem(path) {
             bail!("{name}: {problem}");
@@ -82,9 +82,9 @@ impl Names {
     /// # Errors
     /// A numbered part exists.
     pub fn ensure_free(&self) -> anyhow::Result<()> {
-        match self.find().filter(|_| self.is_numbered) {
+        match self.find_numbered().filter(|_| self.is_numbered) {
             Some(part) => {
-                bail!("{}: part of an earlier capture; {OTHERWISE}", shown(&part))
+                bail!("{}: part of an earlier capture; {OTHERWISE}", path_text(&part))
             }
             None => Ok(()),
         }
@@ -104,16 +104,16 @@ impl Names {
     }
 
     /// An existing numbered part.
-    fn find(&self) -> Option<PathBuf> {
+    fn find_numbered(&self) -> Option<PathBuf> {
         let folder = if self.folder.as_os_str().is_empty() { Path::new(".") } else { &self.folder };
         let names = std::fs::read_dir(folder).ok()?.filter_map(|entry| Some(entry.ok()?.file_name()));
-        let mut parts: Vec<_> = names.filter(|name| self.has(Path::new(name))).collect();
+        let mut parts: Vec<_> = names.filter(|name| self.has_part(Path::new(name))).collect();
         parts.sort();
         parts.first().map(|name| self.folder.join(name))
     }
 
     /// Whether a file name is that of a numbered part.
-    fn has(&self, name: &Path) -> bool {
+    fn has_part(&self, name: &Path) -> bool {
         let stem = name.file_stem().unwrap_or_default().as_encoded_bytes();
         let number = stem.strip_prefix(self.stem.as_encoded_bytes()).and_then(|rest| rest.strip_prefix(b"-"));
         name.extension() == Some(&self.suffix)
@@ -122,8 +122,8 @@ impl Names {
 }
 
 /// Error for a file that cannot be created.
-pub(super) fn refusal(path: &Path, error: std::io::Error) -> anyhow::Error {
-    let shown = shown(path);
+pub(super) fn creation_error(path: &Path, error: std::io::Error) -> anyhow::Error {
+    let shown = path_text(path);
     match error.kind() {
         std::io::ErrorKind::AlreadyExists => anyhow::anyhow!("{shown}: file exists; {OTHERWISE}"),
         _ => anyhow::Error::new(error).context(format!("{shown}: cannot be created")),
@@ -143,13 +143,15 @@ mod tests {
         jiff::civil::date(2026, 11, 22).at(7, 30, 51, 999)
     }
 
-    fn called(path: &Path, is_numbered: bool) -> Result<Names, String> {
-        Names::new(Some(path), is_numbered, now()).map(|(names, _)| names).map_err(|error| error.to_string())
+    fn called(path: &Path, is_numbered: bool) -> Result<RecordNames, String> {
+        RecordNames::new(Some(path), is_numbered, now())
+            .map(|(names, _)| names)
+            .map_err(|error| error.to_string())
     }
 
     #[test]
     fn without_a_name_it_is_called_as_candump_does() {
-        let (names, format) = Names::new(None, false, now()).unwrap();
+        let (names, format) = RecordNames::new(None, false, now()).unwrap();
         assert_eq!(names.next(), Path::new("candump-2026-11-22_073051.log"));
         assert_eq!(format.name, "candump");
         let folder = tempfile::tempdir().unwrap();

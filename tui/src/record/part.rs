@@ -8,7 +8,7 @@ use std::time::Instant;
 use cobscope_decoder::capture::{FrameWriter, WritableFormat, WriteOptions};
 
 use super::disk::RecordFile;
-use super::item::{Item, RecordItem};
+use super::item::{PendingItem, RecordItem};
 
 /// Bytes of records that are not written yet.
 #[derive(Clone, Default)]
@@ -50,7 +50,7 @@ pub(super) struct RecordPart {
     held: SharedBuffer,
     held_length: usize,
     /// Buffered items, each with the end of its bytes.
-    records: Vec<(usize, Item)>,
+    records: Vec<(usize, PendingItem)>,
     /// Bytes of complete records in the file.
     length: u64,
     frames: u64,
@@ -98,7 +98,7 @@ impl RecordPart {
     }
 
     /// Number of buffered bytes.
-    pub(super) fn held(&self) -> usize {
+    pub(super) fn held_bytes(&self) -> usize {
         self.held_length
     }
 
@@ -109,11 +109,11 @@ impl RecordPart {
 
     /// Size of the file after all buffered bytes are written.
     pub(super) fn full_length(&self) -> u64 {
-        self.length.saturating_add(self.held() as u64).saturating_add(self.writer.pending())
+        self.length.saturating_add(self.held_bytes() as u64).saturating_add(self.writer.pending())
     }
 
     /// Whether the format buffers records, so that none can be removed.
-    pub(super) fn gathers(&self) -> bool {
+    pub(super) fn gathers_records(&self) -> bool {
         self.writer.pending() > 0
     }
 
@@ -121,7 +121,7 @@ impl RecordPart {
     ///
     /// # Errors
     /// The item cannot be encoded; it stays in the buffer, to be returned with the others.
-    pub(super) fn push(&mut self, item: Item, bus: &str) -> io::Result<Option<Item>> {
+    pub(super) fn push(&mut self, item: PendingItem, bus: &str) -> io::Result<Option<PendingItem>> {
         let kept = match &item.what {
             RecordItem::Frame(frame) => self.writer.write(frame, bus).map(|()| true),
             RecordItem::Commented(commented) => {
@@ -142,8 +142,8 @@ impl RecordPart {
     }
 
     /// Removes the last item if it is still buffered.
-    pub(super) fn undo(&mut self) -> Option<Item> {
-        if self.gathers() {
+    pub(super) fn undo_item(&mut self) -> Option<PendingItem> {
+        if self.gathers_records() {
             return None;
         }
         let (_, item) = self.records.pop()?;
@@ -177,18 +177,18 @@ impl RecordPart {
         self.length = self.length.saturating_add(kept as u64);
         if failure.is_some() {
             // A device that is gone has nothing to truncate.
-            let _ = self.file.cut(self.length);
+            let _ = self.file.truncate_to(self.length);
         }
         let frames = self.records.drain(..whole).filter(|(_, item)| item.is_frame()).count();
         self.is_empty &= whole == 0;
         self.is_synced = false;
         // Reuses the memory.
-        *self.held.lock() = cleared(bytes);
+        *self.held.lock() = clear_bytes(bytes);
         WriteResult { frames: frames as u64, bytes: kept as u64, failure }
     }
 
     /// Writes the buffer and the end of the format.
-    pub(super) fn end(&mut self) -> WriteResult {
+    pub(super) fn end_part(&mut self) -> WriteResult {
         match self.writer.finish() {
             Ok(()) => self.write_out(),
             Err(error) => WriteResult { failure: Some(error), ..WriteResult::default() },
@@ -199,21 +199,21 @@ impl RecordPart {
     ///
     /// # Errors
     /// The disk reports a failure.
-    pub(super) fn sync(&mut self) -> io::Result<()> {
+    pub(super) fn sync_to_disk(&mut self) -> io::Result<()> {
         if !self.is_synced {
-            self.file.sync()?;
+            self.file.sync_to_disk()?;
             self.is_synced = true;
         }
         Ok(())
     }
 
     /// The items that could not be written.
-    pub(super) fn abandon(self) -> impl Iterator<Item = Item> {
+    pub(super) fn unwritten_items(self) -> impl Iterator<Item = PendingItem> {
         self.records.into_iter().map(|(_, item)| item)
     }
 }
 
-fn cleared(mut bytes: Vec<u8>) -> Vec<u8> {
+fn clear_bytes(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes.clear();
     bytes
 }

@@ -4,10 +4,10 @@ use std::fmt;
 use std::path::PathBuf;
 
 use cobscope_decoder::capture::Notice;
-use cobscope_decoder::words::plural;
+use cobscope_decoder::words::count_noun;
 
-use crate::figures::bytes;
-use crate::path_text::shown;
+use crate::figures::format_bytes;
+use crate::path_text::path_text;
 
 /// A kind of notice that a format cannot store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,7 +24,7 @@ pub enum UnstoredKind {
 
 impl UnstoredKind {
     /// Kind of a notice; None for notices without use in a capture.
-    pub(super) fn of(notice: &Notice) -> Option<Self> {
+    pub(super) fn kind_of(notice: &Notice) -> Option<Self> {
         match notice {
             Notice::Link { .. } => Some(Self::Links),
             Notice::LostFrames { .. } => Some(Self::Losses),
@@ -100,42 +100,43 @@ impl RecordStatus {
 
     /// Total of captures around triggers: `day: 12345 frames, 1.2 MB in 3 captures`.
     pub fn of_cuts(&self) -> String {
-        let captures = plural(u64::from(self.parts), "capture");
-        let total = format!("{}: {}, {}", shown(&self.path), frames(self.frames), bytes(self.bytes));
+        let captures = count_noun(u64::from(self.parts), "capture");
+        let total =
+            format!("{}: {}, {}", path_text(&self.path), frames_text(self.frames), format_bytes(self.bytes));
         format!("{total} in {captures}{}", self.missing_words())
     }
 
     fn missing_words(&self) -> String {
-        if self.missing > 0 { format!("; {} missing", frames(self.missing)) } else { String::new() }
+        if self.missing > 0 { format!("; {} missing", frames_text(self.missing)) } else { String::new() }
     }
 
     /// Failures and losses, one sentence each.
-    pub fn remarks(&self) -> Vec<String> {
+    pub fn remark_texts(&self) -> Vec<String> {
         let mut remarks = Vec::new();
         if let Some(failure) = &self.failure {
             let RecordFailure { path, reason, missing, is_over } = failure;
-            let path = shown(path);
+            let path = path_text(path);
             remarks.push(if *missing == 0 {
                 format!("{path}: {reason}")
             } else if *is_over {
-                let now = shown(&self.path);
+                let now = path_text(&self.path);
                 let how = if self.has_ended { "continued" } else { "continuing" };
-                format!("{path}: {reason}: {} not written; {how} in {now}", frames(*missing))
+                format!("{path}: {reason}: {} not written; {how} in {now}", frames_text(*missing))
             } else if self.has_ended {
-                format!("{path}: {reason}: {} not written", frames(*missing))
+                format!("{path}: {reason}: {} not written", frames_text(*missing))
             } else {
-                format!("{path}: {reason}: {} not written so far; retrying", frames(*missing))
+                format!("{path}: {reason}: {} not written so far; retrying", frames_text(*missing))
             });
         }
         if let Some(RecordFailure { path, reason, .. }) = &self.other_failure {
-            remarks.push(format!("{}: {reason}", shown(path)));
+            remarks.push(format!("{}: {reason}", path_text(path)));
         }
         if self.too_fast > 0 {
-            let count = frames(self.too_fast);
+            let count = frames_text(self.too_fast);
             remarks.push(format!("{count} not written: the disk is too slow"));
         }
         if self.lost_triggers > 0 {
-            let count = plural(self.lost_triggers, "trigger");
+            let count = count_noun(self.lost_triggers, "trigger");
             remarks.push(format!("{count} not recorded: the disk is too slow"));
         }
         if !self.unheld.is_empty() {
@@ -160,7 +161,7 @@ impl RecordStatus {
 /// `run-0003.log: 12345 frames, 1.2 MB in 3 parts`.
 impl fmt::Display for RecordStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}, {}", shown(&self.path), frames(self.frames), bytes(self.bytes))?;
+        write!(f, "{}: {}, {}", path_text(&self.path), frames_text(self.frames), format_bytes(self.bytes))?;
         if self.parts > 1 {
             write!(f, " in {} parts", self.parts)?;
         }
@@ -171,8 +172,8 @@ impl fmt::Display for RecordStatus {
     }
 }
 
-fn frames(count: u64) -> String {
-    plural(count, "frame")
+fn frames_text(count: u64) -> String {
+    count_noun(count, "frame")
 }
 
 #[cfg(test)]
@@ -190,7 +191,7 @@ mod tests {
         // A failed sync: the number of frames that are not on the disk is unknown.
         status.failure = Some(RecordFailure { path, reason, missing: 0, is_over: false });
         assert!(status.is_incomplete());
-        assert_eq!(status.remarks(), ["run.log: Input/output error"]);
+        assert_eq!(status.remark_texts(), ["run.log: Input/output error"]);
     }
 
     #[test]
@@ -204,7 +205,7 @@ mod tests {
             ..RecordStatus::default()
         };
         assert_eq!(status.to_string(), "run-0002.log: 1 frame, 1.2 MB in 2 parts");
-        assert!(status.remarks().is_empty());
+        assert!(status.remark_texts().is_empty());
 
         let reason = "No space left on device (os error 28)".to_owned();
         let path = "a\u{1b}[2J.log".into();
@@ -223,16 +224,16 @@ mod tests {
             "candump log cannot store: link state changes, lost frames; .pcapng stores more",
         ];
         let so_far = format!("{failing} so far; retrying");
-        assert_eq!(status.remarks(), [&so_far, others[0], others[1]]);
+        assert_eq!(status.remark_texts(), [&so_far, others[0], others[1]]);
         status.failure.as_mut().unwrap().is_over = true;
         let over = format!("{failing}; continuing in run-0002.log");
-        assert_eq!(status.remarks(), [&over, others[0], others[1]]);
+        assert_eq!(status.remark_texts(), [&over, others[0], others[1]]);
         status.has_ended = true;
         let over = format!("{failing}; continued in run-0002.log");
-        assert_eq!(status.remarks(), [&over, others[0], others[1]]);
+        assert_eq!(status.remark_texts(), [&over, others[0], others[1]]);
         status.failure.as_mut().unwrap().is_over = false;
-        assert_eq!(status.remarks(), [failing, others[0], others[1]]);
+        assert_eq!(status.remark_texts(), [failing, others[0], others[1]]);
         status.losses = vec!["1 a".to_owned(), "2 b".to_owned()];
-        assert_eq!(status.remarks().last().unwrap(), "candump log cannot store: 1 a; 2 b");
+        assert_eq!(status.remark_texts().last().unwrap(), "candump log cannot store: 1 a; 2 b");
     }
 }

@@ -5,7 +5,7 @@ use cobscope_decoder::wire::NodeId;
 
 /// An event or finding that triggers a capture.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Trigger {
+pub struct CaptureTrigger {
     /// Name of the bus.
     pub bus: String,
     /// Node; None for the bus as a whole.
@@ -24,10 +24,10 @@ pub struct Trigger {
     pub last_frame: u64,
 }
 
-impl Trigger {
+impl CaptureTrigger {
     /// Comment at the frame of the trigger.
-    pub(super) fn comment(&self) -> String {
-        let node = self.node.map_or_else(String::new, |node| format!("{}: ", node.words()));
+    pub(super) fn frame_comment(&self) -> String {
+        let node = self.node.map_or_else(String::new, |node| format!("{}: ", node.sentence_label()));
         format!("trigger {}: {node}{}", self.cause, self.text)
     }
 }

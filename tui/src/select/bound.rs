@@ -12,7 +12,7 @@ const NANOSECOND_DIGITS: usize = 9;
 
 /// Start or end of the printed range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Bound {
+pub enum RangeBound {
     /// Nanoseconds from the first frame of the capture.
     Offset(i64),
     /// Number of a frame.
@@ -28,7 +28,7 @@ pub type Span<'a> = &'a mut dyn FnMut() -> Option<(Timestamp, Timestamp)>;
 
 /// `12.5`, `#1234`, `22:13:25`, `2024-01-31`, `2024-01-31T12:00:00Z`; without a zone UTC, as printed by
 /// `-t A`, with `local` the time zone of the computer.
-impl FromStr for Bound {
+impl FromStr for RangeBound {
     type Err = &'static str;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
@@ -38,7 +38,7 @@ impl FromStr for Bound {
                 .map(Self::Frame)
                 .map_err(|_| "expected # and a frame number, such as #1234");
         }
-        if let Some(offset) = nanoseconds(text) {
+        if let Some(offset) = parse_nanoseconds(text) {
             return Ok(Self::Offset(offset));
         }
         let moment = text.parse::<jiff::Timestamp>().ok();
@@ -46,7 +46,7 @@ impl FromStr for Bound {
         if let Some(moment) = moment {
             return Ok(Self::Moment(Timestamp(moment)));
         }
-        let clock = ClockTime::parse(text).map(|clock| match clock.fixed() {
+        let clock = ClockTime::parse(text).map(|clock| match clock.fixed_moment() {
             Some(moment) => Self::Moment(moment),
             None => Self::Clock(clock),
         });
@@ -54,9 +54,9 @@ impl FromStr for Bound {
     }
 }
 
-impl Bound {
+impl RangeBound {
     /// A wall-clock time in the time zone of the computer; None if the text is not one, or names a zone.
-    pub fn local(text: &str) -> Option<Self> {
+    pub fn local_time(text: &str) -> Option<Self> {
         ClockTime::parse_local(text).map(Self::Clock)
     }
 
@@ -64,8 +64,8 @@ impl Bound {
     ///
     /// # Errors
     /// The capture has no timestamps or no dates, or the wall-clock time is ambiguous.
-    pub fn resolve(self, side: BoundSide, first: &Frame, span: Span<'_>) -> anyhow::Result<Self> {
-        let option = side.option();
+    pub fn resolve_bound(self, side: BoundSide, first: &Frame, span: Span<'_>) -> anyhow::Result<Self> {
+        let option = side.option_name();
         let Self::Clock(clock) = self else {
             ensure!(
                 first.time.is_some() || matches!(self, Self::Frame(_)),
@@ -85,12 +85,12 @@ impl Bound {
             None if clock.has_date() => (time, time),
             None => bail!("a pipe can be read only once, so a time of day needs a date: {option} DATE TIME"),
         };
-        let moment = clock.resolve(side, first, last).map_err(|error| anyhow!(error));
+        let moment = clock.resolve_side(side, first, last).map_err(|error| anyhow!(error));
         moment.map(Self::Moment).context(option)
     }
 
     /// The bound as text: `12.500 s` after `first`, the time of the first frame; `frame 12`.
-    pub fn text(self, first: Option<Timestamp>) -> String {
+    pub fn bound_text(self, first: Option<Timestamp>) -> String {
         let nanoseconds = match (self, first) {
             (Self::Frame(number), _) => return format!("frame {number}"),
             (Self::Offset(offset), _) => offset,
@@ -132,11 +132,11 @@ impl Bound {
 ///
 /// # Errors
 /// `--from` is after `--to`.
-pub fn ensure_order(from: Option<Bound>, to: Option<Bound>) -> anyhow::Result<()> {
+pub fn ensure_order(from: Option<RangeBound>, to: Option<RangeBound>) -> anyhow::Result<()> {
     let is_behind = match (from, to) {
-        (Some(Bound::Offset(from)), Some(Bound::Offset(to))) => from > to,
-        (Some(Bound::Frame(from)), Some(Bound::Frame(to))) => from > to,
-        (Some(Bound::Moment(from)), Some(Bound::Moment(to))) => from > to,
+        (Some(RangeBound::Offset(from)), Some(RangeBound::Offset(to))) => from > to,
+        (Some(RangeBound::Frame(from)), Some(RangeBound::Frame(to))) => from > to,
+        (Some(RangeBound::Moment(from)), Some(RangeBound::Moment(to))) => from > to,
         _ => false,
     };
     ensure!(!is_behind, "--from is after --to; the range is empty");
@@ -144,7 +144,7 @@ pub fn ensure_order(from: Option<Bound>, to: Option<Bound>) -> anyhow::Result<()
 }
 
 /// Seconds with at most nine decimals, as nanoseconds.
-fn nanoseconds(text: &str) -> Option<i64> {
+fn parse_nanoseconds(text: &str) -> Option<i64> {
     let (seconds, fraction) = text.split_once('.').unwrap_or((text, "0"));
     let is_number = [seconds, fraction]
         .iter()
@@ -159,17 +159,17 @@ fn nanoseconds(text: &str) -> Option<i64> {
 mod tests {
     use super::*;
 
-    fn bound(text: &str) -> Result<Bound, &'static str> {
+    fn bound(text: &str) -> Result<RangeBound, &'static str> {
         text.parse()
     }
 
     #[test]
     fn seconds_frames_and_moments() {
-        assert_eq!(bound("12.5"), Ok(Bound::Offset(12_500_000_000)));
-        assert_eq!(bound("0"), Ok(Bound::Offset(0)));
-        assert_eq!(bound("1.000000001"), Ok(Bound::Offset(1_000_000_001)));
-        assert_eq!(bound("#1234"), Ok(Bound::Frame(1234)));
-        let moment = Ok(Bound::Moment(Timestamp(1_700_000_000_020_000_000)));
+        assert_eq!(bound("12.5"), Ok(RangeBound::Offset(12_500_000_000)));
+        assert_eq!(bound("0"), Ok(RangeBound::Offset(0)));
+        assert_eq!(bound("1.000000001"), Ok(RangeBound::Offset(1_000_000_001)));
+        assert_eq!(bound("#1234"), Ok(RangeBound::Frame(1234)));
+        let moment = Ok(RangeBound::Moment(Timestamp(1_700_000_000_020_000_000)));
         assert_eq!(bound("2023-11-14T22:13:20.02Z"), moment);
         assert_eq!(bound("2023-11-14T23:13:20.02+01:00"), moment);
         assert_eq!(bound("2023-11-14 22:13:20.02"), moment);
@@ -181,7 +181,7 @@ mod tests {
         for text in
             ["22:13:25", "22:13", "22:13:25Z", "22:13:25 local", "2023-11-14", "2023-11-14 22:13 local"]
         {
-            assert!(matches!(bound(text), Ok(Bound::Clock(_))), "{text}");
+            assert!(matches!(bound(text), Ok(RangeBound::Clock(_))), "{text}");
         }
     }
 

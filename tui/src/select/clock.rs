@@ -23,7 +23,7 @@ pub enum BoundSide {
 }
 
 impl BoundSide {
-    pub(super) const fn option(self) -> &'static str {
+    pub(super) const fn option_name(self) -> &'static str {
         match self {
             Self::From => "--from",
             Self::To => "--to",
@@ -37,7 +37,7 @@ impl BoundSide {
 pub struct ClockTime {
     date: Option<Date>,
     time: Option<Time>,
-    zone: Zone,
+    zone: ClockZone,
 }
 
 /// Form of a date.
@@ -45,14 +45,14 @@ const DATE: &str = "YYYY-MM-DD";
 
 /// Time zone of a wall-clock time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Zone {
+enum ClockZone {
     Utc,
     /// The time zone of the computer.
     Local,
     Offset(Offset),
 }
 
-impl Zone {
+impl ClockZone {
     fn time_zone(self) -> TimeZone {
         match self {
             Self::Utc => TimeZone::UTC,
@@ -85,27 +85,27 @@ impl ClockTime {
     pub(super) fn parse_local(text: &str) -> Option<Self> {
         let text = text.trim();
         let is_bare = zone_of(text).0.len() == text.len();
-        Self::parse(text).filter(|_| is_bare).map(|clock| Self { zone: Zone::Local, ..clock })
+        Self::parse(text).filter(|_| is_bare).map(|clock| Self { zone: ClockZone::Local, ..clock })
     }
 
     /// The moment of a date and time in UTC or with an offset, which does not depend on a capture.
-    pub(super) fn fixed(self) -> Option<Timestamp> {
-        if self.zone == Zone::Local {
+    pub(super) fn fixed_moment(self) -> Option<Timestamp> {
+        if self.zone == ClockZone::Local {
             return None;
         }
         let local = self.date?.to_datetime(self.time?);
-        instants(local, &self.zone.time_zone()).first().copied()
+        local_instants(local, &self.zone.time_zone()).first().copied()
     }
 
     /// The moment in a capture with timestamps from `first` to `last`.
     ///
     /// # Errors
     /// If the capture has no dates, or the time occurs several times or never.
-    pub fn at(self, first: Timestamp, last: Timestamp) -> Result<Timestamp, String> {
+    pub fn moment_in(self, first: Timestamp, last: Timestamp) -> Result<Timestamp, String> {
         if !first.has_date() {
             return Err("times count from the start of the capture; enter seconds".into());
         }
-        self.resolve(BoundSide::At, first, last)
+        self.resolve_side(BoundSide::At, first, last)
     }
 
     /// Whether the day is known without the capture.
@@ -118,7 +118,7 @@ impl ClockTime {
     ///
     /// # Errors
     /// If the time occurs several times, or never; the text lists the candidates.
-    pub(super) fn resolve(
+    pub(super) fn resolve_side(
         self,
         side: BoundSide,
         first: Timestamp,
@@ -126,18 +126,20 @@ impl ClockTime {
     ) -> Result<Timestamp, String> {
         let zone = self.zone.time_zone();
         match (self.date, self.time) {
-            (Some(date), None) => day(date, side, &zone).ok_or_else(|| format!("{date}: date out of range")),
+            (Some(date), None) => {
+                day_edge(date, side, &zone).ok_or_else(|| format!("{date}: date out of range"))
+            }
             (Some(date), Some(time)) => {
                 let shown = format!("{date} {time}");
-                let all = instants(date.to_datetime(time), &zone);
+                let all = local_instants(date.to_datetime(time), &zone);
                 if all.is_empty() {
                     return Err(format!("{shown} does not exist: the clock was set forward"));
                 }
-                choose(&shown, &all, (first, last), &zone)
+                choose_moment(&shown, &all, (first, last), &zone)
             }
             (None, Some(time)) => {
                 let all = on_each_day(time, first, last, &zone);
-                choose(&time.to_string(), &all, (first, last), &zone)
+                choose_moment(&time.to_string(), &all, (first, last), &zone)
             }
             (None, None) => Err("neither a date nor a time".into()),
         }
@@ -151,7 +153,7 @@ pub fn wall_clock(time: Timestamp, is_local: bool, has_date: bool, decimals: u32
 }
 
 fn written_clock(time: Timestamp, zone: TimeZone, has_date: bool, decimals: u32) -> String {
-    let zoned = moment(time).to_zoned(zone);
+    let zoned = to_moment(time).to_zoned(zone);
     let format = if has_date { "%m-%d %H:%M:%S" } else { "%H:%M:%S" };
     let fraction = time.0.rem_euclid(1_000_000_000);
     let fraction = fraction / 10_i64.pow(9_u32.saturating_sub(decimals));
@@ -161,25 +163,25 @@ fn written_clock(time: Timestamp, zone: TimeZone, has_date: bool, decimals: u32)
 /// Whether two moments are on different days.
 pub fn spans_days(first: Timestamp, last: Timestamp, is_local: bool) -> bool {
     let zone = if is_local { TimeZone::system() } else { TimeZone::UTC };
-    moment(first).to_zoned(zone.clone()).date() != moment(last).to_zoned(zone).date()
+    to_moment(first).to_zoned(zone.clone()).date() != to_moment(last).to_zoned(zone).date()
 }
 
 /// Text without its time zone.
-fn zone_of(text: &str) -> (&str, Zone) {
+fn zone_of(text: &str) -> (&str, ClockZone) {
     if let Some(text) = text.strip_suffix("local") {
-        return (text.trim_end(), Zone::Local);
+        return (text.trim_end(), ClockZone::Local);
     }
     for suffix in ["UTC", "Z", "z"] {
         if let Some(text) = text.strip_suffix(suffix) {
-            return (text.trim_end(), Zone::Utc);
+            return (text.trim_end(), ClockZone::Utc);
         }
     }
     let after_time = text.find(':').unwrap_or(text.len());
     let sign = text.rfind(['+', '-']).filter(|at| *at > after_time);
     let parts = sign.and_then(|at| Some((text.get(..at)?, text.get(at..)?)));
     match parts.and_then(|(text, offset)| Some((text, offset_of(offset)?))) {
-        Some((text, offset)) => (text.trim_end(), Zone::Offset(offset)),
-        None => (text, Zone::Utc),
+        Some((text, offset)) => (text.trim_end(), ClockZone::Offset(offset)),
+        None => (text, ClockZone::Utc),
     }
 }
 
@@ -193,17 +195,17 @@ fn offset_of(text: &str) -> Option<Offset> {
     Offset::from_seconds(if text.starts_with('-') { -seconds } else { seconds }).ok()
 }
 
-fn nanoseconds(moment: jiff::Timestamp) -> Option<Timestamp> {
+fn to_nanoseconds(moment: jiff::Timestamp) -> Option<Timestamp> {
     i64::try_from(moment.as_nanosecond()).ok().map(Timestamp)
 }
 
-fn moment(time: Timestamp) -> jiff::Timestamp {
+fn to_moment(time: Timestamp) -> jiff::Timestamp {
     jiff::Timestamp::from_nanosecond(time.0.into()).unwrap_or_default()
 }
 
 /// First or last instant of a day.
-fn day(date: Date, side: BoundSide, zone: &TimeZone) -> Option<Timestamp> {
-    let start = |date: Date| nanoseconds(date.to_zoned(zone.clone()).ok()?.timestamp());
+fn day_edge(date: Date, side: BoundSide, zone: &TimeZone) -> Option<Timestamp> {
+    let start = |date: Date| to_nanoseconds(date.to_zoned(zone.clone()).ok()?.timestamp());
     match side {
         BoundSide::To => Some(start(date.tomorrow().ok()?)?.plus(-1)),
         BoundSide::From | BoundSide::At => start(date),
@@ -211,26 +213,26 @@ fn day(date: Date, side: BoundSide, zone: &TimeZone) -> Option<Timestamp> {
 }
 
 /// Instants of a local date and time: two if the clock was set back, none if it was set forward.
-fn instants(local: DateTime, zone: &TimeZone) -> Vec<Timestamp> {
+fn local_instants(local: DateTime, zone: &TimeZone) -> Vec<Timestamp> {
     let offsets = match zone.to_ambiguous_timestamp(local).offset() {
         AmbiguousOffset::Unambiguous { offset } => vec![offset],
         AmbiguousOffset::Fold { before, after } => vec![before, after],
         AmbiguousOffset::Gap { .. } => Vec::new(),
     };
-    offsets.into_iter().filter_map(|offset| nanoseconds(offset.to_timestamp(local).ok()?)).collect()
+    offsets.into_iter().filter_map(|offset| to_nanoseconds(offset.to_timestamp(local).ok()?)).collect()
 }
 
 /// Instants of a time of day on all days of the capture.
 fn on_each_day(time: Time, first: Timestamp, last: Timestamp, zone: &TimeZone) -> Vec<Timestamp> {
-    let date = |time: Timestamp| moment(time).to_zoned(zone.clone()).date();
+    let date = |time: Timestamp| to_moment(time).to_zoned(zone.clone()).date();
     let end = date(last);
     let days = std::iter::successors(Some(date(first)), |day| day.tomorrow().ok());
     let days = days.take_while(|day| *day <= end).take(MOST_DAYS);
-    days.flat_map(|day| instants(day.to_datetime(time), zone)).collect()
+    days.flat_map(|day| local_instants(day.to_datetime(time), zone)).collect()
 }
 
 /// The only candidate in the capture, or the only one at all.
-fn choose(
+fn choose_moment(
     shown: &str,
     all: &[Timestamp],
     (first, last): (Timestamp, Timestamp),
@@ -242,7 +244,7 @@ fn choose(
         _ => {}
     }
     let written = |time: &Timestamp| {
-        let zoned = moment(*time).to_zoned(zone.clone());
+        let zoned = to_moment(*time).to_zoned(zone.clone());
         format!("{}{}", zoned.datetime(), written_offset(zoned.offset()))
     };
     let range = format!("{} to {}", written(&first), written(&last));
@@ -277,22 +279,22 @@ mod tests {
 
     const HOUR: i64 = 3_600_000_000_000;
 
-    fn at(text: &str) -> Timestamp {
-        nanoseconds(text.parse().unwrap()).unwrap()
+    fn moment_in(text: &str) -> Timestamp {
+        to_nanoseconds(text.parse().unwrap()).unwrap()
     }
 
     fn resolved(text: &str, first: &str, last: &str) -> Result<Timestamp, String> {
-        ClockTime::parse(text).unwrap().resolve(BoundSide::From, at(first), at(last))
+        ClockTime::parse(text).unwrap().resolve_side(BoundSide::From, moment_in(first), moment_in(last))
     }
 
     #[test]
     fn a_time_of_day_is_that_of_the_capture() {
         let (first, last) = ("2023-11-14T22:13:20Z", "2023-11-14T22:30:00Z");
-        assert_eq!(resolved("22:13:25", first, last), Ok(at("2023-11-14T22:13:25Z")));
-        assert_eq!(resolved("22:14", first, last), Ok(at("2023-11-14T22:14:00Z")));
-        assert_eq!(resolved("23:13:25.5+01:00", first, last), Ok(at("2023-11-14T22:13:25.5Z")));
+        assert_eq!(resolved("22:13:25", first, last), Ok(moment_in("2023-11-14T22:13:25Z")));
+        assert_eq!(resolved("22:14", first, last), Ok(moment_in("2023-11-14T22:14:00Z")));
+        assert_eq!(resolved("23:13:25.5+01:00", first, last), Ok(moment_in("2023-11-14T22:13:25.5Z")));
         // Outside a capture of one day: before it, or after it.
-        assert_eq!(resolved("22:00", first, last), Ok(at("2023-11-14T22:00:00Z")));
+        assert_eq!(resolved("22:00", first, last), Ok(moment_in("2023-11-14T22:00:00Z")));
     }
 
     #[test]
@@ -313,7 +315,7 @@ mod tests {
             error,
             "22:30:00 occurs 2 times in the capture; give one of 2023-11-14T22:30:00Z, 2023-11-15T22:30:00Z"
         );
-        assert_eq!(resolved("12:00", first, last), Ok(at("2023-11-15T12:00:00Z")));
+        assert_eq!(resolved("12:00", first, last), Ok(moment_in("2023-11-15T12:00:00Z")));
         // Over midnight: neither noon is in the capture.
         let error = resolved("12:00", first, "2023-11-15T01:00:00Z").unwrap_err();
         assert!(error.contains("does not occur in the capture (2023-11-14T22:13:20Z to"), "{error}");
@@ -322,7 +324,7 @@ mod tests {
 
     #[test]
     fn a_moment_is_written_in_its_zone() {
-        let time = at("2023-11-14T23:13:20.0125Z");
+        let time = moment_in("2023-11-14T23:13:20.0125Z");
         let berlin = || TimeZone::posix("CET-1CEST,M3.5.0,M10.5.0/3").unwrap();
         assert_eq!(written_clock(time, TimeZone::UTC, false, 3), "23:13:20.012");
         assert_eq!(written_clock(time, berlin(), true, 6), "11-15 00:13:20.012500");
@@ -341,28 +343,28 @@ mod tests {
     #[test]
     fn a_date_is_a_whole_day() {
         let date = ClockTime::parse("2023-11-14").unwrap();
-        let of = |side| date.resolve(side, Timestamp(0), Timestamp(0));
-        assert_eq!(of(BoundSide::From), Ok(at("2023-11-14T00:00:00Z")));
-        assert_eq!(of(BoundSide::To), Ok(at("2023-11-15T00:00:00Z").plus(-1)));
+        let of = |side| date.resolve_side(side, Timestamp(0), Timestamp(0));
+        assert_eq!(of(BoundSide::From), Ok(moment_in("2023-11-14T00:00:00Z")));
+        assert_eq!(of(BoundSide::To), Ok(moment_in("2023-11-15T00:00:00Z").plus(-1)));
     }
 
     #[test]
     fn a_clock_change_makes_an_hour_ambiguous_and_another_one_impossible() {
         // Berlin, 2026: set forward on 29 March at 02:00, set back on 25 October at 03:00.
         let zone = TimeZone::posix("CET-1CEST,M3.5.0,M10.5.0/3").unwrap();
-        let local = |text: &str| instants(text.parse().unwrap(), &zone);
+        let local = |text: &str| local_instants(text.parse().unwrap(), &zone);
         assert_eq!(local("2026-03-29T02:30:00"), []);
-        let both = [at("2026-10-25T00:30:00Z"), at("2026-10-25T01:30:00Z")];
+        let both = [moment_in("2026-10-25T00:30:00Z"), moment_in("2026-10-25T01:30:00Z")];
         assert_eq!(local("2026-10-25T02:30:00"), both);
         let span = (both[0].plus(-HOUR), both[1].plus(HOUR));
-        let error = choose("02:30:00", &both, span, &zone).unwrap_err();
+        let error = choose_moment("02:30:00", &both, span, &zone).unwrap_err();
         assert_eq!(
             error,
             "02:30:00 occurs 2 times in the capture; give one of 2026-10-25T02:30:00+02:00, \
              2026-10-25T02:30:00+01:00"
         );
         // A capture that ends between the two contains one of them.
-        assert_eq!(choose("02:30:00", &both, (both[0], both[0].plus(1)), &zone), Ok(both[0]));
+        assert_eq!(choose_moment("02:30:00", &both, (both[0], both[0].plus(1)), &zone), Ok(both[0]));
     }
 
     #[test]

@@ -7,16 +7,16 @@ mod limit;
 
 use std::cmp::Ordering;
 
-use cobscope_decoder::event::{Event, EventKind, KindSet, Protocol};
-use cobscope_decoder::finding::{Group, Occurrence};
+use cobscope_decoder::event::{Event, EventKind, EventProtocol, KindSet};
+use cobscope_decoder::finding::{FindingGroup, Occurrence};
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::query::Filter;
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::why::NodeChoice;
 use cobscope_decoder::wire::NodeId;
 
-use crate::figures::seconds;
-pub use bound::{Bound, Span, ensure_order};
+use crate::figures::format_seconds;
+pub use bound::{RangeBound, Span, ensure_order};
 pub use clock::{BoundSide, spans_days, wall_clock};
 pub use limit::TimeLimit;
 
@@ -46,13 +46,13 @@ impl SelectedNodes {
 
     /// Whether an event concerns a selected node: as for frames, with SYNC, TIME and NMT commands to all
     /// CANopen nodes. Notices on the capture concern every node.
-    pub fn admit(&self, event: &Event, bus: &Bus) -> bool {
-        self.0.is_empty() || self.0.iter().any(|node| node.admits(event, bus))
+    pub fn note_event(&self, event: &Event, bus: &Bus) -> bool {
+        self.0.is_empty() || self.0.iter().any(|node| node.admits_event(event, bus))
     }
 
     /// Whether a frame is sent or received by a selected node.
     pub fn admit_frame(&self, frame: &Frame, bus: &Bus) -> bool {
-        let is_of = |node: &SelectedNode| node.is_on(bus) && bus.concerns(frame, node.choice.node);
+        let is_of = |node: &SelectedNode| node.is_on(bus) && bus.concerns_node(frame, node.choice.node);
         self.0.is_empty() || self.0.iter().any(is_of)
     }
 }
@@ -62,8 +62,8 @@ impl SelectedNode {
         self.choice.bus.as_deref().is_none_or(|name| name == bus.name())
     }
 
-    fn admits(&self, event: &Event, bus: &Bus) -> bool {
-        if event.protocol == Protocol::Capture {
+    fn admits_event(&self, event: &Event, bus: &Bus) -> bool {
+        if event.protocol == EventProtocol::Capture {
             return true;
         }
         let is_to_all = matches!(
@@ -75,7 +75,7 @@ impl SelectedNode {
             EventKind::NmtCommand { target, .. } => self.choice.node.canopen() == Some(target),
             _ => false,
         };
-        let receives = || self.receives.as_ref().is_some_and(|filter| filter.matches(event, bus, None));
+        let receives = || self.receives.as_ref().is_some_and(|filter| filter.matches_event(event, bus, None));
         self.is_on(bus)
             && (event.node == Some(self.choice.node) || is_target || (is_to_all && is_canopen) || receives())
     }
@@ -84,9 +84,9 @@ impl SelectedNode {
 /// Event for a frame without its meaning.
 pub fn plain_event(frame: &Frame, node: Option<NodeId>) -> Event {
     let protocol = match node {
-        Some(NodeId::Canopen(_)) => Protocol::Canopen,
-        Some(NodeId::J1939(_)) => Protocol::J1939,
-        None => Protocol::Can,
+        Some(NodeId::Canopen(_)) => EventProtocol::Canopen,
+        Some(NodeId::J1939(_)) => EventProtocol::J1939,
+        None => EventProtocol::Can,
     };
     let mut event = Event::undecoded(frame);
     (event.protocol, event.node) = (protocol, node);
@@ -99,10 +99,10 @@ pub struct Selection {
     filter: Option<Filter>,
     nodes: SelectedNodes,
     /// Bounds as typed.
-    wanted: (Option<Bound>, Option<Bound>),
+    wanted: (Option<RangeBound>, Option<RangeBound>),
     /// Bounds in the current capture.
-    from: Option<Bound>,
-    to: Option<Bound>,
+    from: Option<RangeBound>,
+    to: Option<RangeBound>,
     capture: Option<String>,
     first: Option<Timestamp>,
     /// An event at or after `from` was found.
@@ -116,7 +116,7 @@ impl Selection {
     /// `from` is after `to`.
     pub fn new(
         filter: Option<Filter>,
-        (from, to): (Option<Bound>, Option<Bound>),
+        (from, to): (Option<RangeBound>, Option<RangeBound>),
         nodes: Vec<NodeChoice>,
     ) -> anyhow::Result<Self> {
         ensure_order(from, to)?;
@@ -146,31 +146,31 @@ impl Selection {
     ///
     /// # Errors
     /// A time is requested and the capture has no timestamps, or a wall-clock time is ambiguous.
-    pub fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
+    pub fn begin_capture(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
         self.first = first.time;
         let (from, to) = self.wanted;
-        self.from = from.map(|bound| bound.resolve(BoundSide::From, first, span)).transpose()?;
-        self.to = to.map(|bound| bound.resolve(BoundSide::To, first, span)).transpose()?;
+        self.from = from.map(|bound| bound.resolve_bound(BoundSide::From, first, span)).transpose()?;
+        self.to = to.map(|bound| bound.resolve_bound(BoundSide::To, first, span)).transpose()?;
         ensure_order(self.from, self.to)
     }
 
     /// Start of the range in the current capture.
-    pub fn from(&self) -> Option<Bound> {
+    pub fn from(&self) -> Option<RangeBound> {
         self.from
     }
 
     /// End of the range in the current capture.
-    pub fn to(&self) -> Option<Bound> {
+    pub fn range_end(&self) -> Option<RangeBound> {
         self.to
     }
 
     /// Message for a capture that ends before `from`; `frame` and `last` belong to its last frame.
-    pub fn missed(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
+    pub fn missed_text(&self, frame: u64, last: Option<Timestamp>) -> Option<String> {
         let from = self.from.filter(|_| !self.is_reached)?;
         let at = match (from, last, self.first) {
-            (Bound::Moment(_), Some(last), _) => jiff::Timestamp::from_nanosecond(last.0.into())
+            (RangeBound::Moment(_), Some(last), _) => jiff::Timestamp::from_nanosecond(last.0.into())
                 .map_or(String::new(), |at| format!(" at {at}")),
-            (_, Some(last), Some(first)) => format!(" at {} s", seconds(last.since(first))),
+            (_, Some(last), Some(first)) => format!(" at {} s", format_seconds(last.since(first))),
             _ => String::new(),
         };
         Some(format!("--from is after the last frame, #{frame}{at}"))
@@ -179,7 +179,7 @@ impl Selection {
     /// Whether an event is printed, by its last frame or its own time; a missed deadline has the time of the
     /// deadline. An event without a time is before every time.
     #[inline]
-    pub fn admits(&mut self, event: &Event, bus: &Bus) -> bool {
+    pub fn admits_event(&mut self, event: &Event, bus: &Bus) -> bool {
         if !self.is_limited() {
             self.is_reached = true;
             return true;
@@ -189,16 +189,20 @@ impl Selection {
 
     fn admits_limited(&mut self, event: &Event, bus: &Bus) -> bool {
         let is_late_enough =
-            self.from.is_none_or(|from| self.order(event, from).is_some_and(Ordering::is_ge));
+            self.from.is_none_or(|from| self.compare_bound(event, from).is_some_and(Ordering::is_ge));
         self.is_reached |= is_late_enough;
-        let is_early_enough = self.to.is_none_or(|to| self.order(event, to).is_none_or(Ordering::is_le));
+        let is_early_enough =
+            self.to.is_none_or(|to| self.compare_bound(event, to).is_none_or(Ordering::is_le));
         is_late_enough && is_early_enough && self.admits_content(event, bus)
     }
 
     /// Whether an event passes the filter and concerns a selected node, at any time.
     pub fn admits_content(&self, event: &Event, bus: &Bus) -> bool {
-        self.nodes.admit(event, bus)
-            && self.filter.as_ref().is_none_or(|filter| filter.matches(event, bus, self.capture.as_deref()))
+        self.nodes.note_event(event, bus)
+            && self
+                .filter
+                .as_ref()
+                .is_none_or(|filter| filter.matches_event(event, bus, self.capture.as_deref()))
     }
 
     /// Whether a frame is in the range.
@@ -224,7 +228,7 @@ impl Selection {
     }
 
     /// Takes an event, which may be the message of the current frame.
-    pub fn see(&mut self, event: &Event, bus: &Bus) {
+    pub fn on_event(&mut self, event: &Event, bus: &Bus) {
         let (Some(filter), Some((frame, own))) = (&self.filter, &mut self.own) else { return };
         let is_own = (event.frames.first, event.frames.last) == (frame.number, frame.number)
             && KindSet::of_frames().contains(&event.kind);
@@ -248,14 +252,14 @@ impl Selection {
 
     /// Whether any part of a finding is in the range: an occurrence, or the duration of a condition. If not
     /// all occurrences are recorded, everything from the first to the last one counts.
-    pub fn overlaps(&mut self, group: &Group) -> bool {
+    pub fn overlaps_finding(&mut self, group: &FindingGroup) -> bool {
         let recorded = (group.first.len() + group.last.len()) as u64;
         let is_range = group.lasted.is_some() || group.count > recorded;
         let is_in = if is_range {
-            let began = group.began();
+            let began = group.first_occurrence();
             let lasted = group.lasted.unwrap_or(0);
-            let end = began.time.map(|time| time.plus(lasted)).max(group.ended().time);
-            let ended = Occurrence { time: end, ..group.ended() };
+            let end = began.time.map(|time| time.plus(lasted)).max(group.last_occurrence().time);
+            let ended = Occurrence { time: end, ..group.last_occurrence() };
             (group.lasts_to_end || self.is_from_reached(ended)) && self.is_before_to(began)
         } else {
             let mut all = group.first.iter().chain(&group.last);
@@ -274,16 +278,16 @@ impl Selection {
     }
 
     /// Order of an event and a bound; None for an event without a time.
-    fn order(&self, event: &Event, bound: Bound) -> Option<Ordering> {
+    fn compare_bound(&self, event: &Event, bound: RangeBound) -> Option<Ordering> {
         self.order_of(event.frames.last, event.time, bound)
     }
 
-    fn order_of(&self, frame: u64, time: Option<Timestamp>, bound: Bound) -> Option<Ordering> {
+    fn order_of(&self, frame: u64, time: Option<Timestamp>, bound: RangeBound) -> Option<Ordering> {
         match bound {
-            Bound::Frame(number) => Some(frame.cmp(&number)),
-            Bound::Moment(moment) => Some(time?.cmp(&moment)),
-            Bound::Offset(offset) => Some(time?.since(self.first?).cmp(&offset)),
-            Bound::Clock(_) => None,
+            RangeBound::Frame(number) => Some(frame.cmp(&number)),
+            RangeBound::Moment(moment) => Some(time?.cmp(&moment)),
+            RangeBound::Offset(offset) => Some(time?.since(self.first?).cmp(&offset)),
+            RangeBound::Clock(_) => None,
         }
     }
 }

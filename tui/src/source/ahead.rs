@@ -9,7 +9,7 @@ use std::io::Read;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::JoinHandle;
 
-use cobscope_decoder::capture::{Batch, BusNames, CaptureError, Format, Reader};
+use cobscope_decoder::capture::{Batch, BusNames, CaptureError, CaptureFormat, CaptureReader};
 
 /// Batches per block: some thousand frames, so that passing a block on is cheap.
 const BATCHES: usize = 8;
@@ -18,18 +18,18 @@ const BATCHES: usize = 8;
 const BLOCKS: usize = 4;
 
 /// Frames of a capture in order.
-pub enum Frames {
+pub enum FramesAhead {
     /// Read on request.
-    Here(Reader<Box<dyn Read + Send>>),
+    Here(CaptureReader<Box<dyn Read + Send>>),
     /// Read ahead in another thread.
     Ahead(ReadAhead),
 }
 
-impl Frames {
+impl FramesAhead {
     /// Replaces the content of `batch` by the next frames and notices; `false` at the end.
     ///
     /// # Errors
-    /// As [`Reader::read`].
+    /// As [`CaptureReader::read_input`].
     pub fn read(&mut self, batch: &mut Batch) -> Result<bool, CaptureError> {
         match self {
             Self::Here(reader) => reader.read(batch),
@@ -46,7 +46,7 @@ impl Frames {
     }
 
     /// Format detected at the start.
-    pub fn format(&self) -> &'static Format {
+    pub fn format(&self) -> &'static CaptureFormat {
         match self {
             Self::Here(reader) => reader.format(),
             Self::Ahead(ahead) => ahead.format,
@@ -55,7 +55,7 @@ impl Frames {
 }
 
 /// Batches passed on together.
-struct Block {
+struct BatchBlock {
     batches: Vec<Batch>,
     filled: usize,
     /// All buses, if there are more than in the previous block.
@@ -67,23 +67,23 @@ struct Block {
 /// A capture that is read ahead.
 pub struct ReadAhead {
     /// Receiver of filled blocks and sender of empty ones; dropping them ends the thread.
-    blocks: Option<(Receiver<Block>, Sender<Block>)>,
+    blocks: Option<(Receiver<BatchBlock>, Sender<BatchBlock>)>,
     thread: Option<JoinHandle<()>>,
-    block: Option<Block>,
+    block: Option<BatchBlock>,
     next: usize,
     buses: BusNames,
-    format: &'static Format,
+    format: &'static CaptureFormat,
 }
 
 impl ReadAhead {
     /// Continues reading in another thread.
-    pub fn new(reader: Reader<Box<dyn Read + Send>>) -> Self {
+    pub fn new(reader: CaptureReader<Box<dyn Read + Send>>) -> Self {
         let (empty, empties) = channel();
         let (full, filled) = sync_channel(BLOCKS);
         for _ in 0..BLOCKS {
             let batches = (0..BATCHES).map(|_| Batch::new()).collect();
             // The thread does not run yet, but its end of the channel exists.
-            let _ = empty.send(Block { batches, filled: 0, buses: None, end: None });
+            let _ = empty.send(BatchBlock { batches, filled: 0, buses: None, end: None });
         }
         let format = reader.format();
         let thread = std::thread::spawn(move || read_all(reader, &empties, &full));
@@ -124,7 +124,7 @@ impl ReadAhead {
             filled.recv().ok()
         });
         // The last block contains the end, unless the thread panicked.
-        let mut block = received.unwrap_or_else(|| self.join());
+        let mut block = received.unwrap_or_else(|| self.join_batches());
         if let Some(buses) = block.buses.take() {
             self.buses = buses;
         }
@@ -132,11 +132,11 @@ impl ReadAhead {
         self.block = Some(block);
     }
 
-    fn join(&mut self) -> Block {
+    fn join_batches(&mut self) -> BatchBlock {
         if let Some(Err(panic)) = self.thread.take().map(JoinHandle::join) {
             std::panic::resume_unwind(panic);
         }
-        Block { batches: Vec::new(), filled: 0, buses: None, end: Some(Ok(())) }
+        BatchBlock { batches: Vec::new(), filled: 0, buses: None, end: Some(Ok(())) }
     }
 }
 
@@ -149,7 +149,11 @@ impl Drop for ReadAhead {
     }
 }
 
-fn read_all(mut reader: Reader<Box<dyn Read + Send>>, empties: &Receiver<Block>, full: &SyncSender<Block>) {
+fn read_all(
+    mut reader: CaptureReader<Box<dyn Read + Send>>,
+    empties: &Receiver<BatchBlock>,
+    full: &SyncSender<BatchBlock>,
+) {
     let mut known = 0;
     while let Ok(mut block) = empties.recv() {
         block.filled = 0;
@@ -184,13 +188,13 @@ mod tests {
 
     use super::*;
 
-    fn reader(bytes: Vec<u8>) -> Reader<Box<dyn Read + Send>> {
+    fn reader(bytes: Vec<u8>) -> CaptureReader<Box<dyn Read + Send>> {
         let source: Box<dyn Read + Send> = Box::new(Cursor::new(bytes));
-        Reader::open(source, &ReadOptions::default()).unwrap()
+        CaptureReader::open(source, &ReadOptions::default()).unwrap()
     }
 
     /// All frames, the end and the buses.
-    fn all(mut frames: Frames) -> (Vec<String>, String, Vec<String>) {
+    fn all(mut frames: FramesAhead) -> (Vec<String>, String, Vec<String>) {
         let (mut batch, mut items) = (Batch::new(), Vec::new());
         let end = loop {
             match frames.read(&mut batch) {
@@ -217,9 +221,9 @@ mod tests {
 
     #[test]
     fn ahead_or_not_the_same_comes() {
-        let here = all(Frames::Here(reader(log())));
+        let here = all(FramesAhead::Here(reader(log())));
         assert_eq!((here.0.len(), here.2.len()), (20_000 + 26, 2));
-        assert_eq!(all(Frames::Ahead(ReadAhead::new(reader(log())))), here);
+        assert_eq!(all(FramesAhead::Ahead(ReadAhead::new(reader(log())))), here);
     }
 
     #[test]
@@ -235,16 +239,16 @@ mod tests {
         }
         let open = || {
             let source: Box<dyn Read + Send> = Box::new(Failing(Cursor::new(log())));
-            Reader::open(source, &ReadOptions::default()).unwrap()
+            CaptureReader::open(source, &ReadOptions::default()).unwrap()
         };
-        let (items, end, _) = all(Frames::Ahead(ReadAhead::new(open())));
+        let (items, end, _) = all(FramesAhead::Ahead(ReadAhead::new(open())));
         assert_eq!((items.len(), end.as_str()), (20_026, "reading failed: the disk is gone"));
-        assert_eq!(all(Frames::Here(open())).0, items);
+        assert_eq!(all(FramesAhead::Here(open())).0, items);
     }
 
     #[test]
     fn who_has_enough_ends_it() {
-        let mut frames = Frames::Ahead(ReadAhead::new(reader(log())));
+        let mut frames = FramesAhead::Ahead(ReadAhead::new(reader(log())));
         let mut batch = Batch::new();
         assert!(frames.read(&mut batch).unwrap());
         // The thread waits for an empty block until then; the test would hang if it did not end.

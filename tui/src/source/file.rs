@@ -8,13 +8,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::available_parallelism;
 
 use anyhow::{Context as _, ensure};
-use cobscope_decoder::capture::{ReadOptions, Reader, decompress, is_compressed};
+use cobscope_decoder::capture::{CaptureReader, ReadOptions, decompress, is_compressed};
 
-use super::ahead::{Frames, ReadAhead};
+use super::ahead::{FramesAhead, ReadAhead};
 use super::original::OriginalFile;
-use super::progress::Progress;
+use super::progress::ProgressLine;
 use crate::device_name;
-use crate::path_text::shown;
+use crate::path_text::path_text;
 
 /// Bytes buffered to detect compression; larger reads bypass the buffer.
 pub(super) const HEAD: usize = 16 * 1024;
@@ -23,58 +23,65 @@ pub(super) const HEAD: usize = 16 * 1024;
 const WORTH_A_THREAD: u64 = 256 * 1024;
 
 /// An open capture.
-pub struct Capture {
+pub struct OpenCapture {
     /// Reader of its frames.
-    pub reader: Reader<Box<dyn Read + Send>>,
+    pub reader: CaptureReader<Box<dyn Read + Send>>,
     /// Progress display for a long file.
-    pub progress: Progress,
+    pub progress: ProgressLine,
     /// Size of the file in bytes; 0 for other inputs.
     size: u64,
     is_compressed: bool,
 }
 
-impl Capture {
+impl OpenCapture {
     /// The frames, read in another thread if that is faster and a core may be free. Pipes are not read ahead,
     /// because each line must be processed when it arrives.
-    pub fn frames(self, may_read_ahead: bool) -> (Frames, Progress) {
+    pub fn read_frames(self, may_read_ahead: bool) -> (FramesAhead, ProgressLine) {
         let cores = available_parallelism().map_or(1, usize::from);
         // Reading plain binary frames takes less time than passing them to another core.
         let format = self.reader.format();
         let is_slow = self.is_compressed || format.is_packed || format.is_text;
         let takes_long = self.size >= WORTH_A_THREAD && is_slow;
         let frames = if may_read_ahead && cores > 1 && takes_long {
-            Frames::Ahead(ReadAhead::new(self.reader))
+            FramesAhead::Ahead(ReadAhead::new(self.reader))
         } else {
-            Frames::Here(self.reader)
+            FramesAhead::Here(self.reader)
         };
         (frames, self.progress)
     }
 }
 
 /// Opens a capture; `-` is standard input.
-pub fn open(path: &Path, options: &ReadOptions) -> anyhow::Result<Capture> {
+pub fn open_capture(path: &Path, options: &ReadOptions) -> anyhow::Result<OpenCapture> {
     let taken = Arc::new(AtomicU64::new(0));
     let (source, size): (Box<dyn Read + Send>, _) = if path.as_os_str() == "-" {
         (Box::new(std::io::stdin()), None)
     } else {
         ensure_no_folder(path)?;
-        let file = File::open(path).with_context(|| format!("{}: cannot be opened", shown(path)))?;
-        let original = OriginalFile::of(path, &file).with_context(|| shown(path))?.map(Arc::new);
+        let file = File::open(path).with_context(|| format!("{}: cannot be opened", path_text(path)))?;
+        let original = OriginalFile::for_path(path, &file).with_context(|| path_text(path))?.map(Arc::new);
         match original {
             Some(original) => {
-                let source = original.once().with_context(|| format!("{}: cannot be opened", shown(path)))?;
+                let source = original
+                    .single_reader()
+                    .with_context(|| format!("{}: cannot be opened", path_text(path)))?;
                 (Box::new(source), Some(original.length()))
             }
             None => (Box::new(file), None),
         }
     };
     let source = CountedInput { source, taken: Arc::clone(&taken) };
-    let name = shown(path);
+    let name = path_text(path);
     let mut source = BufReader::with_capacity(HEAD, source);
     let is_compressed = is_compressed(source.fill_buf().with_context(|| name.clone())?);
     let source = decompress(source).with_context(|| name.clone())?;
-    let reader = Reader::open(source, options).with_context(|| name.clone())?;
-    Ok(Capture { reader, progress: Progress::new(size, taken), size: size.unwrap_or(0), is_compressed })
+    let reader = CaptureReader::open(source, options).with_context(|| name.clone())?;
+    Ok(OpenCapture {
+        reader,
+        progress: ProgressLine::new(size, taken),
+        size: size.unwrap_or(0),
+        is_compressed,
+    })
 }
 
 /// Rejects a folder: on Unix it can be opened but not read, on Windows neither.
@@ -82,7 +89,7 @@ pub(super) fn ensure_no_folder(path: &Path) -> anyhow::Result<()> {
     ensure!(
         device_name::is_device(path) || !path.is_dir(),
         "{}: a folder; name the captures in it, or use check for all of them",
-        shown(path)
+        path_text(path)
     );
     Ok(())
 }
@@ -112,7 +119,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.log");
         std::fs::write(&path, "(1.000000) can0 185#0102030405060708\n".repeat(30_000)).unwrap();
-        let mut reader = open(&path, &ReadOptions::default()).unwrap().reader;
+        let mut reader = open_capture(&path, &ReadOptions::default()).unwrap().reader;
         let mut batch = Batch::new();
         assert!(reader.read(&mut batch).unwrap());
         File::options().write(true).open(&path).unwrap().set_len(700_000).unwrap();

@@ -10,7 +10,7 @@ mod series;
 mod series_frames;
 mod store;
 
-pub use file::open;
-pub use series::{CaptureFile, Relations, Series, mixed_clocks, relate, time_span};
+pub use file::open_capture;
+pub use series::{CaptureFile, CaptureRelations, CaptureSeries, mixed_clocks, relate_files, time_span};
 pub use series_frames::SeriesFrames;
-pub use store::{Store, StoreReader, StoreWriter};
+pub use store::{DecompressedBytes, StoreReader, StoreWriter};

@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::SystemTime;
 
-use cobscope_decoder::words::grouped;
+use cobscope_decoder::words::group_digits;
 
 use super::positioned::read_at;
 use crate::file_identity::StorageIdentity;
@@ -53,7 +53,7 @@ impl ContentChange {
         matches!(self, Self::Shrunk { .. } | Self::Rewritten(_))
     }
 
-    fn error(self) -> io::Error {
+    fn to_io_error(self) -> io::Error {
         io::Error::other(format!("file changed: {self}"))
     }
 }
@@ -63,9 +63,11 @@ impl fmt::Display for ContentChange {
         match self {
             Self::Replaced => f.write_str("another file has its name"),
             Self::Gone => f.write_str("renamed or deleted"),
-            Self::Shrunk { from, to } => write!(f, "{} bytes are now {}", grouped(*from), grouped(*to)),
+            Self::Shrunk { from, to } => {
+                write!(f, "{} bytes are now {}", group_digits(*from), group_digits(*to))
+            }
             Self::Rewritten(at) => {
-                write!(f, "content at byte {} differs", grouped(*at))
+                write!(f, "content at byte {} differs", group_digits(*at))
             }
         }
     }
@@ -80,11 +82,11 @@ pub struct OriginalFile {
     block: u64,
     /// Checksum of each block; 0 before its first reading.
     sums: Vec<AtomicU64>,
-    state: Mutex<Checks>,
+    state: Mutex<OriginalChecks>,
 }
 
 /// Result of the checks so far.
-struct Checks {
+struct OriginalChecks {
     /// Time of the last change that was checked.
     modified: Option<SystemTime>,
     /// Next block to read again, and number of blocks left since the time changed.
@@ -95,7 +97,7 @@ struct Checks {
 
 impl OriginalFile {
     /// `None` if the input is not a regular file: pipes and devices have no content to compare.
-    pub fn of(path: &Path, file: &File) -> io::Result<Option<Self>> {
+    pub fn for_path(path: &Path, file: &File) -> io::Result<Option<Self>> {
         let metadata = file.metadata()?;
         if !metadata.is_file() {
             return Ok(None);
@@ -111,7 +113,7 @@ impl OriginalFile {
             identity: StorageIdentity::of_file(file)?,
             block,
             sums: (0..count).map(|_| AtomicU64::new(0)).collect(),
-            state: Mutex::new(Checks { modified, next: 0, left: 0, change: None }),
+            state: Mutex::new(OriginalChecks { modified, next: 0, left: 0, change: None }),
         }))
     }
 
@@ -121,16 +123,16 @@ impl OriginalFile {
     }
 
     /// The change found so far; lost content takes precedence over another name.
-    pub fn change(&self) -> Option<ContentChange> {
+    pub fn found_change(&self) -> Option<ContentChange> {
         self.lock().change
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, Checks> {
+    fn lock(&self) -> std::sync::MutexGuard<'_, OriginalChecks> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Notes a change and returns the one to report: the first change of content stays.
-    fn note(&self, change: ContentChange) -> ContentChange {
+    fn note_change(&self, change: ContentChange) -> ContentChange {
         let mut state = self.lock();
         let known = state.change.filter(|known| known.is_content());
         *state.change.insert(known.unwrap_or(change))
@@ -138,19 +140,19 @@ impl OriginalFile {
 
     /// Compares size, time and name with those at the start. After a new time, blocks that were read are
     /// compared, a limited number per call.
-    pub fn check(&self) {
+    pub fn check_file(&self) {
         let Ok(metadata) = self.file.metadata() else { return };
         if metadata.len() < self.length {
-            self.note(ContentChange::Shrunk { from: self.length, to: metadata.len() });
+            self.note_change(ContentChange::Shrunk { from: self.length, to: metadata.len() });
         }
         match StorageIdentity::of_path(&self.path) {
             Ok(named) if named != self.identity => {
-                self.note(ContentChange::Replaced);
+                self.note_change(ContentChange::Replaced);
             }
             // Its name is back.
             Ok(_) => self.forget_name(),
             Err(error) if error.kind() == ErrorKind::NotFound => {
-                self.note(ContentChange::Gone);
+                self.note_change(ContentChange::Gone);
             }
             Err(_) => {}
         }
@@ -197,7 +199,9 @@ impl OriginalFile {
             match read_at(&self.file, rest, start.saturating_add(filled as u64)) {
                 Ok(0) => {
                     let to = start.saturating_add(filled as u64);
-                    return Err(self.note(ContentChange::Shrunk { from: self.length, to }).error());
+                    return Err(self
+                        .note_change(ContentChange::Shrunk { from: self.length, to })
+                        .to_io_error());
                 }
                 Ok(count) => filled += count,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
@@ -207,21 +211,23 @@ impl OriginalFile {
         let Some(known) = usize::try_from(index).ok().and_then(|index| self.sums.get(index)) else {
             return Ok(());
         };
-        let sum = checksum(bytes);
+        let sum = block_checksum(bytes);
         // Content that nobody read before the change would mix two captures.
         if known.load(Ordering::Relaxed) == 0
-            && let Some(change) = self.change().filter(|change| change.is_content())
+            && let Some(change) = self.found_change().filter(|change| change.is_content())
         {
-            return Err(change.error());
+            return Err(change.to_io_error());
         }
         match known.compare_exchange(0, sum, Ordering::Relaxed, Ordering::Relaxed) {
-            Err(first) if first != sum => Err(self.note(ContentChange::Rewritten(start)).error()),
+            Err(first) if first != sum => {
+                Err(self.note_change(ContentChange::Rewritten(start)).to_io_error())
+            }
             _ => Ok(()),
         }
     }
 
     /// A reader of the content when it was opened, from `offset`.
-    pub fn reader(self: &Arc<Self>, offset: u64) -> OriginalReader {
+    pub fn reader_at(self: &Arc<Self>, offset: u64) -> OriginalReader {
         OriginalReader { original: Arc::clone(self), offset, start: 0, bytes: Vec::new() }
     }
 
@@ -230,7 +236,7 @@ impl OriginalFile {
     ///
     /// # Errors
     /// The file cannot be opened a second time.
-    pub fn once(self: &Arc<Self>) -> io::Result<SingleReader> {
+    pub fn single_reader(self: &Arc<Self>) -> io::Result<SingleReader> {
         let mut file = self.file.try_clone()?;
         // On Windows, reading at a position moves this one.
         file.rewind()?;
@@ -248,9 +254,9 @@ impl Read for SingleReader {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let count = self.file.read(buffer)?;
         if count == 0 && !buffer.is_empty() {
-            self.original.check();
-            if let Some(change) = self.original.change().filter(|change| change.is_content()) {
-                return Err(change.error());
+            self.original.check_file();
+            if let Some(change) = self.original.found_change().filter(|change| change.is_content()) {
+                return Err(change.to_io_error());
             }
         }
         Ok(count)
@@ -292,7 +298,7 @@ impl Read for OriginalReader {
 }
 
 /// Checksum of a block, never 0. It detects changes, not forgeries.
-fn checksum(bytes: &[u8]) -> u64 {
+fn block_checksum(bytes: &[u8]) -> u64 {
     const FACTOR: u64 = 0x9E37_79B9_7F4A_7C15;
     let mix = |sum: u64, word: u64| (sum.rotate_left(5) ^ word).wrapping_mul(FACTOR);
     let (words, rest) = bytes.as_chunks::<8>();
@@ -322,7 +328,7 @@ mod tests {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("a.log");
             fs::write(&path, content('a', 10)).unwrap();
-            let original = OriginalFile::of(&path, &File::open(&path).unwrap()).unwrap().unwrap();
+            let original = OriginalFile::for_path(&path, &File::open(&path).unwrap()).unwrap().unwrap();
             let opened = Self { folder, original: Arc::new(original) };
             assert_eq!(opened.read(0).unwrap(), content('a', 10));
             opened
@@ -334,7 +340,7 @@ mod tests {
 
         fn read(&self, offset: u64) -> io::Result<String> {
             let mut text = String::new();
-            self.original.reader(offset).read_to_string(&mut text)?;
+            self.original.reader_at(offset).read_to_string(&mut text)?;
             Ok(text)
         }
 
@@ -346,8 +352,8 @@ mod tests {
         }
 
         fn checked(&self) -> Option<ContentChange> {
-            self.original.check();
-            self.original.change()
+            self.original.check_file();
+            self.original.found_change()
         }
     }
 
@@ -413,9 +419,9 @@ mod tests {
         let path = folder.path().join("long.log");
         let length = usize::try_from(BLOCK).unwrap() * 3;
         fs::write(&path, vec![b'a'; length]).unwrap();
-        let original = Arc::new(OriginalFile::of(&path, &File::open(&path).unwrap()).unwrap().unwrap());
+        let original = Arc::new(OriginalFile::for_path(&path, &File::open(&path).unwrap()).unwrap().unwrap());
         let mut buffer = vec![0; 10];
-        let mut read = |offset: u64| original.reader(offset).read(&mut buffer);
+        let mut read = |offset: u64| original.reader_at(offset).read(&mut buffer);
         read(0).unwrap();
         read(BLOCK).unwrap();
         let file = fs::OpenOptions::new().write(true).open(&path).unwrap();
@@ -431,9 +437,9 @@ mod tests {
         let opened = Opened::new();
         opened.write(content('b', 2).as_bytes(), 1_000, 1);
         let mut text = String::new();
-        opened.original.once().unwrap().read_to_string(&mut text).unwrap();
+        opened.original.single_reader().unwrap().read_to_string(&mut text).unwrap();
         assert_eq!(text.len(), 1_200);
         fs::OpenOptions::new().write(true).open(opened.path()).unwrap().set_len(0).unwrap();
-        assert!(opened.original.once().unwrap().read_to_string(&mut text).is_err());
+        assert!(opened.original.single_reader().unwrap().read_to_string(&mut text).is_err());
     }
 }

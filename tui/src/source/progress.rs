@@ -11,14 +11,14 @@ const LONG: u64 = 64 * 1024 * 1024;
 const STEP: u64 = 8 * 1024 * 1024;
 
 /// The progress line.
-pub struct Progress {
+pub struct ProgressLine {
     size: u64,
     taken: Arc<AtomicU64>,
     next: u64,
     shown: bool,
 }
 
-impl Progress {
+impl ProgressLine {
     /// Progress of a file of `size` bytes, of which `taken` are read; hidden if standard error is not a
     /// terminal.
     pub fn new(size: Option<u64>, taken: Arc<AtomicU64>) -> Self {
@@ -28,12 +28,12 @@ impl Progress {
     }
 
     /// Hides the progress, so that it does not disturb text on the same terminal.
-    pub fn hide(&mut self) {
+    pub fn hide_line(&mut self) {
         self.next = u64::MAX;
     }
 
     /// Updates the line at intervals.
-    pub fn tick(&mut self) {
+    pub fn update_line(&mut self) {
         let taken = self.taken.load(Ordering::Relaxed);
         if taken < self.next {
             return;
@@ -45,7 +45,7 @@ impl Progress {
     }
 
     /// Removes the line.
-    pub fn finish(&mut self) {
+    pub fn remove_line(&mut self) {
         if std::mem::take(&mut self.shown) {
             let _ = write!(std::io::stderr(), "\r\x1b[K");
         }

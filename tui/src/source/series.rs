@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use cobscope_decoder::capture::{Batch, ReadOptions};
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::series::{
-    self, CaptureScan, JoinOptions, MixedClocks, NotJoined, PossiblePart, Relation, SeriesParts,
+    self, CaptureScan, JoinOptions, MixedClocks, NotJoined, PossiblePart, SeriesParts, SeriesRelation,
 };
 
-use super::file::open;
+use super::file::open_capture;
 
 /// Maximum number of parts that a note lists at each end.
 const LISTED: usize = 4;
@@ -25,14 +25,14 @@ pub struct CaptureFile {
 
 impl CaptureFile {
     /// Files that the user named.
-    pub fn listed(paths: &[PathBuf]) -> Vec<Self> {
+    pub fn files_named(paths: &[PathBuf]) -> Vec<Self> {
         paths.iter().map(|path| Self { path: path.clone(), is_listed: true }).collect()
     }
 }
 
 /// One capture: a file, or the parts of a series in order.
 #[derive(Debug, Clone)]
-pub struct Series {
+pub struct CaptureSeries {
     /// Files in order.
     pub parts: Vec<PathBuf>,
     /// Number of the first frame of each part; empty for a single file.
@@ -41,7 +41,7 @@ pub struct Series {
     pub shifts: Vec<i64>,
 }
 
-impl Series {
+impl CaptureSeries {
     /// Whether the capture has several parts.
     pub fn is_joined(&self) -> bool {
         self.parts.len() > 1
@@ -53,13 +53,13 @@ impl Series {
     }
 
     /// Path of the first part.
-    pub fn first(&self) -> &Path {
+    pub fn first_path(&self) -> &Path {
         self.parts.first().map_or(Path::new(""), PathBuf::as_path)
     }
 
     /// Name of the capture: its path, or for a series `log/run.log..run-0003.log`.
     pub fn name(&self) -> String {
-        let first = self.first().display().to_string();
+        let first = self.first_path().display().to_string();
         match self.parts.last().filter(|_| self.is_joined()) {
             Some(last) => format!("{first}..{}", file_name(last)),
             None => first,
@@ -67,7 +67,7 @@ impl Series {
     }
 
     /// Note that lists the parts with the numbers of their first frames; `None` for a single file.
-    pub fn note(&self) -> Option<String> {
+    pub fn parts_note(&self) -> Option<String> {
         if !self.is_joined() {
             return None;
         }
@@ -93,20 +93,20 @@ impl Series {
 
 /// Relations of files.
 #[derive(Debug)]
-pub struct Relations {
+pub struct CaptureRelations {
     /// Files, without parts that contain nothing but comments.
     pub files: Vec<CaptureFile>,
-    found: series::Relations,
+    found: series::SeriesRelations,
 }
 
-impl Relations {
+impl CaptureRelations {
     /// Relation of each file.
-    pub fn of(&self) -> &[Relation] {
+    pub fn all_relations(&self) -> &[SeriesRelation] {
         &self.found.of
     }
 
     /// Reasons why files are not joined.
-    pub fn notes(&self) -> impl Iterator<Item = String> {
+    pub fn separation_notes(&self) -> impl Iterator<Item = String> {
         self.found.notes.iter().map(|NotJoined { text, max_gap }| match max_gap {
             Some(gap) => format!("{text} (--part-gap {gap})"),
             None => text.clone(),
@@ -114,16 +114,16 @@ impl Relations {
     }
 
     /// Nanoseconds added to the timestamps of a file: its relative clock starts again.
-    pub fn shift(&self, index: usize) -> i64 {
-        self.found.shift(index)
+    pub fn time_shift(&self, index: usize) -> i64 {
+        self.found.time_shift(index)
     }
 
     /// The series, in the order of their first parts on the command line.
-    pub fn series(&self) -> Vec<Series> {
+    pub fn series(&self) -> Vec<CaptureSeries> {
         let path = |index: usize| self.files.get(index).map(|file| file.path.clone());
         let of = |SeriesParts { files, first_frames, shifts }| {
             let parts = files.into_iter().filter_map(path).collect();
-            Series { parts, first_frames, shifts }
+            CaptureSeries { parts, first_frames, shifts }
         };
         self.found.series().into_iter().map(of).collect()
     }
@@ -131,11 +131,11 @@ impl Relations {
 
 /// Finds the series among files. Only files with consecutive names, or that follow each other on the command
 /// line, are read to their ends.
-pub fn relate(files: &[CaptureFile], read: &ReadOptions, join: JoinOptions) -> Relations {
+pub fn relate_files(files: &[CaptureFile], read: &ReadOptions, join: JoinOptions) -> CaptureRelations {
     let candidates: Vec<_> = files.iter().map(|file| ReadableFile { file, read }).collect();
-    let found = series::relate(&candidates, join);
+    let found = series::relate_files(&candidates, join);
     let files = found.files.iter().filter_map(|index| files.get(*index)).cloned().collect();
-    Relations { files, found }
+    CaptureRelations { files, found }
 }
 
 /// Error of captures without a common time axis, with the option that gives them one.
@@ -146,9 +146,9 @@ pub fn mixed_clocks(mixed: MixedClocks) -> anyhow::Error {
 /// Earliest and latest timestamp of files; `None` for pipes, which can be read only once.
 pub fn time_span(files: &[PathBuf], read: &ReadOptions) -> Option<(Timestamp, Timestamp)> {
     let mut all: Option<(Timestamp, Timestamp)> = None;
-    for file in &CaptureFile::listed(files) {
-        let scan = CaptureScan::read(&ReadableFile { file, read })?;
-        if let Some((first, last)) = scan.span() {
+    for file in &CaptureFile::files_named(files) {
+        let scan = CaptureScan::scan_file(&ReadableFile { file, read })?;
+        if let Some((first, last)) = scan.time_span() {
             let known = all.get_or_insert((first, last));
             *known = (known.0.min(first), known.1.max(last));
         }
@@ -171,15 +171,19 @@ impl PossiblePart for ReadableFile<'_> {
         self.file.is_listed
     }
 
-    fn read(&self, is_whole: bool, take: &mut dyn FnMut(&Batch, &[String]) -> bool) -> Option<&'static str> {
+    fn read_batches(
+        &self,
+        is_whole: bool,
+        take: &mut dyn FnMut(&Batch, &[String]) -> bool,
+    ) -> Option<&'static str> {
         // A pipe can be read only once; `-` is stdin even if a file has this name.
         if self.file.path.as_os_str() == "-" || !self.file.path.is_file() {
             return None;
         }
-        let capture = open(&self.file.path, self.read).ok()?;
+        let capture = open_capture(&self.file.path, self.read).ok()?;
         let format = capture.reader.format().name;
-        let (mut frames, mut progress) = capture.frames(is_whole);
-        progress.hide();
+        let (mut frames, mut progress) = capture.read_frames(is_whole);
+        progress.hide_line();
         let mut batch = Batch::new();
         // An unreadable end is reported when the capture is decoded.
         while frames.read(&mut batch).unwrap_or(false) {

@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-use cobscope_decoder::capture::{Batch, BusNames, Format, Notice, ReadOptions};
+use cobscope_decoder::capture::{Batch, BusNames, CaptureFormat, Notice, ReadOptions};
 use cobscope_decoder::frame::BusIndex;
 
-use super::ahead::Frames;
-use super::file::open;
-use super::progress::Progress;
-use super::series::Series;
+use super::ahead::FramesAhead;
+use super::file::open_capture;
+use super::progress::ProgressLine;
+use super::series::CaptureSeries;
 
 /// Reader of a series. A single file is read without any change.
 pub struct SeriesFrames {
@@ -20,10 +20,10 @@ pub struct SeriesFrames {
     part: usize,
     options: ReadOptions,
     may_read_ahead: bool,
-    frames: Frames,
-    progress: Progress,
+    frames: FramesAhead,
+    progress: ProgressLine,
     is_hidden: bool,
-    format: &'static Format,
+    format: &'static CaptureFormat,
     /// Frames of the parts before the current one.
     before: u64,
     /// Number of the last frame.
@@ -40,8 +40,8 @@ impl SeriesFrames {
     ///
     /// # Errors
     /// If the file cannot be opened or has no known format.
-    pub fn open(series: &Series, options: ReadOptions, may_read_ahead: bool) -> anyhow::Result<Self> {
-        let (frames, progress) = open(series.first(), &options)?.frames(may_read_ahead);
+    pub fn open(series: &CaptureSeries, options: ReadOptions, may_read_ahead: bool) -> anyhow::Result<Self> {
+        let (frames, progress) = open_capture(series.first_path(), &options)?.read_frames(may_read_ahead);
         Ok(Self {
             parts: series.parts.clone(),
             shifts: series.shifts.clone(),
@@ -63,17 +63,17 @@ impl SeriesFrames {
     /// Hides the progress.
     pub fn hide_progress(&mut self) {
         self.is_hidden = true;
-        self.progress.hide();
+        self.progress.hide_line();
     }
 
     /// Updates the progress.
-    pub fn tick(&mut self) {
-        self.progress.tick();
+    pub fn update_progress(&mut self) {
+        self.progress.update_line();
     }
 
     /// Removes the progress.
     pub fn finish_progress(&mut self) {
-        self.progress.finish();
+        self.progress.remove_line();
     }
 
     /// Replaces the content of `batch` by the next frames and notices, all of one part; `false` at the end.
@@ -83,12 +83,12 @@ impl SeriesFrames {
     /// the next part.
     pub fn read(&mut self, batch: &mut Batch) -> anyhow::Result<bool> {
         loop {
-            let more = self.frames.read(batch).with_context(|| self.file())?;
+            let more = self.frames.read(batch).with_context(|| self.file_name())?;
             if !self.is_joined() {
                 return Ok(more);
             }
             if more {
-                self.adapt(batch);
+                self.adapt_batch(batch);
                 if !batch.is_empty() {
                     return Ok(true);
                 }
@@ -111,12 +111,12 @@ impl SeriesFrames {
     }
 
     /// Index of the part of the last batch.
-    pub fn part(&self) -> usize {
+    pub fn part_index(&self) -> usize {
         self.part
     }
 
     /// File of the last batch.
-    pub fn file(&self) -> String {
+    pub fn file_name(&self) -> String {
         self.parts.get(self.part).map_or(String::new(), |path| path.display().to_string())
     }
 
@@ -126,7 +126,7 @@ impl SeriesFrames {
     }
 
     /// Format of the first part.
-    pub fn format(&self) -> &'static Format {
+    pub fn format(&self) -> &'static CaptureFormat {
         self.format
     }
 
@@ -135,17 +135,17 @@ impl SeriesFrames {
         self.before = self.last;
         self.buses.clear();
         let Some(path) = self.parts.get(self.part) else { return Ok(()) };
-        let (frames, mut progress) = open(path, &self.options)?.frames(self.may_read_ahead);
-        self.progress.finish();
+        let (frames, mut progress) = open_capture(path, &self.options)?.read_frames(self.may_read_ahead);
+        self.progress.remove_line();
         if self.is_hidden {
-            progress.hide();
+            progress.hide_line();
         }
         (self.frames, self.progress) = (frames, progress);
         Ok(())
     }
 
     /// Continues frame numbers and buses of the earlier parts.
-    fn adapt(&mut self, batch: &mut Batch) {
+    fn adapt_batch(&mut self, batch: &mut Batch) {
         for name in self.frames.buses().names().iter().skip(self.buses.len()) {
             // With too many buses, the last one, as in a single capture.
             let last = u8::try_from(self.names.names().len().saturating_sub(1)).unwrap_or(u8::MAX);
@@ -153,7 +153,7 @@ impl SeriesFrames {
         }
         batch.continue_from(self.before, &self.buses);
         if let Some(shift) = self.shifts.get(self.part).filter(|shift| **shift != 0) {
-            batch.shift(*shift);
+            batch.shift_times(*shift);
         }
         if let Some(last) = batch.frames().last() {
             self.last = last.number;

@@ -36,13 +36,13 @@ const LEAST_KEPT: u64 = 16 * 1024 * 1024;
 const PIECES: u64 = 16;
 
 /// The decompressed bytes of a capture.
-pub struct Store {
+pub struct DecompressedBytes {
     name: String,
     /// The file of the capture, unless it is a pipe or a live bus.
     original: Option<Arc<OriginalFile>>,
     /// Temporary files; none if the original is read in place.
     pieces: RwLock<VecDeque<StoreSegment>>,
-    state: Mutex<State>,
+    state: Mutex<DecompressionState>,
     grew: Condvar,
 }
 
@@ -54,7 +54,7 @@ struct StoreSegment {
 }
 
 #[derive(Debug, Clone, Default)]
-struct State {
+struct DecompressionState {
     /// Number of evicted bytes at the start.
     start: u64,
     length: u64,
@@ -64,7 +64,7 @@ struct State {
     is_abandoned: bool,
 }
 
-impl Store {
+impl DecompressedBytes {
     /// Opens a capture; `-` is standard input.
     ///
     /// # Errors
@@ -72,23 +72,36 @@ impl Store {
     pub fn open(path: &Path) -> anyhow::Result<Arc<Self>> {
         let name = path.display().to_string();
         if path.as_os_str() == "-" {
-            return Self::spooled(name, None, Box::new(io::stdin()));
+            return Self::spool_source(name, None, Box::new(io::stdin()));
         }
         ensure_no_folder(path)?;
         let file = File::open(path).with_context(|| format!("{name}: cannot be opened"))?;
-        let original =
-            OriginalFile::of(path, &file).with_context(|| format!("{name}: cannot read the file size"))?;
-        let Some(original) = original.map(Arc::new) else { return Self::spooled(name, None, Box::new(file)) };
+        let original = OriginalFile::for_path(path, &file)
+            .with_context(|| format!("{name}: cannot read the file size"))?;
+        let Some(original) = original.map(Arc::new) else {
+            return Self::spool_source(name, None, Box::new(file));
+        };
         let mut head = [0; 8];
         if is_compressed(&head_of(&file, &mut head)) {
-            let source = original.once().with_context(|| format!("{name}: cannot be opened"))?;
-            return Self::spooled(name, Some(original), Box::new(source));
+            let source = original.single_reader().with_context(|| format!("{name}: cannot be opened"))?;
+            return Self::spool_source(name, Some(original), Box::new(source));
         }
-        let state = State { length: original.length(), is_complete: true, ..State::default() };
-        Ok(Arc::new(Self { state: Mutex::new(state), ..Self::of(name, Some(original), VecDeque::new()) }))
+        let state = DecompressionState {
+            length: original.length(),
+            is_complete: true,
+            ..DecompressionState::default()
+        };
+        Ok(Arc::new(Self {
+            state: Mutex::new(state),
+            ..Self::from_segments(name, Some(original), VecDeque::new())
+        }))
     }
 
-    fn of(name: String, original: Option<Arc<OriginalFile>>, pieces: VecDeque<StoreSegment>) -> Self {
+    fn from_segments(
+        name: String,
+        original: Option<Arc<OriginalFile>>,
+        pieces: VecDeque<StoreSegment>,
+    ) -> Self {
         Self { name, original, pieces: RwLock::new(pieces), state: Mutex::default(), grew: Condvar::new() }
     }
 
@@ -96,27 +109,27 @@ impl Store {
     ///
     /// # Errors
     /// A temporary file cannot be created.
-    pub fn live(name: String, keep: u64) -> anyhow::Result<(Arc<Self>, StoreWriter)> {
-        let (_, pieces) = spool()?;
-        let store = Arc::new(Self::of(name, None, pieces));
+    pub fn for_live(name: String, keep: u64) -> anyhow::Result<(Arc<Self>, StoreWriter)> {
+        let (_, pieces) = spool_file()?;
+        let store = Arc::new(Self::from_segments(name, None, pieces));
         let keep = keep.max(LEAST_KEPT);
         let writer = StoreWriter { store: Arc::clone(&store), keep, piece: keep / PIECES, written: 0 };
         Ok((store, writer))
     }
 
     /// Copies a source, decompressed, to an unnamed temporary file while it is being read.
-    fn spooled(
+    fn spool_source(
         name: String,
         original: Option<Arc<OriginalFile>>,
         source: Box<dyn Read + Send>,
     ) -> anyhow::Result<Arc<Self>> {
-        let (file, pieces) = spool()?;
-        let store = Arc::new(Self::of(name, original, pieces));
+        let (file, pieces) = spool_file()?;
+        let store = Arc::new(Self::from_segments(name, original, pieces));
         let filled = Arc::clone(&store);
         std::thread::Builder::new()
             .name("spool".into())
             .spawn(move || {
-                filled.finish(filled.fill(&file, source).err().map(|error| {
+                filled.finish_input(filled.fill_from(&file, source).err().map(|error| {
                     let cause = error.downcast_ref::<io::Error>();
                     (cause.map_or(ErrorKind::Other, io::Error::kind), format!("{error:#}"))
                 }));
@@ -125,7 +138,7 @@ impl Store {
         Ok(store)
     }
 
-    fn fill(&self, file: &File, source: Box<dyn Read + Send>) -> anyhow::Result<()> {
+    fn fill_from(&self, file: &File, source: Box<dyn Read + Send>) -> anyhow::Result<()> {
         let mut source = decompress(BufReader::with_capacity(HEAD, source))?;
         let mut piece = vec![0; PIECE];
         let (mut written, mut last) = (0, Instant::now());
@@ -155,7 +168,7 @@ impl Store {
         }
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, State> {
+    fn lock(&self) -> std::sync::MutexGuard<'_, DecompressionState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -172,8 +185,9 @@ impl Store {
 
     /// Waits at most `most` for bytes beyond a length or for the end; whether one of them occurred.
     pub fn waits_beyond(&self, length: u64, most: Duration) -> bool {
-        let is_quiet =
-            |state: &mut State| state.length <= length && !state.is_complete && !state.is_abandoned;
+        let is_quiet = |state: &mut DecompressionState| {
+            state.length <= length && !state.is_complete && !state.is_abandoned
+        };
         let waited = self.grew.wait_timeout_while(self.lock(), most, is_quiet);
         !waited.unwrap_or_else(PoisonError::into_inner).1.timed_out()
     }
@@ -184,7 +198,7 @@ impl Store {
     }
 
     /// The file with the byte at `offset`, its position there, and the number of bytes up to the next piece.
-    fn place(&self, offset: u64) -> Option<(Arc<File>, u64, u64)> {
+    fn place_at(&self, offset: u64) -> Option<(Arc<File>, u64, u64)> {
         let pieces = self.pieces.read().unwrap_or_else(PoisonError::into_inner);
         let behind = pieces.partition_point(|piece| piece.start <= offset);
         let piece = pieces.get(behind.checked_sub(1)?)?;
@@ -194,18 +208,18 @@ impl Store {
 
     /// Reason for an early end.
     pub fn failure(&self) -> Option<String> {
-        self.error().map(|error| match error.kind() {
+        self.end_error().map(|error| match error.kind() {
             ErrorKind::UnexpectedEof => format!("the file is cut off: {error}"),
             _ => error.to_string(),
         })
     }
 
     /// Compares the file of the capture with its state when it was opened, and returns a message on the change.
-    pub fn change(&self) -> Option<String> {
+    pub fn file_change(&self) -> Option<String> {
         let original = self.original.as_ref()?;
-        original.check();
-        let (change, name) = (original.change()?, self.short_name());
-        let has_copy = !self.is_in_place() && self.length().1 && self.error().is_none();
+        original.check_file();
+        let (change, name) = (original.found_change()?, self.short_name());
+        let has_copy = !self.is_in_place() && self.length().1 && self.end_error().is_none();
         Some(match change {
             ContentChange::Replaced => {
                 format!("{name} is now another file; restart view to show it: the former one is shown")
@@ -230,7 +244,7 @@ impl Store {
             && self
                 .original
                 .as_ref()
-                .and_then(|original| original.change())
+                .and_then(|original| original.found_change())
                 .is_some_and(ContentChange::is_content)
     }
 
@@ -239,22 +253,22 @@ impl Store {
     }
 
     /// The error that a reader would return at the end.
-    pub fn error(&self) -> Option<io::Error> {
+    pub fn end_error(&self) -> Option<io::Error> {
         self.lock().failure.clone().map(|(kind, text)| io::Error::new(kind, text))
     }
 
     /// Ends waiting readers when the store is no longer needed.
-    pub fn abandon(&self) {
+    pub fn end_readers(&self) {
         self.lock().is_abandoned = true;
         self.grew.notify_all();
     }
 
     /// Ends the input, with an error if it failed.
-    pub fn end(&self, failure: Option<String>) {
-        self.finish(failure.map(|text| (ErrorKind::Other, text)));
+    pub fn end_input(&self, failure: Option<String>) {
+        self.finish_input(failure.map(|text| (ErrorKind::Other, text)));
     }
 
-    fn finish(&self, failure: Option<(ErrorKind, String)>) {
+    fn finish_input(&self, failure: Option<(ErrorKind, String)>) {
         let mut state = self.lock();
         (state.is_complete, state.failure) = (true, failure);
         drop(state);
@@ -262,15 +276,15 @@ impl Store {
     }
 
     /// A reader from `offset`. At the present end it waits for more.
-    pub fn reader(self: &Arc<Self>, offset: u64) -> StoreReader {
+    pub fn reader_at(self: &Arc<Self>, offset: u64) -> StoreReader {
         let original = self.original.as_ref().filter(|_| self.is_in_place());
-        let original = original.map(|original| original.reader(offset));
+        let original = original.map(|original| original.reader_at(offset));
         StoreReader { store: Arc::clone(self), original, offset }
     }
 }
 
 /// A temporary file as the only segment of a store.
-fn spool() -> anyhow::Result<(Arc<File>, VecDeque<StoreSegment>)> {
+fn spool_file() -> anyhow::Result<(Arc<File>, VecDeque<StoreSegment>)> {
     let file = Arc::new(tempfile::tempfile().context("cannot create a temporary file")?);
     let segments = VecDeque::from([StoreSegment { start: 0, file: Arc::clone(&file) }]);
     Ok((file, segments))
@@ -284,7 +298,7 @@ fn head_of(file: &File, head: &mut [u8]) -> Vec<u8> {
 
 /// A reader of a store.
 pub struct StoreReader {
-    store: Arc<Store>,
+    store: Arc<DecompressedBytes>,
     /// The file read in place.
     original: Option<OriginalReader>,
     offset: u64,
@@ -306,7 +320,7 @@ impl Read for StoreReader {
         if wanted == 0 || is_abandoned {
             return Ok(0);
         }
-        let Some((file, place, whole)) = self.store.place(self.offset) else {
+        let Some((file, place, whole)) = self.store.place_at(self.offset) else {
             return Err(io::Error::other("these frames are no longer kept (--keep)"));
         };
         let wanted = wanted.min(usize::try_from(whole).unwrap_or(usize::MAX));
@@ -318,7 +332,7 @@ impl Read for StoreReader {
 
 /// Writer of a live store. Readers see the bytes after a flush.
 pub struct StoreWriter {
-    store: Arc<Store>,
+    store: Arc<DecompressedBytes>,
     keep: u64,
     /// Size of a piece in bytes.
     piece: u64,
@@ -344,7 +358,7 @@ impl StoreWriter {
     }
 
     /// The store being written.
-    pub fn store(&self) -> Arc<Store> {
+    pub fn store(&self) -> Arc<DecompressedBytes> {
         Arc::clone(&self.store)
     }
 }
@@ -352,7 +366,7 @@ impl StoreWriter {
 impl Write for StoreWriter {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.make_room()?;
-        let Some((file, place, _)) = self.store.place(self.written) else {
+        let Some((file, place, _)) = self.store.place_at(self.written) else {
             return Err(io::Error::other("no temporary file"));
         };
         write_at(&file, bytes, place)?;
@@ -374,12 +388,12 @@ mod tests {
     #[test]
     fn what_comes_in_pieces_is_read_whole_from_any_place() {
         let (mut writer, reader) = io::pipe().map(|(reader, writer)| (writer, reader)).unwrap();
-        let store = Store::spooled("-".into(), None, Box::new(reader)).unwrap();
+        let store = DecompressedBytes::spool_source("-".into(), None, Box::new(reader)).unwrap();
         let late = {
             let store = Arc::clone(&store);
             std::thread::spawn(move || {
                 let mut text = String::new();
-                store.reader(3).read_to_string(&mut text).unwrap();
+                store.reader_at(3).read_to_string(&mut text).unwrap();
                 text
             })
         };
@@ -393,7 +407,7 @@ mod tests {
     #[test]
     fn a_folder_is_no_capture() {
         let folder = tempfile::tempdir().unwrap();
-        let error = Store::open(folder.path()).err().unwrap().to_string();
+        let error = DecompressedBytes::open(folder.path()).err().unwrap().to_string();
         assert!(
             error.ends_with(": a folder; name the captures in it, or use check for all of them"),
             "{error}"
@@ -402,7 +416,7 @@ mod tests {
 
     #[test]
     fn of_a_live_store_the_last_bytes_are_kept() {
-        let (store, mut writer) = Store::live("live".into(), 0).unwrap();
+        let (store, mut writer) = DecompressedBytes::for_live("live".into(), 0).unwrap();
         let chunk = |number: u64| vec![u8::try_from(number % 251).unwrap(); 1 << 20];
         let chunks = 40;
         for number in 0..chunks {
@@ -413,10 +427,10 @@ mod tests {
         assert_eq!((length, is_complete), (chunks << 20, false));
         let start = store.start();
         assert!(length - start >= LEAST_KEPT && length - start <= LEAST_KEPT * 2, "{start}");
-        assert!(store.reader(0).read(&mut [0; 16]).is_err(), "the beginning is gone");
-        store.end(None);
+        assert!(store.reader_at(0).read(&mut [0; 16]).is_err(), "the beginning is gone");
+        store.end_input(None);
         let mut kept = Vec::new();
-        store.reader(start).read_to_end(&mut kept).unwrap();
+        store.reader_at(start).read_to_end(&mut kept).unwrap();
         let expected: Vec<u8> = (start >> 20..chunks).flat_map(chunk).collect();
         assert!(kept == expected, "what is kept is whole, across pieces");
     }
@@ -428,16 +442,16 @@ mod tests {
         let path = folder.path().join("a.log.gz");
         let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures/malformed/long_lines.log.gz");
         std::fs::copy(fixture, &path).unwrap();
-        let store = Store::open(&path).unwrap();
+        let store = DecompressedBytes::open(&path).unwrap();
         let mut text = Vec::new();
-        store.reader(0).read_to_end(&mut text).unwrap();
-        assert_eq!((store.change(), store.length()), (None, (text.len() as u64, true)));
+        store.reader_at(0).read_to_end(&mut text).unwrap();
+        assert_eq!((store.file_change(), store.length()), (None, (text.len() as u64, true)));
         File::options().write(true).open(&path).unwrap().set_len(10).unwrap();
-        let change = store.change().unwrap();
+        let change = store.file_change().unwrap();
         assert!(change.ends_with("bytes are now 10; restart view: the former content is shown"), "{change}");
         assert!(!store.has_lost_content());
         let mut again = Vec::new();
-        store.reader(0).read_to_end(&mut again).unwrap();
+        store.reader_at(0).read_to_end(&mut again).unwrap();
         assert!(again == text);
     }
 
@@ -445,11 +459,11 @@ mod tests {
     fn a_file_is_read_in_place() {
         let path = std::env::temp_dir().join(format!("cobscope-store-{}.log", std::process::id()));
         std::fs::write(&path, b"(1.0) can0 123#\n").unwrap();
-        let store = Store::open(&path).unwrap();
+        let store = DecompressedBytes::open(&path).unwrap();
         std::fs::remove_file(&path).unwrap();
         assert_eq!(store.length(), (16, true));
         let mut text = String::new();
-        store.reader(6).read_to_string(&mut text).unwrap();
+        store.reader_at(6).read_to_string(&mut text).unwrap();
         assert_eq!(text, "can0 123#\n");
     }
 }

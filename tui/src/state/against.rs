@@ -1,27 +1,27 @@
 //! Comparison of the captures with another one.
 
-use cobscope_decoder::comparison::{Difference, DifferenceMarks, Observation, Section};
+use cobscope_decoder::comparison::{Difference, DifferenceMarks, DifferenceSection, Observation};
 use cobscope_decoder::sink::escape;
 
 /// Mark of what differs.
 pub const DIFFERS: &str = "≠";
 
 /// The other capture, and what differs from it.
-pub struct Against {
+pub struct OtherCapture {
     /// File name of the other capture, escaped.
     pub name: String,
     /// Result of the comparison; None while it runs.
     pub result: Option<Result<Box<DifferenceMarks>, String>>,
 }
 
-impl Against {
+impl OtherCapture {
     /// Comparison with a capture that is still being read.
     pub fn new(name: &str) -> Self {
         Self { name: escape(name).into_owned(), result: None }
     }
 
     /// What differs, after the comparison.
-    pub fn marks(&self) -> Option<&DifferenceMarks> {
+    pub fn difference_marks(&self) -> Option<&DifferenceMarks> {
         self.result.as_ref()?.as_ref().ok().map(AsRef::as_ref)
     }
 }
@@ -37,37 +37,49 @@ pub fn both_values(difference: &Difference, name: &str) -> String {
     let (good, bad) = (difference.good.as_ref(), difference.bad.as_ref());
     let Difference { section, subject, aspect, .. } = difference;
     let what = match (section, aspect.as_str()) {
-        (Section::Timing, _) => format!("{subject} {aspect}"),
+        (DifferenceSection::Timing, _) => format!("{subject} {aspect}"),
         (_, "") => "node".to_owned(),
         (_, aspect) => aspect.to_owned(),
     };
     match (section, good, bad) {
-        (Section::Faults, None, Some(bad)) => format!("not in {name}: {}", bad.text),
-        (Section::Faults, Some(good), None) => format!("only in {name}: {}", good.text),
+        (DifferenceSection::Faults, None, Some(bad)) => format!("not in {name}: {}", bad.text),
+        (DifferenceSection::Faults, Some(good), None) => format!("only in {name}: {}", good.text),
         _ => format!("{what}: {}, {name} {}", text(bad), text(good)),
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use cobscope_decoder::comparison::{Kind, Mark};
+    use cobscope_decoder::comparison::{DifferenceKind, EvidenceMark};
 
     use super::*;
 
     #[test]
     fn the_value_of_this_capture_precedes_that_of_the_other_one() {
         let values = |section, aspect: &str, good: Option<&str>, bad: Option<&str>| {
-            let value = |text: Option<&str>| text.map(|text| Observation::new(text, Mark::default()));
-            let difference =
-                Difference::new((section, Kind::State), ("5/05", aspect), (value(good), value(bad)));
+            let value = |text: Option<&str>| text.map(|text| Observation::new(text, EvidenceMark::default()));
+            let difference = Difference::new(
+                (section, DifferenceKind::State),
+                ("5/05", aspect),
+                (value(good), value(bad)),
+            );
             both_values(&difference, "good.log")
         };
-        let parameter = values(Section::Configuration, "1017:00", Some("500 ms"), Some("200 ms"));
+        let parameter = values(DifferenceSection::Configuration, "1017:00", Some("500 ms"), Some("200 ms"));
         assert_eq!(parameter, "1017:00: 200 ms, good.log 500 ms");
-        assert_eq!(values(Section::Nodes, "", None, Some("present")), "node: present, good.log not seen");
-        assert_eq!(values(Section::Faults, "emcy-raised", None, Some("EMCY")), "not in good.log: EMCY");
-        assert_eq!(values(Section::Faults, "emcy-raised", Some("EMCY"), None), "only in good.log: EMCY");
-        let period = values(Section::Timing, "period", Some("every 100 ms"), None);
+        assert_eq!(
+            values(DifferenceSection::Nodes, "", None, Some("present")),
+            "node: present, good.log not seen"
+        );
+        assert_eq!(
+            values(DifferenceSection::Faults, "emcy-raised", None, Some("EMCY")),
+            "not in good.log: EMCY"
+        );
+        assert_eq!(
+            values(DifferenceSection::Faults, "emcy-raised", Some("EMCY"), None),
+            "only in good.log: EMCY"
+        );
+        let period = values(DifferenceSection::Timing, "period", Some("every 100 ms"), None);
         assert_eq!(period, "5/05 period: not seen, good.log every 100 ms");
     }
 }

@@ -24,7 +24,7 @@ impl TimeDisplay {
     }
 
     /// Head of a column of times.
-    pub const fn title(self) -> &'static str {
+    pub const fn column_title(self) -> &'static str {
         match self {
             Self::Relative => "Time",
             Self::Utc => "UTC",
@@ -33,7 +33,7 @@ impl TimeDisplay {
     }
 
     /// Message after a change.
-    pub const fn words(self) -> &'static str {
+    pub const fn change_text(self) -> &'static str {
         match self {
             Self::Relative => "times in seconds since the first frame",
             Self::Utc => "times in UTC",

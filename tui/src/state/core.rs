@@ -8,17 +8,20 @@ use cobscope_decoder::replay::{EventPosition, ReplayState};
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
-use super::against::Against;
-use super::place::Preview;
+use super::against::OtherCapture;
+use super::place::PositionPreview;
 use super::{JumpPlace, NodeKey, SearchPattern, TimeDisplay};
 use crate::figures::seconds_to;
-use crate::select::{Bound, spans_days, wall_clock};
-use crate::theme::{Role, Theme};
-use crate::timeline::{Export, Matcher, Order, Row, Search, SurveyResults, Target, Timeline, Window};
-use crate::words::{unheard, unknown_bus};
+use crate::select::{RangeBound, spans_days, wall_clock};
+use crate::theme::{TextRole, Theme};
+use crate::timeline::{
+    ExportRequest, ReplayRow, RowMatcher, RowWindow, SeekTarget, SurveyResults, TextSearch, Timeline,
+    WindowRequest,
+};
+use crate::words::{unheard_note, unknown_bus};
 
 /// State that all panes read; only the application changes it.
-pub struct Core {
+pub struct UiState {
     /// The captures with their background threads.
     pub timeline: Timeline,
     /// Colours and characters.
@@ -26,11 +29,11 @@ pub struct Core {
     /// Requested position of the cursor.
     pub cursor: EventPosition,
     /// Content at the cursor; of its previous position while the new one is being read.
-    pub window: Option<Window>,
+    pub window: Option<RowWindow>,
     /// Filter as typed.
     pub filter: String,
     /// Selection of the shown events.
-    pub matcher: Matcher,
+    pub matcher: RowMatcher,
     /// Text of the last search.
     pub sought: Option<SearchPattern>,
     /// Marks by letter.
@@ -38,7 +41,7 @@ pub struct Core {
     /// The selected node.
     pub node: Option<NodeKey>,
     /// Message in the status line with its role.
-    pub said: Option<(Role, String)>,
+    pub said: Option<(TextRole, String)>,
     /// The cursor moves to the end as the capture grows.
     pub is_following: bool,
     /// First frame of the selection; it ends at the cursor.
@@ -56,12 +59,12 @@ pub struct Core {
     /// Buses named by the user, with the option that names them.
     pub named: Vec<(String, &'static str)>,
     /// Comparison with another capture, if it was requested.
-    pub against: Option<Against>,
+    pub against: Option<OtherCapture>,
     pub(super) serial: u64,
-    pub(super) preview: Option<Preview>,
-    target: Target,
+    pub(super) preview: Option<PositionPreview>,
+    target: SeekTarget,
     /// Position requested by the user until it is reached; it may not exist.
-    asked: Option<Bound>,
+    asked: Option<RangeBound>,
     is_waiting: bool,
     /// The outstanding window is the result of a search.
     is_searching: bool,
@@ -71,7 +74,7 @@ pub struct Core {
     followed: EventPosition,
 }
 
-impl Core {
+impl UiState {
     /// A view of captures at their start.
     pub fn new(timeline: Timeline, theme: Theme) -> Self {
         Self {
@@ -80,7 +83,7 @@ impl Core {
             cursor: EventPosition::default(),
             window: None,
             filter: String::new(),
-            matcher: Matcher { only_news: true, ..Matcher::default() },
+            matcher: RowMatcher { only_news: true, ..RowMatcher::default() },
             sought: None,
             marks: BTreeMap::new(),
             node: None,
@@ -96,7 +99,7 @@ impl Core {
             against: None,
             serial: 0,
             preview: None,
-            target: Target::Event(EventPosition::default()),
+            target: SeekTarget::Event(EventPosition::default()),
             asked: None,
             is_waiting: false,
             is_searching: false,
@@ -106,66 +109,66 @@ impl Core {
     }
 
     /// Moves the cursor and requests the content there.
-    pub fn go(&mut self, place: JumpPlace) {
+    pub fn jump_to(&mut self, place: JumpPlace) {
         if place != JumpPlace::End {
-            self.pause();
+            self.pause_following();
         }
         let target = match place {
-            JumpPlace::Start => Target::Event(EventPosition::before(1)),
-            JumpPlace::End => Target::End,
-            JumpPlace::Event(spot) => Target::Event(spot),
-            JumpPlace::Frame(frame) => Target::Event(EventPosition::after(frame)),
-            JumpPlace::Time(time) => Target::Time(time),
+            JumpPlace::Start => SeekTarget::Event(EventPosition::before_frame(1)),
+            JumpPlace::End => SeekTarget::End,
+            JumpPlace::Event(spot) => SeekTarget::Event(spot),
+            JumpPlace::Frame(frame) => SeekTarget::Event(EventPosition::after_frame(frame)),
+            JumpPlace::Time(time) => SeekTarget::Time(time),
         };
-        if let Target::Event(spot) = target {
+        if let SeekTarget::Event(spot) = target {
             self.cursor = spot;
         }
         self.target = target;
         self.asked = None;
-        self.ask(None);
+        self.ask_window(None);
     }
 
     /// Ends following: the cursor stays where the user moves it.
-    fn pause(&mut self) {
+    fn pause_following(&mut self) {
         if std::mem::take(&mut self.is_following) {
-            self.notify("paused at the cursor; space follows again");
+            self.show_message("paused at the cursor; space follows again");
         }
     }
 
     /// Moves the cursor to a position named by the user. Outside the captures it stops at their end with a
     /// message.
-    pub fn go_to(&mut self, bound: Bound) {
+    pub fn go_to(&mut self, bound: RangeBound) {
         match self.place_of(bound) {
             Ok((bound, place)) => {
-                self.go(place);
+                self.jump_to(place);
                 self.asked = Some(bound);
             }
-            Err(reason) => self.refuse(&reason),
+            Err(reason) => self.show_refusal(&reason),
         }
     }
 
     /// Requests the content at the cursor again after a change.
-    pub fn refresh(&mut self) {
-        self.ask(None);
+    pub fn refresh_window(&mut self) {
+        self.ask_window(None);
     }
 
     /// Searches for the next or previous matching row.
-    pub fn search(&mut self, is_backward: bool) {
-        let Some(sought) = &self.sought else { return self.refuse("no search text; press / first") };
-        let matcher = Matcher { text: Some(sought.pattern.clone()), ..Matcher::default() };
-        self.pause();
-        self.target = Target::Event(self.row().map_or(self.cursor, |row| row.spot));
+    pub fn search_row(&mut self, is_backward: bool) {
+        let Some(sought) = &self.sought else { return self.show_refusal("no search text; press / first") };
+        let matcher = RowMatcher { text: Some(sought.pattern.clone()), ..RowMatcher::default() };
+        self.pause_following();
+        self.target = SeekTarget::Event(self.cursor_row().map_or(self.cursor, |row| row.spot));
         self.asked = None;
-        self.ask(Some(Search { matcher, is_backward }));
+        self.ask_window(Some(TextSearch { matcher, is_backward }));
     }
 
-    fn ask(&mut self, search: Option<Search>) {
+    fn ask_window(&mut self, search: Option<TextSearch>) {
         self.serial += 1;
         self.preview = None;
         self.is_waiting = true;
         self.is_searching = search.is_some();
         let rows = usize::from(self.screen_height).max(20);
-        self.timeline.order(Order {
+        self.timeline.request_window(WindowRequest {
             serial: self.serial,
             target: self.target,
             before: rows * 2,
@@ -176,7 +179,7 @@ impl Core {
     }
 
     /// Takes a requested window; windows of older requests are ignored.
-    pub fn answer(&mut self, window: Window) {
+    pub fn take_window(&mut self, window: RowWindow) {
         // A window that is not awaited belongs to a preview that has ended.
         if self.take_preview(&window) || window.serial != self.serial || !self.is_waiting {
             return;
@@ -184,38 +187,38 @@ impl Core {
         self.is_waiting = false;
         if window.is_missed {
             let text = self.sought.as_ref().map_or("", |sought| &sought.text);
-            self.refuse(&format!("no further match for {text}"));
+            self.show_refusal(&format!("no further match for {text}"));
         }
         if !window.is_pending {
             self.cursor = window.spot;
-            self.target = Target::Event(window.spot);
+            self.target = SeekTarget::Event(window.spot);
         }
         let is_there = !window.is_pending;
         self.window = Some(window);
-        let outside = self.asked.take_if(|_| is_there).and_then(|bound| self.outside(bound));
+        let outside = self.asked.take_if(|_| is_there).and_then(|bound| self.position_outside(bound));
         if let Some((side, text)) = outside {
             if side == Ordering::Less {
-                self.go(JumpPlace::Start);
+                self.jump_to(JumpPlace::Start);
             }
-            self.refuse(&text);
+            self.show_refusal(&text);
         }
     }
 
     /// Changes the selection of shown events.
-    pub fn show(&mut self, matcher: Matcher) {
+    pub fn show_events(&mut self, matcher: RowMatcher) {
         self.matcher = matcher;
-        self.timeline.search(self.matcher.clone());
-        self.refresh();
+        self.timeline.start_search(self.matcher.clone());
+        self.refresh_window();
     }
 
     /// Decodes the captures with other options and requests the content at the cursor again.
     ///
     /// # Errors
     /// A thread cannot be started.
-    pub fn replace(&mut self, options: SessionOptions) -> anyhow::Result<()> {
-        self.timeline.again(options)?;
-        self.timeline.search(self.matcher.clone());
-        self.refresh();
+    pub fn replace_options(&mut self, options: SessionOptions) -> anyhow::Result<()> {
+        self.timeline.reopen_with(options)?;
+        self.timeline.start_search(self.matcher.clone());
+        self.refresh_window();
         Ok(())
     }
 
@@ -226,10 +229,10 @@ impl Core {
 
     /// Whether the cursor is about to move to an unread row.
     pub fn is_moving(&self) -> bool {
-        let rows = self.rows();
-        let is_read = |first: &Row, last: &Row| (first.spot..=last.spot).contains(&self.cursor);
+        let rows = self.shown_rows();
+        let is_read = |first: &ReplayRow, last: &ReplayRow| (first.spot..=last.spot).contains(&self.cursor);
         let is_read = rows.first().zip(rows.last()).is_some_and(|(first, last)| is_read(first, last));
-        let is_known = is_read && matches!(self.target, Target::Event(_));
+        let is_known = is_read && matches!(self.target, SeekTarget::Event(_));
         self.is_waiting && (self.is_searching || !is_known)
     }
 
@@ -240,21 +243,21 @@ impl Core {
 
     /// Ends a search for a text; the cursor stays.
     pub fn end_search(&mut self) {
-        self.target = Target::Event(self.cursor);
+        self.target = SeekTarget::Event(self.cursor);
         self.asked = None;
-        self.ask(None);
+        self.ask_window(None);
     }
 
     /// Moves to the end while following, and requests a position again that was not read yet.
-    pub fn follow(&mut self) {
+    pub fn follow_end(&mut self) {
         if self.is_pending() && !self.is_waiting {
-            self.refresh();
+            self.refresh_window();
         }
         // Events without a frame count too: a link that closes, a node that is lost.
-        let end = self.timeline.progress().spot();
+        let end = self.timeline.progress().last_position();
         if self.is_following && !self.is_waiting && end != self.followed {
             self.followed = end;
-            self.go(JumpPlace::End);
+            self.jump_to(JumpPlace::End);
         }
     }
 
@@ -266,25 +269,25 @@ impl Core {
     }
 
     /// Exports the selection, or everything, to a file.
-    pub fn export(&mut self, path: &str) {
+    pub fn export_file(&mut self, path: &str) {
         let (first, last) = self.selected_frames().unwrap_or((0, u64::MAX));
         let matcher = self.matcher.clone();
-        self.timeline.export(Export { path: path.into(), first, last, matcher });
+        self.timeline.start_export(ExportRequest { path: path.into(), first, last, matcher });
         self.begin_export();
     }
 
     /// Counts a file that a thread writes; its result arrives as [`News::Exported`](crate::timeline::News::Exported).
     pub fn begin_export(&mut self) {
         self.exports += 1;
-        self.notify("writing …");
+        self.show_message("writing …");
     }
 
     /// Shows the result of an export.
-    pub fn exported(&mut self, told: Result<String, String>) {
+    pub fn on_exported(&mut self, told: Result<String, String>) {
         self.exports = self.exports.saturating_sub(1);
         match told {
-            Ok(text) => self.notify(&text),
-            Err(text) => self.refuse(&text),
+            Ok(text) => self.show_message(&text),
+            Err(text) => self.show_refusal(&text),
         }
     }
 
@@ -294,58 +297,58 @@ impl Core {
     }
 
     /// State of the buses at the cursor.
-    pub fn world(&self) -> Option<&ReplayState> {
+    pub fn bus_state(&self) -> Option<&ReplayState> {
         self.window.as_ref().map(|window| &*window.world)
     }
 
     /// Rows around the cursor.
-    pub fn rows(&self) -> &[Row] {
+    pub fn shown_rows(&self) -> &[ReplayRow] {
         self.window.as_ref().map_or(&[], |window| &window.rows)
     }
 
     /// Index of the row at the cursor.
-    pub fn selected(&self) -> usize {
+    pub fn selected_index(&self) -> usize {
         if let Some(window) = self.window.as_ref().filter(|window| window.is_pending) {
             return window.selected;
         }
-        let behind = self.rows().partition_point(|row| row.spot <= self.cursor);
+        let behind = self.shown_rows().partition_point(|row| row.spot <= self.cursor);
         behind.saturating_sub(1)
     }
 
     /// The row at the cursor.
-    pub fn row(&self) -> Option<&Row> {
-        self.rows().get(self.selected())
+    pub fn cursor_row(&self) -> Option<&ReplayRow> {
+        self.shown_rows().get(self.selected_index())
     }
 
     /// Time at the cursor: of its event, else of the last frame before it.
-    pub fn time(&self) -> Option<Timestamp> {
+    pub fn cursor_time(&self) -> Option<Timestamp> {
         let is_event = self.cursor.ordinal != u32::MAX;
         // Until the requested window arrives, the state is that of the previous position; its rows may
         // include the new one.
         let is_late =
             self.is_waiting && self.window.as_ref().is_some_and(|window| window.spot != self.cursor);
-        let is_there = |row: &&Row| is_late || (is_event && row.spot == self.cursor);
+        let is_there = |row: &&ReplayRow| is_late || (is_event && row.spot == self.cursor);
         let event = match self.target {
-            Target::Time(time) if is_late => Some(time),
+            SeekTarget::Time(time) if is_late => Some(time),
             _ => {
-                let behind = self.rows().partition_point(|row| row.spot <= self.cursor);
-                let row = behind.checked_sub(1).and_then(|at| self.rows().get(at));
+                let behind = self.shown_rows().partition_point(|row| row.spot <= self.cursor);
+                let row = behind.checked_sub(1).and_then(|at| self.shown_rows().get(at));
                 row.filter(is_there).and_then(|row| row.event.time)
             }
         };
         // Without a state, only the start has a known time.
-        let first = || self.timeline.first().filter(|_| self.cursor.frame <= 1);
-        event.or_else(|| self.world()?.time()).or_else(first)
+        let first = || self.timeline.first_time().filter(|_| self.cursor.frame <= 1);
+        event.or_else(|| self.bus_state()?.last_time()).or_else(first)
     }
 
     /// Time of the first frame.
-    pub fn zero(&self) -> Option<Timestamp> {
-        self.timeline.progress().times().map(|(zero, _)| zero)
+    pub fn first_time(&self) -> Option<Timestamp> {
+        self.timeline.progress().time_range().map(|(zero, _)| zero)
     }
 
     /// A time in the chosen display, with `decimals` of a second; None without a time.
     pub fn time_text(&self, time: Option<Timestamp>, decimals: u32) -> Option<String> {
-        let (first, last) = self.timeline.progress().times()?;
+        let (first, last) = self.timeline.progress().time_range()?;
         let time = time?;
         let is_local = match self.clock {
             TimeDisplay::Relative => return Some(seconds_to(time.since(first), decimals)),
@@ -363,28 +366,28 @@ impl Core {
 
     /// Switches to the next display of times; only captures with dates have wall-clock times.
     pub fn next_clock(&mut self) {
-        match self.zero() {
-            None => self.refuse("this capture has no timestamps"),
+        match self.first_time() {
+            None => self.show_refusal("this capture has no timestamps"),
             Some(zero) if !zero.has_date() => {
-                self.refuse("times count from the start of the capture; no wall-clock time");
+                self.show_refusal("times count from the start of the capture; no wall-clock time");
             }
             Some(_) => {
                 self.clock = self.clock.next();
-                self.notify(self.clock.words());
+                self.show_message(self.clock.change_text());
             }
         }
     }
 
     /// A time as seconds from the first frame.
-    pub fn seconds(&self, time: Option<Timestamp>) -> Option<f64> {
+    pub fn seconds_of(&self, time: Option<Timestamp>) -> Option<f64> {
         #[expect(clippy::cast_precision_loss, reason = "shown with a few digits")]
-        Some(time?.since(self.zero()?) as f64 / 1e9)
+        Some(time?.since(self.first_time()?) as f64 / 1e9)
     }
 
     /// Severity, rule and text of a finding.
     pub fn finding_text(&self, id: u64) -> String {
         let survey = self.timeline.survey();
-        if let Some(group) = survey.findings.as_ref().and_then(|findings| findings.group(id)) {
+        if let Some(group) = survey.findings.as_ref().and_then(|findings| findings.group_by_id(id)) {
             return escape(&format!("{} {}: {}", group.severity.name(), group.rule, group.text)).into_owned();
         }
         let news =
@@ -399,20 +402,20 @@ impl Core {
         if !survey.is_complete || self.named.is_empty() {
             return Vec::new();
         }
-        let captures = self.captures();
+        let captures = self.capture_names();
         let has: Vec<&str> = survey.buses.iter().map(String::as_str).collect();
         self.named.iter().filter_map(|(name, by)| unknown_bus(&captures, name, by, &has)).collect()
     }
 
     /// Message about nodes that the user named and that sent no frame; `None` until the captures are read.
     fn unheard_nodes(&self) -> Option<String> {
-        let end = self.timeline.end().filter(|_| self.timeline.live().is_none())?;
-        unheard(&self.captures(), end.buses(), self.timeline.options())
+        let end = self.timeline.end_state().filter(|_| self.timeline.live().is_none())?;
+        unheard_note(&self.capture_names(), end.buses(), self.timeline.options())
     }
 
     /// Names of the captures.
-    fn captures(&self) -> String {
-        let names: Vec<&str> = self.timeline.lanes().iter().map(|lane| lane.store.name()).collect();
+    fn capture_names(&self) -> String {
+        let names: Vec<&str> = self.timeline.open_captures().iter().map(|lane| lane.store.name()).collect();
         names.join(", ")
     }
 
@@ -422,17 +425,17 @@ impl Core {
         unknown.extend(self.unheard_nodes());
         if !unknown.is_empty() {
             let said = self.said.take().map(|(_, text)| text);
-            self.refuse(&said.into_iter().chain(unknown).collect::<Vec<_>>().join("; "));
+            self.show_refusal(&said.into_iter().chain(unknown).collect::<Vec<_>>().join("; "));
         }
     }
 
     /// Shows a message in the status line.
-    pub fn notify(&mut self, text: &str) {
-        self.said = Some((Role::Note, text.to_owned()));
+    pub fn show_message(&mut self, text: &str) {
+        self.said = Some((TextRole::Note, text.to_owned()));
     }
 
     /// Shows in the status line that something is not possible.
-    pub fn refuse(&mut self, text: &str) {
-        self.said = Some((Role::Caution, text.to_owned()));
+    pub fn show_refusal(&mut self, text: &str) {
+        self.said = Some((TextRole::Caution, text.to_owned()));
     }
 }

@@ -8,8 +8,8 @@ mod place;
 mod positions;
 mod search;
 
-pub use against::{Against, DIFFERS, both_values, other_value};
+pub use against::{DIFFERS, OtherCapture, both_values, other_value};
 pub use clock::TimeDisplay;
-pub use core::Core;
+pub use core::UiState;
 pub use place::{JumpPlace, NodeKey};
 pub use search::SearchPattern;

@@ -24,7 +24,7 @@ pub enum JumpPlace {
 
 /// A position that is only looked at.
 #[derive(Debug)]
-pub(super) struct Preview {
+pub(super) struct PositionPreview {
     pub(super) serial: u64,
     /// Its frame and time; None until they are known.
     pub(super) text: Option<String>,

@@ -5,26 +5,28 @@ use std::cmp::Ordering;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::EventPosition;
 
-use super::place::Preview;
-use super::{Core, JumpPlace};
-use crate::select::Bound;
-use crate::timeline::{Matcher, Order, Target, Window};
+use super::place::PositionPreview;
+use super::{JumpPlace, UiState};
+use crate::select::RangeBound;
+use crate::timeline::{RowMatcher, RowWindow, SeekTarget, WindowRequest};
 
-impl Core {
+impl UiState {
     /// Position of a bound, which is returned without a wall-clock time.
-    pub(super) fn place_of(&self, bound: Bound) -> Result<(Bound, JumpPlace), String> {
-        let bound = match (bound, self.timeline.progress().times()) {
-            (Bound::Clock(clock), Some((first, last))) => Bound::Moment(clock.at(first, last)?),
+    pub(super) fn place_of(&self, bound: RangeBound) -> Result<(RangeBound, JumpPlace), String> {
+        let bound = match (bound, self.timeline.progress().time_range()) {
+            (RangeBound::Clock(clock), Some((first, last))) => {
+                RangeBound::Moment(clock.moment_in(first, last)?)
+            }
             (bound, _) => bound,
         };
         let no_times = || "this capture has no timestamps; enter a frame as #1234".to_owned();
         let place = match bound {
-            Bound::Frame(frame) => JumpPlace::Frame(frame),
-            Bound::Moment(time) => JumpPlace::Time(time),
-            Bound::Offset(offset) => {
-                JumpPlace::Time(self.zero().or(self.timeline.first()).ok_or_else(no_times)?.plus(offset))
-            }
-            Bound::Clock(_) => return Err(no_times()),
+            RangeBound::Frame(frame) => JumpPlace::Frame(frame),
+            RangeBound::Moment(time) => JumpPlace::Time(time),
+            RangeBound::Offset(offset) => JumpPlace::Time(
+                self.first_time().or(self.timeline.first_time()).ok_or_else(no_times)?.plus(offset),
+            ),
+            RangeBound::Clock(_) => return Err(no_times()),
         };
         Ok((bound, place))
     }
@@ -33,24 +35,27 @@ impl Core {
     ///
     /// # Errors
     /// The bound is outside the captures, or they have no timestamps.
-    pub fn inside(&self, bound: Bound) -> Result<JumpPlace, String> {
+    pub fn position_inside(&self, bound: RangeBound) -> Result<JumpPlace, String> {
         let (bound, place) = self.place_of(bound)?;
-        let outside = self.outside(bound).filter(|_| self.timeline.progress().is_complete());
+        let outside = self.position_outside(bound).filter(|_| self.timeline.progress().is_complete());
         outside.map_or(Ok(place), |(_, text)| Err(text))
     }
 
     /// Side and message for a position outside the captures.
-    pub(super) fn outside(&self, bound: Bound) -> Option<(Ordering, String)> {
+    pub(super) fn position_outside(&self, bound: RangeBound) -> Option<(Ordering, String)> {
         let frames = self.timeline.progress().frames();
-        let times = self.timeline.progress().times();
+        let times = self.timeline.progress().time_range();
         let (what, side) = match (bound, times) {
-            (Bound::Frame(0), _) => ("frame", Ordering::Less),
-            (Bound::Frame(frame), _) => ("frame", frame.cmp(&frames).max(Ordering::Equal)),
-            (_, None) | (Bound::Clock(_), _) => return None,
-            (Bound::Moment(time), Some((first, last))) => ("time", side(time, first, last)),
-            (Bound::Offset(offset), Some((first, last))) => ("time", side(first.plus(offset), first, last)),
+            (RangeBound::Frame(0), _) => ("frame", Ordering::Less),
+            (RangeBound::Frame(frame), _) => ("frame", frame.cmp(&frames).max(Ordering::Equal)),
+            (_, None) | (RangeBound::Clock(_), _) => return None,
+            (RangeBound::Moment(time), Some((first, last))) => ("time", side_of(time, first, last)),
+            (RangeBound::Offset(offset), Some((first, last))) => {
+                ("time", side_of(first.plus(offset), first, last))
+            }
         };
-        let time = self.seconds(times.map(|(_, last)| last)).map_or(String::new(), |t| format!(", {t:.3} s"));
+        let time =
+            self.seconds_of(times.map(|(_, last)| last)).map_or(String::new(), |t| format!(", {t:.3} s"));
         let text = match side {
             Ordering::Less => format!("no such {what}: the capture starts here"),
             Ordering::Equal => return None,
@@ -65,11 +70,11 @@ impl Core {
         self.preview = None;
         let target = match place {
             Some(Err(reason)) => {
-                self.preview = Some(Preview { serial: 0, text: Some(reason) });
+                self.preview = Some(PositionPreview { serial: 0, text: Some(reason) });
                 return;
             }
-            Some(Ok(JumpPlace::Time(time))) => Target::Time(time),
-            Some(Ok(JumpPlace::Frame(frame))) => Target::Event(EventPosition::after(frame)),
+            Some(Ok(JumpPlace::Time(time))) => SeekTarget::Time(time),
+            Some(Ok(JumpPlace::Frame(frame))) => SeekTarget::Event(EventPosition::after_frame(frame)),
             _ => return,
         };
         // The request for the window of the cursor is more important.
@@ -77,13 +82,20 @@ impl Core {
             return;
         }
         self.serial += 1;
-        self.preview = Some(Preview { serial: self.serial, text: None });
-        let (serial, matcher) = (self.serial, Matcher::default());
-        self.timeline.order(Order { serial, target, before: 1, after: 0, matcher, search: None });
+        self.preview = Some(PositionPreview { serial: self.serial, text: None });
+        let (serial, matcher) = (self.serial, RowMatcher::default());
+        self.timeline.request_window(WindowRequest {
+            serial,
+            target,
+            before: 1,
+            after: 0,
+            matcher,
+            search: None,
+        });
     }
 
     /// Frame and time of the position: `frame 1842, 371.204 s`.
-    pub fn preview(&self) -> Option<String> {
+    pub fn preview_text(&self) -> Option<String> {
         self.preview.as_ref()?.text.clone()
     }
 
@@ -93,8 +105,8 @@ impl Core {
     }
 
     /// Takes the window of a preview; `false` for other windows.
-    pub(super) fn take_preview(&mut self, window: &Window) -> bool {
-        let time = self.time_words(window.world.time(), 3);
+    pub(super) fn take_preview(&mut self, window: &RowWindow) -> bool {
+        let time = self.time_words(window.world.last_time(), 3);
         let Some(preview) = self.preview.as_mut().filter(|preview| preview.serial == window.serial) else {
             return false;
         };
@@ -106,6 +118,6 @@ impl Core {
 }
 
 /// Position of a time relative to the captures.
-fn side(time: Timestamp, first: Timestamp, last: Timestamp) -> Ordering {
+fn side_of(time: Timestamp, first: Timestamp, last: Timestamp) -> Ordering {
     if time < first { Ordering::Less } else { time.cmp(&last).max(Ordering::Equal) }
 }

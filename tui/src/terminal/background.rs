@@ -8,7 +8,7 @@ use std::time::Duration;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 use terminal_colorsaurus::{Error, QueryOptions, background_color};
 
-use crate::theme::Palette;
+use crate::theme::ThemePalette;
 
 /// Time limit of the answer.
 const LIMIT: Duration = Duration::from_millis(300);
@@ -20,24 +20,24 @@ const MIDDLE: f32 = 0.5;
 const LONGEST: usize = 40;
 
 /// Answer of the terminal.
-pub struct Background {
+pub struct BackgroundAnswer {
     /// None: no answer, or an unknown one.
-    pub palette: Option<Palette>,
+    pub palette: Option<ThemePalette>,
     /// An answer may still come.
     pub may_come: bool,
 }
 
 /// Asks the terminal. The terminal must not be in use by the UI yet.
-pub fn ask() -> Background {
+pub fn ask_terminal() -> BackgroundAnswer {
     let mut options = QueryOptions::default();
     options.timeout = LIMIT;
     match background_color(options) {
         Ok(color) => {
             let is_light = color.perceived_lightness() > MIDDLE;
-            let palette = if is_light { Palette::Light } else { Palette::Dark };
-            Background { palette: Some(palette), may_come: false }
+            let palette = if is_light { ThemePalette::Light } else { ThemePalette::Dark };
+            BackgroundAnswer { palette: Some(palette), may_come: false }
         }
-        Err(error) => Background { palette: None, may_come: matches!(error, Error::Timeout(_)) },
+        Err(error) => BackgroundAnswer { palette: None, may_come: matches!(error, Error::Timeout(_)) },
     }
 }
 
@@ -56,7 +56,7 @@ impl LateAnswer {
     }
 
     /// Whether a key belongs to the answer.
-    pub fn takes(&mut self, key: &KeyEvent) -> bool {
+    pub fn takes_key(&mut self, key: &KeyEvent) -> bool {
         let is = |letter, modifiers| key.code == KeyCode::Char(letter) && key.modifiers == modifiers;
         match self.removed {
             None if self.is_expected && is(']', KeyModifiers::ALT) => {
@@ -81,7 +81,7 @@ mod tests {
     fn typed(late: &mut LateAnswer, first: KeyModifiers, text: &str, last: KeyEvent) -> String {
         let letters = text.chars().map(|letter| KeyEvent::new(KeyCode::Char(letter), KeyModifiers::NONE));
         let keys = std::iter::once(KeyEvent::new(KeyCode::Char(']'), first)).chain(letters).chain([last]);
-        let seen = keys.filter(|key| !late.takes(key)).filter_map(|key| key.code.as_char());
+        let seen = keys.filter(|key| !late.takes_key(key)).filter_map(|key| key.code.as_char());
         seen.collect()
     }
 

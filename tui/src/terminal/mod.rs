@@ -21,12 +21,12 @@ use ratatui::crossterm::terminal::{
     EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
 };
 
-pub use background::{Background, ask as background};
+pub use background::{BackgroundAnswer, ask_terminal as background};
 
 use background::LateAnswer;
 
-use crate::app::{App, Output};
-use crate::timeline::News;
+use crate::app::{App, TerminalRequest};
+use crate::timeline::TimelineNews;
 
 /// Minimum interval between screens while background threads report progress.
 const REFRESH: Duration = Duration::from_millis(200);
@@ -38,24 +38,24 @@ const LOOK: Duration = Duration::from_secs(1);
 const OUTPUT: usize = 64 * 1024;
 
 /// A message to the main loop.
-pub enum Message {
+pub enum LoopMessage {
     /// Keyboard, mouse, paste or resize.
     Input(Event),
     /// Message of a background thread.
-    News(News),
+    News(TimelineNews),
     /// The terminal is gone.
     Gone,
 }
 
 /// The terminal in UI mode; dropping it restores the previous mode.
-pub struct Screen(Terminal<CrosstermBackend<BufWriter<Stdout>>>);
+pub struct TerminalScreen(Terminal<CrosstermBackend<BufWriter<Stdout>>>);
 
-impl Screen {
+impl TerminalScreen {
     /// Switches the terminal to UI mode.
     ///
     /// # Errors
     /// No usable terminal.
-    pub fn take() -> anyhow::Result<Self> {
+    pub fn enter_screen() -> anyhow::Result<Self> {
         let hook = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |info| {
             give_back();
@@ -76,7 +76,7 @@ impl Screen {
     }
 }
 
-impl Drop for Screen {
+impl Drop for TerminalScreen {
     fn drop(&mut self) {
         give_back();
     }
@@ -92,22 +92,22 @@ fn give_back() {
     let _ = disable_raw_mode();
 }
 
-/// Starts the threads for input and signals. `may_answer`: see [`Background::may_come`].
+/// Starts the threads for input and signals. `may_answer`: see [`BackgroundAnswer::may_come`].
 ///
 /// # Errors
 /// A thread or the signal handler cannot be started.
-pub fn listen(messages: Sender<Message>, may_answer: bool) -> anyhow::Result<()> {
+pub fn start_threads(messages: Sender<LoopMessage>, may_answer: bool) -> anyhow::Result<()> {
     let inputs = messages.clone();
     let mut late = LateAnswer::new(may_answer);
     let listen = move || {
         loop {
-            let message = event::read().map_or(Message::Gone, Message::Input);
-            if let Message::Input(Event::Key(key)) = &message
-                && late.takes(key)
+            let message = event::read().map_or(LoopMessage::Gone, LoopMessage::Input);
+            if let LoopMessage::Input(Event::Key(key)) = &message
+                && late.takes_key(key)
             {
                 continue;
             }
-            let is_gone = matches!(message, Message::Gone);
+            let is_gone = matches!(message, LoopMessage::Gone);
             if inputs.send(message).is_err() || is_gone {
                 return;
             }
@@ -121,14 +121,14 @@ pub fn listen(messages: Sender<Message>, may_answer: bool) -> anyhow::Result<()>
 
 /// Ends the program on SIGHUP, SIGINT and SIGTERM, so that the terminal is restored.
 #[cfg(unix)]
-fn mind_signals(messages: Sender<Message>) -> anyhow::Result<()> {
+fn mind_signals(messages: Sender<LoopMessage>) -> anyhow::Result<()> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
     let mut signals = signal_hook::iterator::Signals::new([SIGHUP, SIGINT, SIGTERM])
         .context("cannot install the signal handler")?;
     let mind = move || {
         if signals.forever().next().is_some() {
             // The application may have ended already.
-            let _ = messages.send(Message::Gone);
+            let _ = messages.send(LoopMessage::Gone);
         }
     };
     std::thread::Builder::new().name("signals".into()).spawn(mind).context("cannot start a thread")?;
@@ -139,9 +139,13 @@ fn mind_signals(messages: Sender<Message>) -> anyhow::Result<()> {
 ///
 /// # Errors
 /// The terminal cannot be drawn on.
-pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> anyhow::Result<()> {
+pub fn run_loop(
+    app: &mut App,
+    screen: &mut TerminalScreen,
+    messages: &Receiver<LoopMessage>,
+) -> anyhow::Result<()> {
     let size = screen.0.size().context("cannot read the terminal size")?;
-    app.resize(size.width, size.height);
+    app.on_resize(size.width, size.height);
     let mut is_new = true;
     let mut followed: Option<Instant> = None;
     loop {
@@ -152,25 +156,26 @@ pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> 
                 .draw(|frame| app.draw(frame.area(), frame.buffer_mut()))
                 .context("cannot draw the screen")?;
         }
-        let Some(came) = wait(app, messages) else { return Ok(()) };
-        is_new = came.is_empty() || came.iter().any(|message| !matches!(message, Message::News(News::Grew)));
+        let Some(came) = wait_for_message(app, messages) else { return Ok(()) };
+        is_new = came.is_empty()
+            || came.iter().any(|message| !matches!(message, LoopMessage::News(TimelineNews::Grew)));
         // Messages received in the meantime are drawn together.
         for message in came.into_iter().chain(messages.try_iter()) {
             match message {
-                Message::Input(event) => input(app, event),
-                Message::News(news) => app.news(news),
-                Message::Gone => return Ok(()),
+                LoopMessage::Input(event) => on_input(app, event),
+                LoopMessage::News(news) => app.on_news(news),
+                LoopMessage::Gone => return Ok(()),
             }
         }
         // Following moves the cursor at most once per REFRESH.
         if followed.is_none_or(|last| last.elapsed() >= REFRESH) {
             followed = Some(Instant::now());
-            app.tick();
+            app.on_tick();
         }
-        for output in app.outputs() {
+        for output in app.take_outputs() {
             match output {
-                Output::Quit => return Ok(()),
-                Output::Copy(text) => {
+                TerminalRequest::Quit => return Ok(()),
+                TerminalRequest::Copy(text) => {
                     let copied = execute!(stdout(), CopyToClipboard::to_clipboard_from(text));
                     if copied.as_ref().is_err_and(|error| error.kind() != ErrorKind::Unsupported) {
                         copied.context("cannot copy to the clipboard")?;
@@ -184,7 +189,7 @@ pub fn run(app: &mut App, screen: &mut Screen, messages: &Receiver<Message>) -> 
 
 /// Waits for the next reason to draw; None after the end. Continuous progress is drawn every [`REFRESH`], the
 /// first message after a pause and user input at once.
-fn wait(app: &App, messages: &Receiver<Message>) -> Option<Vec<Message>> {
+fn wait_for_message(app: &App, messages: &Receiver<LoopMessage>) -> Option<Vec<LoopMessage>> {
     let drawn = Instant::now();
     let mut came = Vec::new();
     loop {
@@ -196,7 +201,8 @@ fn wait(app: &App, messages: &Receiver<Message>) -> Option<Vec<Message>> {
         };
         match messages.recv_timeout(patience) {
             Ok(message) => {
-                let can_wait = matches!(message, Message::News(News::Grew)) && drawn.elapsed() < REFRESH;
+                let can_wait =
+                    matches!(message, LoopMessage::News(TimelineNews::Grew)) && drawn.elapsed() < REFRESH;
                 came.push(message);
                 if !can_wait {
                     return Some(came);
@@ -208,12 +214,12 @@ fn wait(app: &App, messages: &Receiver<Message>) -> Option<Vec<Message>> {
     }
 }
 
-fn input(app: &mut App, event: Event) {
+fn on_input(app: &mut App, event: Event) {
     match event {
-        Event::Key(key) if key.kind != KeyEventKind::Release => app.key(key),
-        Event::Mouse(mouse) => app.mouse(mouse),
-        Event::Resize(width, height) => app.resize(width, height),
-        Event::Paste(text) => app.paste(&text),
+        Event::Key(key) if key.kind != KeyEventKind::Release => app.on_key(key),
+        Event::Mouse(mouse) => app.on_mouse(mouse),
+        Event::Resize(width, height) => app.on_resize(width, height),
+        Event::Paste(text) => app.on_paste(&text),
         _ => {}
     }
 }
@@ -235,7 +241,7 @@ mod tests {
     #[test]
     fn a_panic_gives_the_terminal_back() {
         if std::env::var_os(CHILD).is_some() {
-            let _screen = Screen::take().unwrap();
+            let _screen = TerminalScreen::enter_screen().unwrap();
             panic!("on purpose");
         }
         let (mut pty, pts) = open().unwrap();

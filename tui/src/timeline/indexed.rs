@@ -6,13 +6,13 @@ use std::sync::mpsc::channel;
 use cobscope_decoder::capture::CaptureError;
 use cobscope_decoder::frame::Timestamp;
 
-use super::shared::Shared;
+use super::shared::SharedResults;
 use super::walk::{self, TimelineWalk};
-use super::{Captures, lanes, threads};
+use super::{TimelineCaptures, open_captures, threads};
 
 /// Captures whose index is complete.
 pub struct IndexedCapture {
-    shared: Shared,
+    shared: SharedResults,
 }
 
 /// Where a walk starts.
@@ -29,12 +29,12 @@ impl IndexedCapture {
     ///
     /// # Errors
     /// A capture cannot be opened or has an unknown format.
-    pub fn open(captures: Captures) -> anyhow::Result<Self> {
-        let (lanes, _) = lanes(&captures)?;
-        let shared = Shared::new(lanes, captures.session, captures.read);
+    pub fn open(captures: TimelineCaptures) -> anyhow::Result<Self> {
+        let (lanes, _) = open_captures(&captures)?;
+        let shared = SharedResults::new(lanes, captures.session, captures.read);
         // News of the index has no receiver.
         let (news, _) = channel();
-        threads::index::run(&shared, &news);
+        threads::index::run_index(&shared, &news);
         Ok(Self { shared })
     }
 
@@ -42,15 +42,15 @@ impl IndexedCapture {
     ///
     /// # Errors
     /// The capture cannot be read any more.
-    pub fn walk(&self, start: WalkStart) -> Result<TimelineWalk, CaptureError> {
+    pub fn walk_from(&self, start: WalkStart) -> Result<TimelineWalk, CaptureError> {
         let index = self.shared.index.read().unwrap_or_else(PoisonError::into_inner);
         let mark = match start {
             WalkStart::Frame(frame) => index.before_frame(frame.saturating_sub(1)),
             WalkStart::Time(time) => index.before_time(time),
         };
         match mark {
-            Some(mark) => walk::resume(&self.shared, mark),
-            None => walk::start(&self.shared),
+            Some(mark) => walk::resume_walk(&self.shared, mark),
+            None => walk::start_walk(&self.shared),
         }
     }
 }

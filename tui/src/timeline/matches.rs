@@ -8,14 +8,14 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{PoisonError, RwLock};
 
 use cobscope_decoder::query::Filter;
-use cobscope_decoder::replay::{EventPosition, PlacedEvent, Row, RowPattern};
+use cobscope_decoder::replay::{EventPosition, PlacedEvent, ReplayRow, RowPattern};
 
 /// Maximum number of rows kept.
 pub(super) const MOST_ROWS: usize = 10_000;
 
 /// Conditions for a shown event.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Matcher {
+pub struct RowMatcher {
     /// Filter expression.
     pub filter: Option<Filter>,
     /// Changes only.
@@ -24,27 +24,27 @@ pub struct Matcher {
     pub text: Option<RowPattern>,
 }
 
-impl Matcher {
+impl RowMatcher {
     /// Whether every event matches.
     pub fn takes_all(&self) -> bool {
         self.filter.is_none() && !self.only_news && self.text.is_none()
     }
 
     /// Whether an event matches.
-    pub fn takes(&self, told: &PlacedEvent<'_>) -> bool {
+    pub fn matches_event(&self, told: &PlacedEvent<'_>) -> bool {
         if self.only_news && !told.is_news {
             return false;
         }
-        if self.filter.as_ref().is_some_and(|filter| !filter.matches(told.event, told.bus, None)) {
+        if self.filter.as_ref().is_some_and(|filter| !filter.matches_event(told.event, told.bus, None)) {
             return false;
         }
-        self.text.as_ref().is_none_or(|text| text.is_match(&Row::new(told, self.only_news).text()))
+        self.text.as_ref().is_none_or(|text| text.is_match(&ReplayRow::new(told, self.only_news).row_text()))
     }
 }
 
 /// Result of a search, filled while it runs.
-pub struct Matches {
-    pub(super) matcher: Matcher,
+pub struct SearchMatches {
+    pub(super) matcher: RowMatcher,
     found: RwLock<MatchingRows>,
     count: AtomicU64,
     scanned: AtomicU64,
@@ -57,11 +57,11 @@ struct MatchingRows {
     /// One bit per frame.
     bits: Vec<u64>,
     /// Rows of all matches; empty if there are too many.
-    rows: Vec<Row>,
+    rows: Vec<ReplayRow>,
 }
 
-impl Matches {
-    pub(super) fn new(matcher: Matcher) -> Self {
+impl SearchMatches {
+    pub(super) fn new(matcher: RowMatcher) -> Self {
         Self {
             matcher,
             found: RwLock::default(),
@@ -73,12 +73,12 @@ impl Matches {
     }
 
     /// Number of matches so far.
-    pub fn count(&self) -> u64 {
+    pub fn match_count(&self) -> u64 {
         self.count.load(Ordering::Relaxed)
     }
 
     /// Number of frames searched so far.
-    pub fn scanned(&self) -> u64 {
+    pub fn scanned_frames(&self) -> u64 {
         self.scanned.load(Ordering::Acquire)
     }
 
@@ -87,7 +87,7 @@ impl Matches {
         self.is_complete.load(Ordering::Acquire)
     }
 
-    pub(super) fn stop(&self) {
+    pub(super) fn stop_search(&self) {
         self.is_over.store(true, Ordering::Relaxed);
     }
 
@@ -99,14 +99,14 @@ impl Matches {
         self.scanned.store(frames, Ordering::Release);
     }
 
-    pub(super) fn complete(&self) {
+    pub(super) fn complete_search(&self) {
         self.is_complete.store(true, Ordering::Release);
     }
 
-    pub(super) fn add(&self, told: &PlacedEvent<'_>) {
+    pub(super) fn add_match(&self, told: &PlacedEvent<'_>) {
         let count = self.count.fetch_add(1, Ordering::Relaxed);
         let mut found = self.found.write().unwrap_or_else(PoisonError::into_inner);
-        let (word, bit) = place(told.spot.frame);
+        let (word, bit) = match_place(told.spot.frame);
         if found.bits.len() <= word {
             found.bits.resize(word + 1, 0);
         }
@@ -114,7 +114,7 @@ impl Matches {
             *bits |= 1 << bit;
         }
         if count < MOST_ROWS as u64 {
-            found.rows.push(Row::new(told, self.matcher.only_news));
+            found.rows.push(ReplayRow::new(told, self.matcher.only_news));
         } else {
             found.rows = Vec::new();
         }
@@ -122,8 +122,13 @@ impl Matches {
 
     /// Matching rows around a position: at most `before` up to it and `after` after it. None if not all rows
     /// are kept.
-    pub(super) fn rows(&self, at: EventPosition, before: usize, after: usize) -> Option<Vec<Row>> {
-        if self.count() > MOST_ROWS as u64 {
+    pub(super) fn matching_rows(
+        &self,
+        at: EventPosition,
+        before: usize,
+        after: usize,
+    ) -> Option<Vec<ReplayRow>> {
+        if self.match_count() > MOST_ROWS as u64 {
             return None;
         }
         let found = self.found.read().unwrap_or_else(PoisonError::into_inner);
@@ -135,7 +140,7 @@ impl Matches {
     /// The frame of the `count`-th match up to `frame`, counted backwards; 0 with fewer matches.
     pub(super) fn frame_before(&self, frame: u64, count: usize) -> u64 {
         let found = self.found.read().unwrap_or_else(PoisonError::into_inner);
-        let (last, bit) = place(frame);
+        let (last, bit) = match_place(frame);
         let mut wanted = u32::try_from(count).unwrap_or(u32::MAX);
         for word in (0..=last.min(found.bits.len().saturating_sub(1))).rev() {
             let mask = if word == last { u64::MAX >> (63 - bit) } else { u64::MAX };
@@ -157,11 +162,11 @@ impl Matches {
     }
 
     /// Whether an event matches. With many matches: whether its frame has one. True if not searched yet.
-    pub fn has(&self, spot: EventPosition) -> bool {
-        if spot.frame > self.scanned() && !self.is_complete() {
+    pub fn has_match(&self, spot: EventPosition) -> bool {
+        if spot.frame > self.scanned_frames() && !self.is_complete() {
             return true;
         }
-        match self.rows(spot, 1, 0) {
+        match self.matching_rows(spot, 1, 0) {
             Some(rows) => rows.iter().any(|row| row.spot == spot),
             None => self.has_frame(spot.frame),
         }
@@ -170,14 +175,14 @@ impl Matches {
     /// Whether a frame has a match.
     pub fn has_frame(&self, frame: u64) -> bool {
         let found = self.found.read().unwrap_or_else(PoisonError::into_inner);
-        let (word, bit) = place(frame);
+        let (word, bit) = match_place(frame);
         found.bits.get(word).is_some_and(|bits| bits >> bit & 1 == 1)
     }
 
     /// The first frame with a match, from `frame`.
     pub(super) fn next_frame(&self, frame: u64) -> Option<u64> {
         let found = self.found.read().unwrap_or_else(PoisonError::into_inner);
-        let (first, bit) = place(frame);
+        let (first, bit) = match_place(frame);
         let masked = found.bits.get(first).map(|bits| bits & (u64::MAX << bit));
         let rest = found.bits.iter().skip(first + 1).copied();
         let words = masked.into_iter().chain(rest).enumerate();
@@ -187,7 +192,7 @@ impl Matches {
     }
 }
 
-fn place(frame: u64) -> (usize, u32) {
+fn match_place(frame: u64) -> (usize, u32) {
     let bit = (frame % 64) as u32;
     (usize::try_from(frame / 64).unwrap_or(usize::MAX), bit)
 }
@@ -198,12 +203,12 @@ mod tests {
 
     #[test]
     fn frames_with_hits_are_found_in_both_directions() {
-        let matches = Matches::new(Matcher::default());
+        let matches = SearchMatches::new(RowMatcher::default());
         {
             let mut found = matches.found.write().unwrap();
             found.bits = vec![0; 4];
             for frame in [3_u64, 63, 64, 130, 200] {
-                let (word, bit) = place(frame);
+                let (word, bit) = match_place(frame);
                 found.bits[word] |= 1 << bit;
             }
         }

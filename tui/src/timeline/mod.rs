@@ -9,7 +9,7 @@
 //!            └─ seek ───▶ rows and state at the cursor, from the nearest mark
 //! ```
 //!
-//! Each is a thread. Its results are in [`Shared`]; a [`News`] message reports a change.
+//! Each is a thread. Its results are in [`SharedResults`]; a [`TimelineNews`] message reports a change.
 
 mod indexed;
 mod matches;
@@ -27,32 +27,32 @@ use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, PoisonError, RwLockReadGuard};
 
 use anyhow::Context as _;
-use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, CaptureReader, ReadOptions};
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::ReplayState;
-use cobscope_decoder::rules::Setup;
-use cobscope_decoder::series::{CapturePlacement, arrange};
+use cobscope_decoder::rules::RuleSetup;
+use cobscope_decoder::series::{CapturePlacement, arrange_captures};
 use cobscope_decoder::session::SessionOptions;
 
 pub use cobscope_decoder::reading::{MOST_TRANSFERS, NmtMoment, OpenedFinding, TransferRow};
-pub use cobscope_decoder::replay::{Points, Row, SignalKey, signal};
+pub use cobscope_decoder::replay::{ReplayRow, SignalKey, SignalPoints, signal};
 pub use cobscope_decoder::series::JoinOptions;
 pub use cobscope_decoder::statistics::{LoadOverTime, LoadStep};
 pub use indexed::{IndexedCapture, WalkStart};
-pub use matches::{Matcher, Matches};
-pub use news::News;
-pub use order::{Order, Search, Target, Window};
-pub use shared::{Lane, Progress, Shared};
+pub use matches::{RowMatcher, SearchMatches};
+pub use news::TimelineNews;
+pub use order::{RowWindow, SeekTarget, TextSearch, WindowRequest};
+pub use shared::{IndexProgress, SharedResults, TimelineCapture};
 pub use survey::{FindingOccurrence, SurveyResults};
-pub use threads::Export;
-pub use traces::{MOST_SIGNALS, Traces};
+pub use threads::ExportRequest;
+pub use traces::{MOST_SIGNALS, SignalTraces};
 
-pub use crate::bucket::Bucket;
-use crate::source::live::LiveState;
-use crate::source::{CaptureFile, Store, mixed_clocks, relate};
+pub use crate::bucket::SampleBucket;
+use crate::source::live::SharedLiveState;
+use crate::source::{CaptureFile, DecompressedBytes, mixed_clocks, relate_files};
 
 /// Captures with all options.
-pub struct Captures {
+pub struct TimelineCaptures {
     /// File paths; `-` is standard input.
     pub paths: Vec<PathBuf>,
     /// Align the start of all captures.
@@ -64,7 +64,7 @@ pub struct Captures {
     /// Options of the decoder.
     pub session: SessionOptions,
     /// Selection and tolerances of the rules.
-    pub rules: Arc<Setup>,
+    pub rules: Arc<RuleSetup>,
     /// Live buses instead of files.
     pub live: Option<LiveBuses>,
 }
@@ -73,19 +73,19 @@ pub struct Captures {
 #[derive(Clone)]
 pub struct LiveBuses {
     /// Received frames.
-    pub store: Arc<Store>,
+    pub store: Arc<DecompressedBytes>,
     /// Link states and failures.
-    pub state: LiveState,
+    pub state: SharedLiveState,
 }
 
 /// Captures that are read by background threads.
 pub struct Timeline {
-    shared: Arc<Shared>,
-    orders: Sender<Order>,
-    news: Sender<News>,
-    rules: Arc<Setup>,
+    shared: Arc<SharedResults>,
+    orders: Sender<WindowRequest>,
+    news: Sender<TimelineNews>,
+    rules: Arc<RuleSetup>,
     first: Option<Timestamp>,
-    live: Option<LiveState>,
+    live: Option<SharedLiveState>,
     /// Another timeline has the captures of this one.
     is_replaced: bool,
 }
@@ -96,29 +96,38 @@ impl Timeline {
     /// # Errors
     /// A capture cannot be opened or has an unknown format; captures with and without dates are combined
     /// without `align`.
-    pub fn open(captures: Captures, news: Sender<News>) -> anyhow::Result<Self> {
+    pub fn open(captures: TimelineCaptures, news: Sender<TimelineNews>) -> anyhow::Result<Self> {
         let live = captures.live.as_ref().map(|live| live.state.clone());
         let (lanes, first) = match &captures.live {
             Some(live) => (vec![live_lane(live)], None),
-            None => lanes(&captures)?,
+            None => open_captures(&captures)?,
         };
-        Self::start(Shared::new(lanes, captures.session, captures.read), captures.rules, news, (first, live))
+        Self::start_threads(
+            SharedResults::new(lanes, captures.session, captures.read),
+            captures.rules,
+            news,
+            (first, live),
+        )
     }
 
     /// Starts the threads.
-    fn start(
-        shared: Shared,
-        rules: Arc<Setup>,
-        news: Sender<News>,
-        (first, live): (Option<Timestamp>, Option<LiveState>),
+    fn start_threads(
+        shared: SharedResults,
+        rules: Arc<RuleSetup>,
+        news: Sender<TimelineNews>,
+        (first, live): (Option<Timestamp>, Option<SharedLiveState>),
     ) -> anyhow::Result<Self> {
         let shared = Arc::new(shared);
         let (orders, inbox) = channel();
         let setup = Arc::clone(&rules);
-        spawn("index", &shared, &news, |shared, news| threads::index::run(shared, news))?;
-        spawn("survey", &shared, &news, move |shared, news| threads::survey::run(shared, &setup, news))?;
-        spawn("watch", &shared, &news, |shared, news| threads::watch::run(shared, news))?;
-        spawn("seek", &shared, &news, move |shared, news| threads::seek::run(shared, &inbox, news))?;
+        spawn_thread("index", &shared, &news, |shared, news| threads::index::run_index(shared, news))?;
+        spawn_thread("survey", &shared, &news, move |shared, news| {
+            threads::survey::run_survey(shared, &setup, news)
+        })?;
+        spawn_thread("watch", &shared, &news, |shared, news| threads::watch::run_watch(shared, news))?;
+        spawn_thread("seek", &shared, &news, move |shared, news| {
+            threads::seek::run_seeker(shared, &inbox, news)
+        })?;
         Ok(Self { shared, orders, news, rules, first, live, is_replaced: false })
     }
 
@@ -131,72 +140,81 @@ impl Timeline {
     ///
     /// # Errors
     /// A thread cannot be started.
-    pub fn again(&mut self, options: SessionOptions) -> anyhow::Result<()> {
-        let shared = Shared::new(self.shared.lanes.clone(), options, self.shared.read_options);
-        let next =
-            Self::start(shared, Arc::clone(&self.rules), self.news.clone(), (self.first, self.live.clone()))?;
+    pub fn reopen_with(&mut self, options: SessionOptions) -> anyhow::Result<()> {
+        let shared = SharedResults::new(self.shared.lanes.clone(), options, self.shared.read_options);
+        let next = Self::start_threads(
+            shared,
+            Arc::clone(&self.rules),
+            self.news.clone(),
+            (self.first, self.live.clone()),
+        )?;
         self.is_replaced = true;
         *self = next;
         Ok(())
     }
 
     /// Time of the first frame of all captures.
-    pub fn first(&self) -> Option<Timestamp> {
+    pub fn first_time(&self) -> Option<Timestamp> {
         self.first
     }
 
     /// Requests the content at a position.
-    pub fn order(&self, order: Order) {
+    pub fn request_window(&self, order: WindowRequest) {
         // If the thread has ended, its failure was already reported.
         let _ = self.orders.send(order);
     }
 
     /// Starts a search for the shown events; an earlier search ends.
-    pub fn search(&self, matcher: Matcher) {
+    pub fn start_search(&self, matcher: RowMatcher) {
         let mut current = self.shared.matches.write().unwrap_or_else(PoisonError::into_inner);
         if let Some(old) = current.take() {
-            old.stop();
+            old.stop_search();
         }
         if matcher.takes_all() {
             return;
         }
-        let found = Arc::new(Matches::new(matcher));
+        let found = Arc::new(SearchMatches::new(matcher));
         *current = Some(Arc::clone(&found));
         drop(current);
-        let told = spawn("matches", &self.shared, &self.news, move |shared, news| {
-            threads::matches::run(shared, &found, news);
+        let told = spawn_thread("matches", &self.shared, &self.news, move |shared, news| {
+            threads::matches::run_search(shared, &found, news);
         });
         if let Err(error) = told {
-            let _ = self.news.send(News::Failed(format!("{error:#}")));
+            let _ = self.news.send(TimelineNews::Failed(format!("{error:#}")));
         }
     }
 
-    /// Exports a part of the captures; the result arrives as [`News::Exported`].
-    pub fn export(&self, export: Export) {
-        let told = spawn("export", &self.shared, &self.news, move |shared, news| {
-            threads::export::run(shared, &export, news);
+    /// Exports a part of the captures; the result arrives as [`TimelineNews::Exported`].
+    pub fn start_export(&self, export: ExportRequest) {
+        let told = spawn_thread("export", &self.shared, &self.news, move |shared, news| {
+            threads::export::run_export(shared, &export, news);
         });
         if let Err(error) = told {
-            let _ = self.news.send(News::Failed(format!("{error:#}")));
+            let _ = self.news.send(TimelineNews::Failed(format!("{error:#}")));
         }
     }
 
     /// Result of the search for the shown events.
-    pub fn matches(&self) -> Option<Arc<Matches>> {
+    pub fn search_matches(&self) -> Option<Arc<SearchMatches>> {
         self.shared.matches.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Starts sampling signals from a time to another one or to the end.
-    pub fn trace(&self, signals: Vec<SignalKey>, from: Timestamp, to: Option<Timestamp>) -> Arc<Traces> {
-        let traces = Arc::new(Traces::new(signals, from, to));
+    pub fn start_sampling(
+        &self,
+        signals: Vec<SignalKey>,
+        from: Timestamp,
+        to: Option<Timestamp>,
+    ) -> Arc<SignalTraces> {
+        let traces = Arc::new(SignalTraces::new(signals, from, to));
         self.shared.tracing.fetch_add(1, Ordering::Relaxed);
         let job = Arc::clone(&traces);
-        let told = spawn("traces", &self.shared, &self.news, move |shared, news| {
-            threads::traces::run(shared, &job, news);
+        let told = spawn_thread("traces", &self.shared, &self.news, move |shared, news| {
+            threads::traces::run_sampling(shared, &job, news);
         });
         if let Err(error) = told {
             self.shared.tracing.fetch_sub(1, Ordering::Relaxed);
-            let _ = self.news.send(News::Failed(format!("{error:#}")));
+            let _ = self.news.send(TimelineNews::Failed(format!("{error:#}")));
         }
         traces
     }
@@ -207,7 +225,7 @@ impl Timeline {
     }
 
     /// Progress of the index.
-    pub fn progress(&self) -> &Progress {
+    pub fn progress(&self) -> &IndexProgress {
         &self.shared.progress
     }
 
@@ -217,7 +235,7 @@ impl Timeline {
     }
 
     /// State of the buses at the end; None until it is read.
-    pub fn end(&self) -> Option<Arc<ReplayState>> {
+    pub fn end_state(&self) -> Option<Arc<ReplayState>> {
         self.shared.end.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
@@ -235,33 +253,33 @@ impl Timeline {
     }
 
     /// Name of a capture whose file lost content that is shown.
-    pub fn changed(&self) -> Option<String> {
+    pub fn changed_capture(&self) -> Option<String> {
         let mut lanes = self.shared.lanes.iter();
         lanes.find(|lane| lane.store.has_lost_content()).map(|lane| lane.store.short_name())
     }
 
     /// Whether a capture may still grow.
-    pub fn grows(&self) -> bool {
-        self.shared.grows()
+    pub fn may_grow(&self) -> bool {
+        self.shared.may_grow()
     }
 
-    /// Allows the next [`News::Grew`] message.
+    /// Allows the next [`TimelineNews::Grew`] message.
     pub fn see_growth(&self) {
         self.shared.has_told_growth.store(false, Ordering::Release);
     }
 
     /// State of live buses; None for files.
-    pub fn live(&self) -> Option<&LiveState> {
+    pub fn live(&self) -> Option<&SharedLiveState> {
         self.live.as_ref()
     }
 
     /// Number of evicted frames at the start of a live bus.
-    pub fn dropped(&self) -> u64 {
+    pub fn dropped_frames(&self) -> u64 {
         self.shared.first_kept().map_or(0, |mark| mark.frames)
     }
 
     /// The captures in order.
-    pub fn lanes(&self) -> &[Lane] {
+    pub fn open_captures(&self) -> &[TimelineCapture] {
         &self.shared.lanes
     }
 
@@ -274,22 +292,22 @@ impl Timeline {
 
 impl Drop for Timeline {
     fn drop(&mut self) {
-        if let Some(matches) = self.matches() {
-            matches.stop();
+        if let Some(matches) = self.search_matches() {
+            matches.stop_search();
         }
         if self.is_replaced {
-            self.shared.retire();
+            self.shared.retire_threads();
         } else {
-            self.shared.stop();
+            self.shared.stop_threads();
         }
     }
 }
 
-fn spawn(
+fn spawn_thread(
     name: &str,
-    shared: &Arc<Shared>,
-    news: &Sender<News>,
-    run: impl FnOnce(&Arc<Shared>, &Sender<News>) + Send + 'static,
+    shared: &Arc<SharedResults>,
+    news: &Sender<TimelineNews>,
+    run: impl FnOnce(&Arc<SharedResults>, &Sender<TimelineNews>) + Send + 'static,
 ) -> anyhow::Result<()> {
     let (shared, news) = (Arc::clone(shared), news.clone());
     let thread = std::thread::Builder::new().name(name.into());
@@ -298,37 +316,40 @@ fn spawn(
 }
 
 /// A live bus may have no frame yet.
-fn live_lane(live: &LiveBuses) -> Lane {
+fn live_lane(live: &LiveBuses) -> TimelineCapture {
     let store = Arc::clone(&live.store);
-    Lane { store, group: 0, shift: 0, continues: false, format: "live", is_live: true }
+    TimelineCapture { store, group: 0, shift: 0, continues: false, format: "live", is_live: true }
 }
 
 /// Opens the captures and aligns their clocks.
-fn lanes(captures: &Captures) -> anyhow::Result<(Vec<Lane>, Option<Timestamp>)> {
-    let mut lanes: Vec<Lane> = Vec::new();
+fn open_captures(captures: &TimelineCaptures) -> anyhow::Result<(Vec<TimelineCapture>, Option<Timestamp>)> {
+    let mut lanes: Vec<TimelineCapture> = Vec::new();
     let (mut names, mut firsts) = (Vec::new(), Vec::new());
     let is_off = captures.join.is_off || captures.align;
     let join = JoinOptions { is_off, ..captures.join };
-    let relations = relate(&CaptureFile::listed(&captures.paths), &captures.read, join);
+    let relations = relate_files(&CaptureFile::files_named(&captures.paths), &captures.read, join);
     for (index, CaptureFile { path, .. }) in relations.files.iter().enumerate() {
-        let store = Store::open(path)?;
+        let store = DecompressedBytes::open(path)?;
         let name = store.name().to_owned();
-        let mut reader = Reader::open(store.reader(0), &captures.read).with_context(|| name.clone())?;
+        let mut reader =
+            CaptureReader::open(store.reader_at(0), &captures.read).with_context(|| name.clone())?;
         let mut batch = Batch::new();
         while batch.frames().is_empty() && reader.read(&mut batch).with_context(|| name.clone())? {}
         let first = batch.frames().first().with_context(|| format!("{name}: contains no frames"))?;
-        firsts.push(first.time.map(|time| time.plus(relations.shift(index))));
+        firsts.push(first.time.map(|time| time.plus(relations.time_shift(index))));
         names.push(name);
         let format = reader.format().title;
-        lanes.push(Lane { store, group: 0, shift: 0, continues: false, format, is_live: false });
+        lanes.push(TimelineCapture { store, group: 0, shift: 0, continues: false, format, is_live: false });
     }
-    let mut lanes: Vec<Option<Lane>> = lanes.into_iter().map(Some).collect();
+    let mut lanes: Vec<Option<TimelineCapture>> = lanes.into_iter().map(Some).collect();
     let mut arranged = Vec::new();
-    for place in arrange(&names, &firsts, relations.of(), captures.align).map_err(mixed_clocks)? {
+    for place in
+        arrange_captures(&names, &firsts, relations.all_relations(), captures.align).map_err(mixed_clocks)?
+    {
         let CapturePlacement { index, group, shift, continues } = place;
-        let shift = shift.saturating_add(relations.shift(index));
+        let shift = shift.saturating_add(relations.time_shift(index));
         let lane = lanes.get_mut(index).and_then(Option::take);
-        arranged.extend(lane.map(|lane| Lane { group, shift, continues, ..lane }));
+        arranged.extend(lane.map(|lane| TimelineCapture { group, shift, continues, ..lane }));
     }
     let lanes = arranged;
     let times = firsts.iter().flatten();
@@ -351,7 +372,7 @@ mod tests {
     /// Time limit of a test step on a busy machine.
     const LIMIT: Duration = Duration::from_mins(1);
 
-    fn until(news: &Receiver<News>, is_so: impl Fn(&News) -> bool) -> News {
+    fn until(news: &Receiver<TimelineNews>, is_so: impl Fn(&TimelineNews) -> bool) -> TimelineNews {
         loop {
             let next = news.recv_timeout(LIMIT).unwrap();
             if is_so(&next) {
@@ -365,24 +386,24 @@ mod tests {
         for number in numbers {
             let node = 1 + u16::try_from(number % 4).unwrap();
             let time = Some(Timestamp(i64::try_from(number).unwrap() * 1_000_000));
-            let frame = Frame { time, ..Frame::data_frame(CanId::standard(0x700 + node), &[5]) };
+            let frame = Frame { time, ..Frame::data_frame(CanId::from_standard(0x700 + node), &[5]) };
             writer.write(&frame, "can0").unwrap();
         }
         writer.flush().unwrap();
     }
 
     /// A live bus with the writer of its store.
-    fn live_bus() -> (Arc<Store>, Box<dyn FrameWriter>, Timeline, Receiver<News>) {
-        let (store, written) = Store::live("live".into(), 0).unwrap();
+    fn live_bus() -> (Arc<DecompressedBytes>, Box<dyn FrameWriter>, Timeline, Receiver<TimelineNews>) {
+        let (store, written) = DecompressedBytes::for_live("live".into(), 0).unwrap();
         let format = WRITABLE.iter().find(|format| format.name == "pcapng").unwrap();
         let mut writer = (format.writer)(Box::new(BufWriter::new(written)), &WriteOptions::default());
         writer.flush().unwrap();
         let (news, found) = channel();
-        let live = Some(LiveBuses { store: Arc::clone(&store), state: LiveState::default() });
+        let live = Some(LiveBuses { store: Arc::clone(&store), state: SharedLiveState::default() });
         let (read, session, rules) = (ReadOptions::default(), SessionOptions::default(), Arc::default());
         let join = JoinOptions::OFF;
         let timeline = Timeline::open(
-            Captures { paths: Vec::new(), align: false, join, read, session, rules, live },
+            TimelineCaptures { paths: Vec::new(), align: false, join, read, session, rules, live },
             news,
         );
         (store, writer, timeline.unwrap(), found)
@@ -394,7 +415,7 @@ mod tests {
         let (store, mut writer, timeline, found) = live_bus();
         write(&mut *writer, 0..4_000);
         let time = Timestamp(4_000_000_000);
-        let error = Frame::data_frame(CanId::standard(0x81), &[0x10, 0x23, 1, 0, 0, 0, 0, 0]);
+        let error = Frame::data_frame(CanId::from_standard(0x81), &[0x10, 0x23, 1, 0, 0, 0, 0, 0]);
         writer.write(&Frame { time: Some(time), ..error }, "can0").unwrap();
         writer.flush().unwrap();
         let first_story = |survey: &SurveyResults| {
@@ -406,24 +427,32 @@ mod tests {
             if let Some(shown) = shown {
                 break shown;
             }
-            assert!(matches!(found.recv_timeout(LIMIT).unwrap(), News::Grew));
+            assert!(matches!(found.recv_timeout(LIMIT).unwrap(), TimelineNews::Grew));
             timeline.see_growth();
         };
         assert!(title.contains("EMCY 2310") && text.contains("still present") && !is_complete, "{text}");
-        let before = timeline.progress().spot();
+        let before = timeline.progress().last_position();
         let (time, state) = (time.plus(1_000_000), cobscope_decoder::frame::LinkState::Down);
         writer.notice(&Notice::Link { bus: BusIndex(0), time, state, bit_rate: None }, "can0").unwrap();
         writer.flush().unwrap();
-        while timeline.progress().spot() == before {
+        while timeline.progress().last_position() == before {
             std::thread::yield_now();
         }
-        let (target, matcher) = (Target::End, Matcher::default());
-        timeline.order(Order { serial: 1, target, before: 5, after: 5, matcher, search: None });
-        let News::Window(window) = until(&found, |news| matches!(news, News::Window(_))) else {
+        let (target, matcher) = (SeekTarget::End, RowMatcher::default());
+        timeline.request_window(WindowRequest {
+            serial: 1,
+            target,
+            before: 5,
+            after: 5,
+            matcher,
+            search: None,
+        });
+        let TimelineNews::Window(window) = until(&found, |news| matches!(news, TimelineNews::Window(_)))
+        else {
             unreachable!()
         };
         assert_eq!(window.rows.last().map(|row| row.kind), Some("LINK"));
-        store.end(None);
+        store.end_input(None);
     }
 
     /// Evicted frames of a live bus cannot be reached, kept frames can.
@@ -438,10 +467,10 @@ mod tests {
                 std::thread::yield_now();
             }
         }
-        let dropped = timeline.dropped();
+        let dropped = timeline.dropped_frames();
         assert!(dropped > 0 && dropped < FRAMES / 2, "{dropped}");
-        let matcher = Matcher::default();
-        let order = |target| Order {
+        let matcher = RowMatcher::default();
+        let order = |target| WindowRequest {
             serial: 1,
             target,
             before: 10,
@@ -450,20 +479,20 @@ mod tests {
             search: None,
         };
         let go = |target| {
-            timeline.order(order(target));
-            match until(&found, |news| matches!(news, News::Window(_) | News::Failed(_))) {
-                News::Window(window) => window,
-                News::Failed(text) => panic!("{text}"),
+            timeline.request_window(order(target));
+            match until(&found, |news| matches!(news, TimelineNews::Window(_) | TimelineNews::Failed(_))) {
+                TimelineNews::Window(window) => window,
+                TimelineNews::Failed(text) => panic!("{text}"),
                 _ => unreachable!(),
             }
         };
         assert!(
-            go(Target::Event(EventPosition::before(1))).world.frames() >= dropped,
+            go(SeekTarget::Event(EventPosition::before_frame(1))).world.frames() >= dropped,
             "the first that is kept"
         );
-        let window = go(Target::Event(EventPosition::after(FRAMES - 100)));
+        let window = go(SeekTarget::Event(EventPosition::after_frame(FRAMES - 100)));
         assert_eq!(window.world.frames(), FRAMES - 100);
-        assert_eq!(go(Target::End).world.frames(), FRAMES, "without waiting for more");
+        assert_eq!(go(SeekTarget::End).world.frames(), FRAMES, "without waiting for more");
         // Time without frames is reported and closes open conditions.
         let quiet = Timestamp(i64::try_from(FRAMES).unwrap() * 1_000_000 + 5_000_000_000);
         writer.notice(&Notice::Quiet(quiet), "can0").unwrap();
@@ -476,8 +505,8 @@ mod tests {
         };
         writer.notice(&link, "can0").unwrap();
         writer.flush().unwrap();
-        store.end(None);
-        until(&found, |news| matches!(news, News::Indexed));
-        assert_eq!(timeline.end().unwrap().time(), Some(time));
+        store.end_input(None);
+        until(&found, |news| matches!(news, TimelineNews::Indexed));
+        assert_eq!(timeline.end_state().unwrap().last_time(), Some(time));
     }
 }

@@ -2,10 +2,10 @@
 
 use cobscope_decoder::comparison::DifferenceMarks;
 
-use super::order::Window;
+use super::order::RowWindow;
 
 /// A message about a change.
-pub enum News {
+pub enum TimelineNews {
     /// A growing capture has more frames.
     Grew,
     /// The capture is read to its end.
@@ -17,7 +17,7 @@ pub enum News {
     /// Signals have more samples.
     Traced,
     /// A requested window.
-    Window(Box<Window>),
+    Window(Box<RowWindow>),
     /// The file of a capture changed while open; the text states what was found.
     Changed(String),
     /// Result of an export: summary or error.

@@ -6,25 +6,25 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError, RwLock};
 use std::time::{Duration, Instant};
 
 use cobscope_decoder::capture::{
-    CaptureError, MergedCapture, MergedPosition, MergedReader, ReadOptions, Reader,
+    CaptureError, CaptureReader, MergedCapture, MergedPosition, MergedReader, ReadOptions,
 };
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::{Checkpoint, EventPosition, Index, ReplayState};
+use cobscope_decoder::replay::{Checkpoint, CheckpointIndex, EventPosition, ReplayState};
 use cobscope_decoder::session::SessionOptions;
 
-use super::matches::Matches;
-use super::news::News;
+use super::matches::SearchMatches;
+use super::news::TimelineNews;
 use super::survey::SurveyResults;
-use crate::source::{Store, StoreReader};
+use crate::source::{DecompressedBytes, StoreReader};
 
 /// Initial number of frames between two marks of a live bus.
 const LIVE_INTERVAL: u64 = 16_384;
 
 /// A capture of a timeline.
 #[derive(Clone)]
-pub struct Lane {
+pub struct TimelineCapture {
     /// Decompressed bytes of the capture.
-    pub store: Arc<Store>,
+    pub store: Arc<DecompressedBytes>,
     /// Captures with the same number are parts of one capture.
     pub group: usize,
     /// Nanoseconds added to the timestamps.
@@ -38,20 +38,20 @@ pub struct Lane {
 }
 
 /// Captures with the results of all threads.
-pub struct Shared {
-    pub(super) lanes: Vec<Lane>,
+pub struct SharedResults {
+    pub(super) lanes: Vec<TimelineCapture>,
     pub(super) options: SessionOptions,
     pub(super) read_options: ReadOptions,
-    pub(super) index: RwLock<Index>,
+    pub(super) index: RwLock<CheckpointIndex>,
     pub(super) survey: RwLock<SurveyResults>,
-    pub(super) matches: RwLock<Option<Arc<Matches>>>,
+    pub(super) matches: RwLock<Option<Arc<SearchMatches>>>,
     /// State of the buses at the end, once the index is complete.
     pub(super) end: Mutex<Option<Arc<ReplayState>>>,
     /// Reason why reading ended early.
     pub(super) failure: Mutex<Option<String>>,
     /// Last reported change of a file.
     change: Mutex<Option<String>>,
-    pub(super) progress: Progress,
+    pub(super) progress: IndexProgress,
     /// Number of threads that sample signals.
     pub(super) tracing: AtomicUsize,
     /// Growth was reported and not yet handled.
@@ -64,7 +64,7 @@ pub struct Shared {
 
 /// Progress of the index.
 #[derive(Default)]
-pub struct Progress {
+pub struct IndexProgress {
     frames: AtomicU64,
     /// Events since the last frame: a link that closes, a node that is lost.
     ordinal: AtomicU32,
@@ -76,20 +76,20 @@ pub struct Progress {
     buses: AtomicUsize,
 }
 
-impl Progress {
-    pub(super) fn publish(&self, world: &ReplayState, names: &[String], bytes: u64) {
+impl IndexProgress {
+    pub(super) fn publish_progress(&self, world: &ReplayState, names: &[String], bytes: u64) {
         self.buses.store(names.len(), Ordering::Relaxed);
-        if let (Some(zero), Some(time)) = (world.zero(), world.time()) {
+        if let (Some(zero), Some(time)) = (world.first_time(), world.last_time()) {
             self.zero.store(zero.0, Ordering::Relaxed);
             self.time.store(time.0, Ordering::Relaxed);
             self.has_times.store(true, Ordering::Relaxed);
         }
         self.bytes.store(bytes, Ordering::Relaxed);
-        self.ordinal.store(world.spot().ordinal, Ordering::Relaxed);
+        self.ordinal.store(world.next_position().ordinal, Ordering::Relaxed);
         self.frames.store(world.frames(), Ordering::Release);
     }
 
-    pub(super) fn complete(&self) {
+    pub(super) fn complete_index(&self) {
         self.is_complete.store(true, Ordering::Release);
     }
 
@@ -99,7 +99,7 @@ impl Progress {
     }
 
     /// Position after the last indexed event.
-    pub fn spot(&self) -> EventPosition {
+    pub fn last_position(&self) -> EventPosition {
         let frame = self.frames();
         EventPosition { frame, ordinal: self.ordinal.load(Ordering::Relaxed) }
     }
@@ -120,18 +120,23 @@ impl Progress {
     }
 
     /// Times of the first and of the last indexed frame.
-    pub fn times(&self) -> Option<(Timestamp, Timestamp)> {
+    pub fn time_range(&self) -> Option<(Timestamp, Timestamp)> {
         self.has_times.load(Ordering::Relaxed).then(|| {
             (Timestamp(self.zero.load(Ordering::Relaxed)), Timestamp(self.time.load(Ordering::Relaxed)))
         })
     }
 }
 
-impl Shared {
-    pub(super) fn new(lanes: Vec<Lane>, options: SessionOptions, read_options: ReadOptions) -> Self {
+impl SharedResults {
+    pub(super) fn new(
+        lanes: Vec<TimelineCapture>,
+        options: SessionOptions,
+        read_options: ReadOptions,
+    ) -> Self {
         // Short intervals, because evicted frames remove the marks at the start.
         let is_live = lanes.iter().any(|lane| lane.is_live);
-        let index = if is_live { Index::every(LIVE_INTERVAL) } else { Index::default() };
+        let index =
+            if is_live { CheckpointIndex::with_interval(LIVE_INTERVAL) } else { CheckpointIndex::default() };
         Self {
             lanes,
             options,
@@ -142,7 +147,7 @@ impl Shared {
             end: Mutex::default(),
             failure: Mutex::default(),
             change: Mutex::default(),
-            progress: Progress::default(),
+            progress: IndexProgress::default(),
             tracing: AtomicUsize::new(0),
             has_told_growth: AtomicBool::new(false),
             is_over: AtomicBool::new(false),
@@ -153,8 +158,8 @@ impl Shared {
 
     /// Opens readers at the start of the captures.
     pub(super) fn open(&self) -> Result<MergedReader<StoreReader>, CaptureError> {
-        let capture = |lane: &Lane| {
-            let reader = Reader::open(lane.store.reader(0), &self.read_options)?;
+        let capture = |lane: &TimelineCapture| {
+            let reader = CaptureReader::open(lane.store.reader_at(0), &self.read_options)?;
             Ok(MergedCapture { reader, group: lane.group, shift: lane.shift, continues: lane.continues })
         };
         Ok(MergedReader::new(self.lanes.iter().map(capture).collect::<Result<_, CaptureError>>()?))
@@ -164,7 +169,7 @@ impl Shared {
     pub(super) fn first_kept(&self) -> Option<Checkpoint> {
         let is_cut = self.kept_from() > 0;
         let index = self.index.read().unwrap_or_else(PoisonError::into_inner);
-        index.marks().first().filter(|_| is_cut).cloned()
+        index.checkpoints().first().filter(|_| is_cut).cloned()
     }
 
     /// First kept byte of a single capture.
@@ -173,7 +178,7 @@ impl Shared {
     }
 
     /// Removes marks of evicted frames.
-    pub(super) fn forget(&self) {
+    pub(super) fn forget_evicted(&self) {
         let start = self.kept_from();
         if start > 0 {
             self.index.write().unwrap_or_else(PoisonError::into_inner).forget_before(start);
@@ -181,40 +186,40 @@ impl Shared {
     }
 
     /// Opens readers at a position.
-    pub(super) fn resume(
+    pub(super) fn resume_readers(
         &self,
         position: &MergedPosition,
     ) -> Result<MergedReader<StoreReader>, CaptureError> {
         let sources = self.lanes.iter().zip(position.offsets());
-        MergedReader::resume(sources.map(|(lane, offset)| lane.store.reader(offset)).collect(), position)
+        MergedReader::resume(sources.map(|(lane, offset)| lane.store.reader_at(offset)).collect(), position)
     }
 
     /// Whether `frames` are all frames so far of a growing capture.
     pub(super) fn is_at_head(&self, frames: u64) -> bool {
-        frames >= self.progress.frames() && self.grows()
+        frames >= self.progress.frames() && self.may_grow()
     }
 
-    pub(super) fn fail(&self, error: &CaptureError) {
+    pub(super) fn fail_reading(&self, error: &CaptureError) {
         let mut failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
         failure.get_or_insert_with(|| error.to_string());
     }
 
     /// Compares the files of the captures with their content when they were opened; reports each change once.
-    pub(super) fn report_changes(&self, news: &Sender<News>) {
-        let Some(text) = self.lanes.iter().find_map(|lane| lane.store.change()) else { return };
+    pub(super) fn report_changes(&self, news: &Sender<TimelineNews>) {
+        let Some(text) = self.lanes.iter().find_map(|lane| lane.store.file_change()) else { return };
         let mut change = self.change.lock().unwrap_or_else(PoisonError::into_inner);
         if change.as_ref() != Some(&text) {
             *change = Some(text.clone());
             // The application may have ended.
-            let _ = news.send(News::Changed(text));
+            let _ = news.send(TimelineNews::Changed(text));
         }
     }
 
     /// Reports growth, unless an earlier report was not handled yet.
-    pub(super) fn report_growth(&self, news: &Sender<News>) {
-        if self.grows() && !self.has_told_growth.swap(true, Ordering::AcqRel) {
+    pub(super) fn report_growth(&self, news: &Sender<TimelineNews>) {
+        if self.may_grow() && !self.has_told_growth.swap(true, Ordering::AcqRel) {
             // The application may have ended.
-            let _ = news.send(News::Grew);
+            let _ = news.send(TimelineNews::Grew);
         }
     }
 
@@ -234,14 +239,14 @@ impl Shared {
     }
 
     /// Whether a capture may still grow.
-    pub(super) fn grows(&self) -> bool {
+    pub(super) fn may_grow(&self) -> bool {
         self.lanes.iter().any(|lane| !lane.store.length().1)
     }
 
     /// Waits until the index is complete, so that it has the processors for itself. Growing captures are not
     /// waited for.
     pub(super) fn wait_for_index(&self) {
-        if self.grows() {
+        if self.may_grow() {
             return;
         }
         let mut may_begin = self.may_begin.lock().unwrap_or_else(PoisonError::into_inner);
@@ -259,7 +264,7 @@ impl Shared {
     }
 
     /// Starts the threads that wait for the index.
-    pub(super) fn begin(&self) {
+    pub(super) fn begin_threads(&self) {
         *self.may_begin.lock().unwrap_or_else(PoisonError::into_inner) = true;
         self.begins.notify_all();
     }
@@ -277,16 +282,16 @@ impl Shared {
     }
 
     /// Ends all threads; the captures are still being read for another timeline.
-    pub(super) fn retire(&self) {
+    pub(super) fn retire_threads(&self) {
         self.is_over.store(true, Ordering::Relaxed);
-        self.begin();
+        self.begin_threads();
     }
 
     /// Ends all threads.
-    pub(super) fn stop(&self) {
-        self.retire();
+    pub(super) fn stop_threads(&self) {
+        self.retire_threads();
         for lane in &self.lanes {
-            lane.store.abandon();
+            lane.store.end_readers();
         }
     }
 }

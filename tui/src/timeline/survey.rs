@@ -2,7 +2,7 @@
 //! [`threads::survey`](super::threads::survey).
 
 use cobscope_decoder::diagnosis::Diagnosis;
-use cobscope_decoder::finding::Findings;
+use cobscope_decoder::finding::CaptureFindings;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::profile::device::Severity;
 use cobscope_decoder::reading::Survey;
@@ -17,7 +17,7 @@ pub struct SurveyResults {
     /// Transfers, errors, opened findings, NMT, load, kinds of events, statistics.
     pub overview: Survey,
     /// Findings in groups; None until the end.
-    pub findings: Option<Findings>,
+    pub findings: Option<CaptureFindings>,
     /// Stories of the findings so far; None before the first one.
     pub diagnosis: Option<Diagnosis>,
     /// Number of errors and warnings in the diagnosis.

@@ -4,23 +4,23 @@ use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use std::sync::{PoisonError, RwLock};
 
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::{Points, SignalKey};
+use cobscope_decoder::replay::{SignalKey, SignalPoints};
 
 /// Maximum number of signals sampled together.
 pub const MOST_SIGNALS: usize = 12;
 
 /// Signals sampled over a time range.
-pub struct Traces {
+pub struct SignalTraces {
     pub(super) signals: Vec<SignalKey>,
     pub(super) from: i64,
     pub(super) to: Option<i64>,
-    points: RwLock<Vec<Points>>,
+    points: RwLock<Vec<SignalPoints>>,
     reached: AtomicI64,
     is_complete: AtomicBool,
     is_over: AtomicBool,
 }
 
-impl Traces {
+impl SignalTraces {
     /// Only the first [`MOST_SIGNALS`] signals are sampled.
     pub(super) fn new(mut signals: Vec<SignalKey>, from: Timestamp, to: Option<Timestamp>) -> Self {
         signals.truncate(MOST_SIGNALS);
@@ -41,13 +41,13 @@ impl Traces {
     }
 
     /// Samples of a signal; None if it is not sampled.
-    pub fn points(&self, signal: &SignalKey) -> Option<Points> {
+    pub fn signal_points(&self, signal: &SignalKey) -> Option<SignalPoints> {
         let place = self.signals.iter().position(|other| other == signal)?;
         self.points.read().unwrap_or_else(PoisonError::into_inner).get(place).cloned()
     }
 
     /// Whether the range includes `from` to `to`.
-    pub fn covers(&self, from: i64, to: i64) -> bool {
+    pub fn covers_range(&self, from: i64, to: i64) -> bool {
         self.from <= from && self.to.is_none_or(|end| to <= end)
     }
 
@@ -58,7 +58,7 @@ impl Traces {
     }
 
     /// Percent of the range sampled so far; `end` is the end of the capture.
-    pub fn share(&self, end: i64) -> i64 {
+    pub fn sampled_share(&self, end: i64) -> i64 {
         let whole = self.to.unwrap_or(end).min(end).saturating_sub(self.from).max(1);
         let done = self.reached.load(Ordering::Relaxed).saturating_sub(self.from).clamp(0, whole);
         i64::try_from(i128::from(done) * 100 / i128::from(whole)).unwrap_or(100)
@@ -70,7 +70,7 @@ impl Traces {
     }
 
     /// Ends sampling.
-    pub fn stop(&self) {
+    pub fn stop_sampling(&self) {
         self.is_over.store(true, Ordering::Relaxed);
     }
 
@@ -78,7 +78,7 @@ impl Traces {
         self.is_over.load(Ordering::Relaxed)
     }
 
-    pub(super) fn set_points(&self, points: Vec<Points>) {
+    pub(super) fn set_points(&self, points: Vec<SignalPoints>) {
         *self.points.write().unwrap_or_else(PoisonError::into_inner) = points;
     }
 
@@ -86,7 +86,7 @@ impl Traces {
         self.reached.store(time, Ordering::Relaxed);
     }
 
-    pub(super) fn complete(&self) {
+    pub(super) fn complete_sampling(&self) {
         self.is_complete.store(true, Ordering::Release);
     }
 }

@@ -21,28 +21,29 @@ const LONGEST_NUMBER: usize = 16;
 const LEAST_CLAUSE: u16 = 8;
 
 /// The text in at most `room` columns; each omitted part is an ellipsis.
-pub fn fit(text: &str, room: u16, theme: &Theme) -> String {
-    if draw::width(text) <= room {
+pub fn fit_text(text: &str, room: u16, theme: &Theme) -> String {
+    if draw::text_width(text) <= room {
         return text.to_owned();
     }
     let ellipsis = theme.glyph(Glyph::Ellipsis);
-    let last = draw::width(ellipsis);
-    let clauses = clauses(text);
+    let last = draw::text_width(ellipsis);
+    let clauses = split_clauses(text);
     let (mut shown, mut is_complete) = (String::new(), false);
     for (number, clause) in clauses.iter().enumerate() {
         let is_last = number + 1 == clauses.len();
-        let left = room.saturating_sub(draw::width(&shown)).saturating_sub(if is_last { 0 } else { last });
-        if draw::width(clause) <= left {
+        let left =
+            room.saturating_sub(draw::text_width(&shown)).saturating_sub(if is_last { 0 } else { last });
+        if draw::text_width(clause) <= left {
             shown.push_str(clause);
             continue;
         }
         is_complete = number == 0 && is_last;
         if number == 0 {
-            shown = shorten(clause, left, ellipsis);
+            shown = shorten_clause(clause, left, ellipsis);
         } else if left >= LEAST_CLAUSE {
-            let start = start_of(clause, room.saturating_sub(draw::width(&shown)), ellipsis);
+            let start = start_of(clause, room.saturating_sub(draw::text_width(&shown)), ellipsis);
             if start.is_empty() && left > room / 2 {
-                shown.push_str(&cut(&shorten(clause, left, ellipsis), left, ellipsis));
+                shown.push_str(&cut_text(&shorten_clause(clause, left, ellipsis), left, ellipsis));
                 is_complete = is_last;
             }
             shown.push_str(&start);
@@ -52,11 +53,11 @@ pub fn fit(text: &str, room: u16, theme: &Theme) -> String {
     if !is_complete && !shown.ends_with(ellipsis) {
         shown.push_str(ellipsis);
     }
-    cut(&shown, room, ellipsis)
+    cut_text(&shown, room, ellipsis)
 }
 
 /// The clauses of a text; together they are the text.
-fn clauses(text: &str) -> Vec<&str> {
+fn split_clauses(text: &str) -> Vec<&str> {
     let mut clauses = Vec::new();
     let mut rest = text;
     let mut from = 0;
@@ -107,7 +108,7 @@ fn is_firm(word: &str) -> bool {
 }
 
 /// Drops words of prose from the end of a clause until it fits, each run as an ellipsis.
-fn shorten(clause: &str, room: u16, ellipsis: &str) -> String {
+fn shorten_clause(clause: &str, room: u16, ellipsis: &str) -> String {
     let words: Vec<&str> = clause.split(' ').collect();
     let mut is_kept = vec![true; words.len()];
     let joined = |is_kept: &[bool]| {
@@ -130,7 +131,7 @@ fn shorten(clause: &str, room: u16, ellipsis: &str) -> String {
     let is_prose = |at: &usize| !is_firm(word(*at)) && !is_unit(word(at.saturating_sub(1)), word(*at));
     let prose = (1..words.len()).rev().filter(is_prose);
     for at in prose {
-        if draw::width(&joined(&is_kept)) <= room {
+        if draw::text_width(&joined(&is_kept)) <= room {
             break;
         }
         if let Some(is_kept) = is_kept.get_mut(at) {
@@ -144,7 +145,8 @@ fn shorten(clause: &str, room: u16, ellipsis: &str) -> String {
 /// without its value states nothing.
 fn start_of(clause: &str, room: u16, ellipsis: &str) -> String {
     let mut words: Vec<&str> = clause.split(' ').collect();
-    let width = |words: &[&str]| draw::width(&words.join(" ")).saturating_add(draw::width(ellipsis));
+    let width =
+        |words: &[&str]| draw::text_width(&words.join(" ")).saturating_add(draw::text_width(ellipsis));
     while width(&words) > room {
         let Some(word) = words.pop() else { return String::new() };
         // The start of a payload is useful.
@@ -158,12 +160,12 @@ fn start_of(clause: &str, room: u16, ellipsis: &str) -> String {
 }
 
 /// The start of a text, cut within a word, but not within a number.
-fn cut(text: &str, room: u16, ellipsis: &str) -> String {
-    if draw::width(text) <= room {
+fn cut_text(text: &str, room: u16, ellipsis: &str) -> String {
+    if draw::text_width(text) <= room {
         return text.to_owned();
     }
     let mut shown = text.to_owned();
-    while !shown.is_empty() && draw::width(&shown).saturating_add(draw::width(ellipsis)) > room {
+    while !shown.is_empty() && draw::text_width(&shown).saturating_add(draw::text_width(ellipsis)) > room {
         shown.pop();
     }
     let start = shown.rfind(' ').map_or(0, |at| at.saturating_add(1));
@@ -184,12 +186,12 @@ fn cut(text: &str, room: u16, ellipsis: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::theme::Borders;
-    use crate::widgets::draw::tests::plain;
+    use crate::theme::LineCharacters;
+    use crate::widgets::draw::tests::plain_theme;
 
     fn fitted(text: &str, room: u16) -> String {
-        let text = fit(text, room, &plain(Borders::Unicode));
-        assert!(draw::width(&text) <= room, "{text}");
+        let text = fit_text(text, room, &plain_theme(LineCharacters::Unicode));
+        assert!(draw::text_width(&text) <= room, "{text}");
         text
     }
 
@@ -217,14 +219,14 @@ mod tests {
         // Neither a number without its unit nor a label without its value is shown.
         assert_eq!(fitted("stopped, valid for 250 ms", 22), "stopped, valid… 250 ms");
         assert_eq!(fitted("stopped, valid for 250 ms", 16), "stopped,…");
-        assert_eq!(cut("p 12 250 ms", 10, "…"), "p 12…");
+        assert_eq!(cut_text("p 12 250 ms", 10, "…"), "p 12…");
         assert_eq!(fitted("stopped, by the other controller", 22), "stopped, by the other…");
     }
 
     #[test]
     fn all_clauses_are_the_text() {
         for text in ["", "a", "a, b; c (d, e) | f", "x  y, z", "ä → ö, ü"] {
-            assert_eq!(clauses(text).concat(), text);
+            assert_eq!(split_clauses(text).concat(), text);
         }
     }
 }

@@ -32,18 +32,18 @@ impl<'a> TextLines<'a> {
 
     /// Skips `scroll` screen lines, but at most as many as show the end.
     #[must_use]
-    pub fn scroll(self, scroll: usize) -> Self {
+    pub fn with_scroll(self, scroll: usize) -> Self {
         Self { scroll, ..self }
     }
 
     /// Number of screen lines at a width.
-    pub fn total(&self, width: u16) -> usize {
+    pub fn line_count(&self, width: u16) -> usize {
         self.lines.iter().map(|line| row_count(line, width)).sum()
     }
 
     /// Scroll position that shows the end.
     pub fn last_scroll(&self, area: Rect) -> usize {
-        self.inside(area).1.saturating_sub(usize::from(area.height))
+        self.inside_area(area).1.saturating_sub(usize::from(area.height))
     }
 
     /// Draws the text.
@@ -52,7 +52,7 @@ impl<'a> TextLines<'a> {
         if area.is_empty() {
             return;
         }
-        let (inside, total) = self.inside(area);
+        let (inside, total) = self.inside_area(area);
         let scroll = self.scroll.min(total.saturating_sub(usize::from(area.height)));
         let (mut skipped, mut y) = (0, inside.y);
         for line in self.lines {
@@ -70,24 +70,24 @@ impl<'a> TextLines<'a> {
                     break;
                 }
                 let indent = if at == 0 { 0 } else { line.indent };
-                line.draw(row.clone(), inside.x + indent, y, inside.right(), buf);
+                line.draw_row(row.clone(), inside.x + indent, y, inside.right(), buf);
                 y += 1;
             }
             skipped = scroll;
         }
         if inside.width < area.width {
-            draw::scrollbar(buf, area, scroll, total, self.theme);
+            draw::draw_scrollbar(buf, area, scroll, total, self.theme);
         }
     }
 
     /// The area without the scroll bar, which is drawn only if the text does not fit, and the number of screen lines.
-    fn inside(&self, area: Rect) -> (Rect, usize) {
-        let total = self.total(area.width);
+    fn inside_area(&self, area: Rect) -> (Rect, usize) {
+        let total = self.line_count(area.width);
         if area.width <= 2 || total <= usize::from(area.height) {
             return (area, total);
         }
         let inside = Rect { width: area.width - 1, ..area };
-        (inside, self.total(inside.width))
+        (inside, self.line_count(inside.width))
     }
 }
 
@@ -102,7 +102,7 @@ fn row_count(line: &Line<'_>, width: u16) -> usize {
         return 1;
     }
     let blanks: Vec<bool> = characters().map(|character| character == ' ').collect();
-    rows(&blanks, width, |is_blank| (*is_blank, 1)).0.len()
+    wrap_rows(&blanks, width, |is_blank| (*is_blank, 1)).0.len()
 }
 
 /// Whether a character is a grapheme of one column, whatever follows that is one too: Latin letters, punctuation, arrows.
@@ -121,22 +121,27 @@ struct WrappedLine<'a> {
 impl<'a> WrappedLine<'a> {
     fn new(line: &'a Line<'_>, width: u16) -> Self {
         let graphemes: Vec<_> = line.styled_graphemes(Style::new()).collect();
-        let (rows, indent) =
-            rows(&graphemes, width, |grapheme| (grapheme.symbol == " ", draw::width(grapheme.symbol)));
+        let (rows, indent) = wrap_rows(&graphemes, width, |grapheme| {
+            (grapheme.symbol == " ", draw::text_width(grapheme.symbol))
+        });
         Self { graphemes, rows, indent }
     }
 
-    fn draw(&self, row: Range<usize>, mut x: u16, y: u16, right: u16, buf: &mut Buffer) {
+    fn draw_row(&self, row: Range<usize>, mut x: u16, y: u16, right: u16, buf: &mut Buffer) {
         for grapheme in self.graphemes.get(row).unwrap_or_default() {
-            x = draw::put(buf, x, y, right.saturating_sub(x), grapheme.symbol, grapheme.style);
+            x = draw::put_text(buf, x, y, right.saturating_sub(x), grapheme.symbol, grapheme.style);
         }
     }
 }
 
 /// Rows of graphemes, and the indent of all rows after the first. `measure` tells whether a grapheme is a blank, and its columns.
-fn rows<T>(graphemes: &[T], width: u16, measure: impl Fn(&T) -> (bool, u16)) -> (Vec<Range<usize>>, u16) {
+fn wrap_rows<T>(
+    graphemes: &[T],
+    width: u16,
+    measure: impl Fn(&T) -> (bool, u16),
+) -> (Vec<Range<usize>>, u16) {
     let blank = graphemes.iter().take_while(|grapheme| measure(grapheme).0).count();
-    let indent = Some(draw::cells(blank)).filter(|indent| *indent <= width / 2).unwrap_or(0);
+    let indent = Some(draw::to_cells(blank)).filter(|indent| *indent <= width / 2).unwrap_or(0);
     let mut rows = Vec::new();
     let mut start = 0;
     loop {
@@ -185,13 +190,15 @@ mod tests {
     use ratatui::style::Stylize as _;
 
     use super::*;
-    use crate::theme::Borders;
-    use crate::widgets::draw::tests::{in_every_small_size, plain, shown};
+    use crate::theme::LineCharacters;
+    use crate::widgets::draw::tests::{buffer_lines, in_every_small_size, plain_theme};
 
     fn drawn(lines: &[Line<'_>], width: u16, height: u16, scroll: usize) -> Vec<String> {
         let mut buf = Buffer::empty(Rect::new(0, 0, width, height));
-        TextLines::new(&plain(Borders::Unicode), lines).scroll(scroll).render(buf.area, &mut buf);
-        shown(&buf)
+        TextLines::new(&plain_theme(LineCharacters::Unicode), lines)
+            .with_scroll(scroll)
+            .render(buf.area, &mut buf);
+        buffer_lines(&buf)
     }
 
     #[test]
@@ -205,9 +212,9 @@ mod tests {
             drawn(&lines, 20, 6, 0),
             ["node-lost", "", "  no heartbeat for", "  longer than 0x1017", "  says", ""]
         );
-        let plain = plain(Borders::Unicode);
+        let plain = plain_theme(LineCharacters::Unicode);
         let text = TextLines::new(&plain, &lines);
-        assert_eq!((text.total(20), text.total(80), text.total(9)), (5, 3, 9));
+        assert_eq!((text.line_count(20), text.line_count(80), text.line_count(9)), (5, 3, 9));
     }
 
     #[test]
@@ -223,7 +230,7 @@ mod tests {
     fn styles_go_on_over_a_break() {
         let lines = [Line::from(vec!["a ".into(), "bold word".bold(), " z".into()])];
         let mut buf = Buffer::empty(Rect::new(0, 0, 7, 2));
-        TextLines::new(&plain(Borders::Unicode), &lines).render(buf.area, &mut buf);
+        TextLines::new(&plain_theme(LineCharacters::Unicode), &lines).render(buf.area, &mut buf);
         let mut expected = Buffer::with_lines([
             Line::from(vec!["a ".into(), "bold".bold(), " ".into()]),
             Line::from(vec!["word".bold(), " z ".into()]),
@@ -238,7 +245,7 @@ mod tests {
         assert_eq!(drawn(&lines, 10, 3, 0), ["line 1   █", "line 2   │", "line 3   │"]);
         assert_eq!(drawn(&lines, 10, 3, 4), ["line 5   │", "line 6   █", "line 7   │"]);
         assert_eq!(drawn(&lines, 10, 3, 99), ["line 7   │", "line 8   │", "line 9   █"]);
-        let theme = plain(Borders::Unicode);
+        let theme = plain_theme(LineCharacters::Unicode);
         assert_eq!(TextLines::new(&theme, &lines).last_scroll(Rect::new(0, 0, 10, 3)), 6);
         assert_eq!(TextLines::new(&theme, &lines).last_scroll(Rect::new(0, 0, 10, 9)), 0);
         assert_eq!(drawn(&[], 10, 2, 5), ["", ""]);
@@ -247,7 +254,7 @@ mod tests {
     #[test]
     fn characters_of_one_column_are_counted_as_graphemes_are() {
         for character in ('\0'..='\u{FFFF}').filter(|character| has_one_column(*character)) {
-            assert_eq!(draw::width(&character.to_string()), 1, "{character:?}");
+            assert_eq!(draw::text_width(&character.to_string()), 1, "{character:?}");
         }
         let texts = [
             "  +2 ms  ACTIVE → FAULT HOLD × 3 although…",
@@ -272,9 +279,11 @@ mod tests {
     #[test]
     fn every_small_size() {
         let lines = [Line::from("   日本語 a long_long_long_word   "), Line::default(), Line::from("      ")];
-        let theme = plain(Borders::Ascii);
+        let theme = plain_theme(LineCharacters::Ascii);
         for scroll in [0, 3, 99] {
-            in_every_small_size(|area, buf| TextLines::new(&theme, &lines).scroll(scroll).render(area, buf));
+            in_every_small_size(|area, buf| {
+                TextLines::new(&theme, &lines).with_scroll(scroll).render(area, buf)
+            });
         }
     }
 }

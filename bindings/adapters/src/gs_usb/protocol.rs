@@ -3,7 +3,7 @@
 //! Source: Linux, drivers/net/can/usb/gs_usb.c; candleLight_fw, include/gs_usb.h. Identifiers and error frames have the
 //! layout of linux/can.h and linux/can/error.h.
 
-use crate::{Confinement, Counters, ErrorFrame, Reading, ReceivedFrame};
+use crate::{AdapterErrorFrame, ErrorCounters, FaultConfinement, ReceivedFrame, ReceivedItem};
 
 /// Features and modes (`GS_CAN_FEATURE_…`, `GS_CAN_MODE_…`), the same bits in both.
 const LISTEN_ONLY: u32 = 1 << 0;
@@ -46,13 +46,13 @@ const STAMPED_FRAME: usize = 24;
 
 /// A command to the adapter. None of them transmits a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Command {
+pub(super) enum AdapterCommand {
     /// States the byte order of this protocol.
     ByteOrder,
     /// Takes the channel off the bus.
     Reset,
     /// Sets the bit timing of the channel.
-    Timing(Timing),
+    Timing(BitTiming),
     /// Joins the bus in listen-only mode.
     Listen {
         /// Frames have timestamps of the adapter.
@@ -64,7 +64,7 @@ pub(super) enum Command {
 
 /// A question to the adapter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Question {
+pub(super) enum AdapterQuestion {
     /// Number of channels and versions.
     Device,
     /// Features of the channel, and limits of its bit timing.
@@ -73,7 +73,7 @@ pub(super) enum Question {
     State,
 }
 
-impl Command {
+impl AdapterCommand {
     /// Number of the request (`GS_USB_BREQ_…`).
     pub(super) const fn request(self) -> u8 {
         match self {
@@ -106,7 +106,7 @@ impl Command {
     }
 }
 
-impl Question {
+impl AdapterQuestion {
     /// Number of the request (`GS_USB_BREQ_…`).
     pub(super) const fn request(self) -> u8 {
         match self {
@@ -132,7 +132,7 @@ impl Question {
 
 /// A bit timing in time quanta, `gs_device_bittiming`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Timing {
+pub(super) struct BitTiming {
     /// Propagation segment.
     pub(super) propagation: u32,
     /// Phase segment 1.
@@ -147,7 +147,7 @@ pub(super) struct Timing {
 
 /// Features of a channel, and limits of its bit timing, `gs_device_bt_const`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Constants {
+pub(super) struct ChannelConstants {
     features: u32,
     /// Clock of the CAN controller in Hz.
     pub(super) clock: u32,
@@ -163,10 +163,10 @@ pub(super) struct Constants {
     pub(super) prescaler_step: u32,
 }
 
-impl Constants {
+impl ChannelConstants {
     /// The constants in an answer; `None` if it is too short.
     pub(super) fn parse(answer: &[u8]) -> Option<Self> {
-        let word = |index: usize| word(answer, index);
+        let word = |index: usize| read_word(answer, index);
         Some(Self {
             features: word(0)?,
             clock: word(1)?,
@@ -205,12 +205,12 @@ pub(super) fn channel_count(answer: &[u8]) -> Option<u16> {
 }
 
 /// Error counters of the controller, in `gs_device_state`; `None` if the answer is too short.
-pub(super) fn counters(answer: &[u8]) -> Option<Counters> {
-    let counter = |index| Some(u8::try_from(word(answer, index)?).unwrap_or(u8::MAX));
-    Some(Counters { receive: counter(1)?, transmit: counter(2)? })
+pub(super) fn parse_counters(answer: &[u8]) -> Option<ErrorCounters> {
+    let counter = |index| Some(u8::try_from(read_word(answer, index)?).unwrap_or(u8::MAX));
+    Some(ErrorCounters { receive: counter(1)?, transmit: counter(2)? })
 }
 
-fn word(bytes: &[u8], index: usize) -> Option<u32> {
+fn read_word(bytes: &[u8], index: usize) -> Option<u32> {
     let (words, _) = bytes.as_chunks::<4>();
     words.get(index).map(|word| u32::from_le_bytes(*word))
 }
@@ -221,13 +221,13 @@ pub(super) fn read_transfer(
     channel: u8,
     has_stamps: bool,
     arrival: u32,
-    readings: &mut Vec<Reading>,
+    readings: &mut Vec<ReceivedItem>,
 ) {
     let expected = if has_stamps { STAMPED_FRAME } else { FRAME };
     if bytes.is_empty() {
         return;
     }
-    let header = (word(bytes, 0), word(bytes, 1), bytes.get(8..12), bytes.get(12..FRAME));
+    let header = (read_word(bytes, 0), read_word(bytes, 1), bytes.get(8..12), bytes.get(12..FRAME));
     let (Some(number), Some(id), Some(&[length, of, flags, _]), Some(data)) = header else {
         return readings.push(too_short(bytes.len(), expected));
     };
@@ -235,55 +235,56 @@ pub(super) fn read_transfer(
         return;
     }
     if number != RECEIVED {
-        readings.push(Reading::Invalid(format!(
+        readings.push(ReceivedItem::Invalid(format!(
             "echo {number} of a transmitted frame from the adapter; expected only received frames"
         )));
         return;
     }
     if flags & FD != 0 {
-        readings.push(Reading::Invalid("CAN FD frame from the adapter; expected a classic frame".into()));
+        readings
+            .push(ReceivedItem::Invalid("CAN FD frame from the adapter; expected a classic frame".into()));
     } else {
-        let stamp = if has_stamps { word(bytes, 5) } else { Some(arrival) };
+        let stamp = if has_stamps { read_word(bytes, 5) } else { Some(arrival) };
         let Some(stamp) = stamp else { return readings.push(too_short(bytes.len(), expected)) };
         let mut content = [0; 8];
         content.iter_mut().zip(data).for_each(|(to, from)| *to = *from);
-        readings.push(frame(id, length, content, stamp));
+        readings.push(parse_frame(id, length, content, stamp));
     }
     if flags & OVERFLOW != 0 {
-        readings.push(Reading::Lost);
+        readings.push(ReceivedItem::Lost);
     }
 }
 
-fn too_short(length: usize, expected: usize) -> Reading {
-    Reading::Invalid(format!("transfer of {length} bytes from the adapter; expected {expected}"))
+fn too_short(length: usize, expected: usize) -> ReceivedItem {
+    ReceivedItem::Invalid(format!("transfer of {length} bytes from the adapter; expected {expected}"))
 }
 
-fn frame(id: u32, length: u8, data: [u8; 8], stamp: u32) -> Reading {
+fn parse_frame(id: u32, length: u8, data: [u8; 8], stamp: u32) -> ReceivedItem {
     if id & ERROR != 0 {
-        let confinement = confinement(id, data);
-        return Reading::ErrorFrame(ErrorFrame { class: id & ID, data, confinement, stamp });
+        let confinement = reported_confinement(id, data);
+        return ReceivedItem::ErrorFrame(AdapterErrorFrame { class: id & ID, data, confinement, stamp });
     }
     // ISO 11898-1: a classic frame with a DLC of 9 to 15 has 8 bytes.
     let length = if length <= 15 { length.min(8) } else { length };
     let (is_extended, is_remote) = (id & EXTENDED != 0, id & REMOTE != 0);
-    ReceivedFrame { id: id & ID, is_extended, is_remote, length, data, stamp }.checked()
+    ReceivedFrame { id: id & ID, is_extended, is_remote, length, data, stamp }.check_frame()
 }
 
 /// The state that an error frame reports.
-fn confinement(id: u32, data: [u8; 8]) -> Option<Confinement> {
+fn reported_confinement(id: u32, data: [u8; 8]) -> Option<FaultConfinement> {
     let [_, cause, ..] = data;
     if id & BUS_OFF != 0 {
-        Some(Confinement::BusOff)
+        Some(FaultConfinement::BusOff)
     } else if id & RESTARTED != 0 {
-        Some(Confinement::Active)
+        Some(FaultConfinement::Active)
     } else if id & CONTROLLER == 0 {
         None
     } else if cause & PASSIVE != 0 {
-        Some(Confinement::Passive)
+        Some(FaultConfinement::Passive)
     } else if cause & WARNING != 0 {
-        Some(Confinement::Warning)
+        Some(FaultConfinement::Warning)
     } else if cause & ACTIVE != 0 {
-        Some(Confinement::Active)
+        Some(FaultConfinement::Active)
     } else {
         None
     }
@@ -293,7 +294,7 @@ fn confinement(id: u32, data: [u8; 8]) -> Option<Confinement> {
 mod tests {
     use super::*;
 
-    fn readings(bytes: &[u8], has_stamps: bool) -> Vec<Reading> {
+    fn readings(bytes: &[u8], has_stamps: bool) -> Vec<ReceivedItem> {
         let mut readings = Vec::new();
         read_transfer(bytes, 0, has_stamps, 77, &mut readings);
         readings
@@ -321,22 +322,22 @@ mod tests {
             data: [0x11, 0x22, 0, 0, 0, 0, 0, 0],
             stamp: 10_000,
         };
-        assert_eq!(readings(&FRAME_181, true), [Reading::Frame(expected)]);
+        assert_eq!(readings(&FRAME_181, true), [ReceivedItem::Frame(expected)]);
         // Without timestamps the time of arrival is used; adapters with FD send longer transfers.
-        let arrived = Reading::Frame(ReceivedFrame { stamp: 77, ..expected });
+        let arrived = ReceivedItem::Frame(ReceivedFrame { stamp: 77, ..expected });
         assert_eq!(readings(&FRAME_181[..20], false), std::slice::from_ref(&arrived));
         assert_eq!(readings(&[&FRAME_181[..], &[0; 52]].concat(), false), [arrived]);
         let extended = ReceivedFrame { id: 0x18FE_F100, is_extended: true, ..expected };
         let bytes = with(&[(4, 0x00), (5, 0xF1), (6, 0xFE), (7, 0x98)]);
-        assert_eq!(readings(&bytes, true), [Reading::Frame(extended)]);
+        assert_eq!(readings(&bytes, true), [ReceivedItem::Frame(extended)]);
         let remote = ReceivedFrame { is_remote: true, length: 8, ..expected };
-        assert_eq!(readings(&with(&[(7, 0x40), (8, 12)]), true), [Reading::Frame(remote)]);
+        assert_eq!(readings(&with(&[(7, 0x40), (8, 12)]), true), [ReceivedItem::Frame(remote)]);
     }
 
     #[test]
     fn an_overflow_follows_its_frame() {
         let found = readings(&with(&[(10, OVERFLOW)]), true);
-        assert!(matches!(found[..], [Reading::Frame(_), Reading::Lost]), "{found:?}");
+        assert!(matches!(found[..], [ReceivedItem::Frame(_), ReceivedItem::Lost]), "{found:?}");
     }
 
     /// linux/can/error.h: controller problem 004 with RX error passive 10; bus off 040.
@@ -346,23 +347,23 @@ mod tests {
             let [low, high, ..] = class.to_le_bytes();
             let found =
                 readings(&with(&[(4, low), (5, high), (7, 0x20), (8, 8), (12, 0), (13, cause)]), true);
-            let [Reading::ErrorFrame(frame)] = found[..] else { panic!("{found:?}") };
+            let [ReceivedItem::ErrorFrame(frame)] = found[..] else { panic!("{found:?}") };
             assert_eq!((frame.class, frame.data[1], frame.stamp), (class, cause, 10_000));
             frame.confinement
         };
-        assert_eq!(error(0x004, 0x10), Some(Confinement::Passive));
-        assert_eq!(error(0x004, 0x04), Some(Confinement::Warning));
-        assert_eq!(error(0x004, 0x40), Some(Confinement::Active));
+        assert_eq!(error(0x004, 0x10), Some(FaultConfinement::Passive));
+        assert_eq!(error(0x004, 0x04), Some(FaultConfinement::Warning));
+        assert_eq!(error(0x004, 0x40), Some(FaultConfinement::Active));
         assert_eq!(error(0x004, 0x01), None, "an overflow is no state");
-        assert_eq!(error(0x040, 0), Some(Confinement::BusOff));
-        assert_eq!(error(0x100, 0), Some(Confinement::Active));
+        assert_eq!(error(0x040, 0), Some(FaultConfinement::BusOff));
+        assert_eq!(error(0x100, 0), Some(FaultConfinement::Active));
         assert_eq!(error(0x088, 0x04), None, "byte 1 belongs to controller problems");
     }
 
     #[test]
     fn what_cannot_be_valid_is_stated() {
         let invalid = |bytes: &[u8], text: &str| {
-            assert_eq!(readings(bytes, true), [Reading::Invalid(text.into())]);
+            assert_eq!(readings(bytes, true), [ReceivedItem::Invalid(text.into())]);
         };
         invalid(&FRAME_181[..20], "transfer of 20 bytes from the adapter; expected 24");
         invalid(&FRAME_181[..3], "transfer of 3 bytes from the adapter; expected 24");
@@ -380,14 +381,15 @@ mod tests {
     /// gs_usb.c: struct gs_device_mode, bits of `flags`; struct gs_device_bittiming.
     #[test]
     fn commands_have_their_bytes() {
-        assert_eq!(Command::ByteOrder.data(), [0xEF, 0xBE, 0, 0]);
-        assert_eq!(Command::Reset.data(), [0; 8]);
-        let listen = |has_stamps, has_bus_errors| Command::Listen { has_stamps, has_bus_errors }.data();
+        assert_eq!(AdapterCommand::ByteOrder.data(), [0xEF, 0xBE, 0, 0]);
+        assert_eq!(AdapterCommand::Reset.data(), [0; 8]);
+        let listen =
+            |has_stamps, has_bus_errors| AdapterCommand::Listen { has_stamps, has_bus_errors }.data();
         assert_eq!(listen(false, false), [1, 0, 0, 0, 1, 0, 0, 0]);
         assert_eq!(listen(true, true), [1, 0, 0, 0, 0x11, 0x10, 0, 0]);
-        let timing = Timing { propagation: 1, phase_1: 2, phase_2: 3, jump_width: 4, prescaler: 0x105 };
+        let timing = BitTiming { propagation: 1, phase_1: 2, phase_2: 3, jump_width: 4, prescaler: 0x105 };
         assert_eq!(
-            Command::Timing(timing).data(),
+            AdapterCommand::Timing(timing).data(),
             [1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, 4, 0, 0, 0, 5, 1, 0, 0]
         );
     }
@@ -398,11 +400,11 @@ mod tests {
         assert_eq!(channel_count(&[0, 0, 0]), None);
         let state = |receive: u16| {
             let [low, high] = receive.to_le_bytes();
-            counters(&[2, 0, 0, 0, low, high, 0, 0, 7, 0, 0, 0])
+            parse_counters(&[2, 0, 0, 0, low, high, 0, 0, 7, 0, 0, 0])
         };
-        assert_eq!(state(130), Some(Counters { receive: 130, transmit: 7 }));
-        assert_eq!(state(256), Some(Counters { receive: 255, transmit: 7 }));
-        assert_eq!(counters(&[0; 11]), None);
-        assert_eq!(Constants::parse(&[0; 39]), None);
+        assert_eq!(state(130), Some(ErrorCounters { receive: 130, transmit: 7 }));
+        assert_eq!(state(256), Some(ErrorCounters { receive: 255, transmit: 7 }));
+        assert_eq!(parse_counters(&[0; 11]), None);
+        assert_eq!(ChannelConstants::parse(&[0; 39]), None);
     }
 }

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 
 use super::*;
-use crate::{ErrorFrame, ReceivedFrame};
+use crate::{AdapterErrorFrame, ReceivedFrame};
 
 /// An adapter with `channels` channels that plays transfers and records commands.
 #[derive(Clone)]
@@ -13,7 +13,7 @@ struct Played {
     channels: u8,
     state: [u32; 3],
     transfers: Arc<Mutex<VecDeque<Vec<u8>>>>,
-    commands: Arc<Mutex<Vec<Command>>>,
+    commands: Arc<Mutex<Vec<AdapterCommand>>>,
 }
 
 /// Listen-only mode, timestamps, bus errors and the state; 48 MHz.
@@ -31,16 +31,17 @@ impl Played {
     }
 
     fn start(&self, name: &str, channel: u8, bit_rate: u32) -> Result<GsUsbListener, OpenError> {
-        GsUsbListener::start(Box::new(self.clone()), name, channel, bit_rate)
+        GsUsbListener::start_channel(Box::new(self.clone()), name, channel, bit_rate)
     }
 
     /// Once it is on the bus: the host notices it only after the transfers that precede.
     fn is_unplugged(&self) -> bool {
-        let is_on_bus = self.commands().iter().any(|command| matches!(command, Command::Listen { .. }));
+        let is_on_bus =
+            self.commands().iter().any(|command| matches!(command, AdapterCommand::Listen { .. }));
         is_on_bus && self.transfers.lock().unwrap().iter().any(|bytes| bytes == b"unplugged")
     }
 
-    fn commands(&self) -> Vec<Command> {
+    fn commands(&self) -> Vec<AdapterCommand> {
         self.commands.lock().unwrap().clone()
     }
 }
@@ -49,24 +50,24 @@ fn bytes(words: &[u32]) -> Vec<u8> {
     words.iter().flat_map(|word| word.to_le_bytes()).collect()
 }
 
-impl Transport for Played {
-    fn ask(&mut self, question: Question) -> Result<Vec<u8>, Disconnected> {
+impl AdapterTransport for Played {
+    fn ask_question(&mut self, question: AdapterQuestion) -> Result<Vec<u8>, Disconnected> {
         if self.is_unplugged() {
             return Err(Disconnected("no answer".into()));
         }
         Ok(match question {
-            Question::Device => vec![0, 0, 0, self.channels - 1, 2, 0, 0, 0, 1, 0, 0, 0],
-            Question::Constants => bytes(&self.constants),
-            Question::State => bytes(&self.state),
+            AdapterQuestion::Device => vec![0, 0, 0, self.channels - 1, 2, 0, 0, 0, 1, 0, 0, 0],
+            AdapterQuestion::Constants => bytes(&self.constants),
+            AdapterQuestion::State => bytes(&self.state),
         })
     }
 
-    fn order(&mut self, command: Command) -> Result<(), Disconnected> {
+    fn send_command(&mut self, command: AdapterCommand) -> Result<(), Disconnected> {
         self.commands.lock().unwrap().push(command);
         Ok(())
     }
 
-    fn transfer(&mut self, _wait: Duration, take: &mut dyn FnMut(&[u8])) -> Result<bool, Disconnected> {
+    fn read_transfer(&mut self, _wait: Duration, take: &mut dyn FnMut(&[u8])) -> Result<bool, Disconnected> {
         match self.transfers.lock().unwrap().pop_front() {
             Some(bytes) if bytes == b"unplugged" => Err(Disconnected("device disconnected".into())),
             Some(bytes) => {
@@ -91,15 +92,21 @@ fn listen_only_is_set_with_the_request_that_joins_the_bus() {
     let adapter = Played::new(ALL_FEATURES, &[]);
     drop(adapter.start("", 0, 500_000).unwrap());
     let commands = adapter.commands();
-    let [Command::ByteOrder, Command::Reset, Command::Timing(_), listen, Command::Reset] = commands[..]
+    let [
+        AdapterCommand::ByteOrder,
+        AdapterCommand::Reset,
+        AdapterCommand::Timing(_),
+        listen,
+        AdapterCommand::Reset,
+    ] = commands[..]
     else {
         panic!("{commands:?}")
     };
-    assert_eq!(listen, Command::Listen { has_stamps: true, has_bus_errors: true });
+    assert_eq!(listen, AdapterCommand::Listen { has_stamps: true, has_bus_errors: true });
     // Features that an adapter lacks are not requested.
     let adapter = Played::new(1, &[]);
     let listener = adapter.start("", 0, 500_000).unwrap();
-    assert_eq!(adapter.commands()[3], Command::Listen { has_stamps: false, has_bus_errors: false });
+    assert_eq!(adapter.commands()[3], AdapterCommand::Listen { has_stamps: false, has_bus_errors: false });
     assert!(!listener.has_stamps());
 }
 
@@ -112,7 +119,7 @@ fn an_adapter_without_listen_only_mode_never_joins_the_bus() {
         "adapter 0042 has no listen-only mode; other modes are not used because they acknowledge frames; update its \
          firmware, or use another adapter"
     );
-    assert_eq!(adapter.commands(), [Command::ByteOrder]);
+    assert_eq!(adapter.commands(), [AdapterCommand::ByteOrder]);
 }
 
 #[test]
@@ -122,7 +129,7 @@ fn other_refusals() {
         |name: &str, channel, bit_rate| adapter.start(name, channel, bit_rate).err().unwrap().to_string();
     assert_eq!(error("", 0, 470_000), "470000 bit/s not available: the clock of the adapter has 48000000 Hz");
     assert_eq!(error("0042/1", 1, 500_000), "adapter 0042/1 not found; gs_usb adapters: 0042/0");
-    assert_eq!(adapter.commands(), [Command::ByteOrder; 2]);
+    assert_eq!(adapter.commands(), [AdapterCommand::ByteOrder; 2]);
 }
 
 #[test]
@@ -142,17 +149,25 @@ fn frames_states_and_losses_arrive_in_order() {
         data: [0x11, 0x22, 0, 0, 0, 0, 0, 0],
         stamp: 10_000,
     };
-    let error = ErrorFrame {
+    let error = AdapterErrorFrame {
         class: 0x204,
         data: [0, 0x10, 0, 0, 0, 0, 0, 130],
-        confinement: Some(Confinement::Passive),
+        confinement: Some(FaultConfinement::Passive),
         stamp: 10_016,
     };
     assert_eq!(
         readings,
-        [Reading::Frame(frame), Reading::ErrorFrame(error), Reading::Frame(frame), Reading::Lost]
+        [
+            ReceivedItem::Frame(frame),
+            ReceivedItem::ErrorFrame(error),
+            ReceivedItem::Frame(frame),
+            ReceivedItem::Lost
+        ]
     );
-    assert_eq!(listener.status(), Ok(ControllerStatus { confinement: Confinement::Passive, counters: None }));
+    assert_eq!(
+        listener.status(),
+        Ok(ControllerStatus { confinement: FaultConfinement::Passive, counters: None })
+    );
 }
 
 /// The adapter states error passive before its error frame has been read.
@@ -161,11 +176,11 @@ fn the_state_changes_with_its_error_frame() {
     let mut adapter = Played::new(ALL_FEATURES, &[&PASSIVE]);
     adapter.state = [2, 130, 0];
     let mut listener = adapter.start("", 0, 500_000).unwrap();
-    let counters = Some(crate::Counters { receive: 130, transmit: 0 });
+    let counters = Some(crate::ErrorCounters { receive: 130, transmit: 0 });
     let status = |confinement| Ok(ControllerStatus { confinement, counters });
-    assert_eq!(listener.status(), status(Confinement::Active));
+    assert_eq!(listener.status(), status(FaultConfinement::Active));
     listener.read(&mut Vec::new(), Duration::ZERO).unwrap();
-    assert_eq!(listener.status(), status(Confinement::Passive));
+    assert_eq!(listener.status(), status(FaultConfinement::Passive));
 }
 
 /// The timestamps restart at 0 in between.
@@ -189,7 +204,7 @@ fn each_of_100_000_frames_is_read_in_order() {
         assert!(readings.len() > before);
     }
     for (number, reading) in (0_u32..).zip(&readings) {
-        let Reading::Frame(frame) = reading else { panic!("{reading:?}") };
+        let ReceivedItem::Frame(frame) = reading else { panic!("{reading:?}") };
         assert_eq!(frame.data[..4], number.to_le_bytes());
         assert_eq!(frame.stamp, START.wrapping_add(100 * number));
     }
@@ -200,7 +215,7 @@ fn each_of_100_000_frames_is_read_in_order() {
 fn frames_that_arrived_before_it_was_unplugged_are_read() {
     let adapter = Played::new(ALL_FEATURES, &[&FRAME, b"unplugged"]);
     let mut listener = adapter.start("", 0, 500_000).unwrap();
-    assert_eq!(listener.status().map(|status| status.confinement), Ok(Confinement::Active));
+    assert_eq!(listener.status().map(|status| status.confinement), Ok(FaultConfinement::Active));
     let mut readings = Vec::new();
     listener.read(&mut readings, Duration::ZERO).unwrap_err();
     assert_eq!(readings.len(), 1);
@@ -220,7 +235,7 @@ fn a_read_ends_after_its_maximum() {
 
 #[test]
 fn each_channel_of_an_adapter_is_listed() {
-    let device = Device { name: "0042".into(), product: "CANable 2".into() };
+    let device = UsbAdapter { name: "0042".into(), product: "CANable 2".into() };
     let listed = |channels, features| {
         let mut adapter = Played::new(features, &[]);
         adapter.channels = channels;
@@ -242,11 +257,11 @@ fn each_channel_of_an_adapter_is_listed() {
 #[test]
 fn an_adapter_is_chosen_by_its_serial_number() {
     let names = ["0042", "0043"];
-    assert_eq!(choose(&names, "0043"), Ok((1, 0)));
-    assert_eq!(choose(&names, "0042/1"), Ok((0, 1)));
-    assert_eq!(choose(&names[..1], ""), Ok((0, 0)));
-    assert_eq!(choose(&names[..1], "/1"), Ok((0, 1)));
-    let error = |names: &[&str], channel: &str| choose(names, channel).unwrap_err().to_string();
+    assert_eq!(choose_adapter(&names, "0043"), Ok((1, 0)));
+    assert_eq!(choose_adapter(&names, "0042/1"), Ok((0, 1)));
+    assert_eq!(choose_adapter(&names[..1], ""), Ok((0, 0)));
+    assert_eq!(choose_adapter(&names[..1], "/1"), Ok((0, 1)));
+    let error = |names: &[&str], channel: &str| choose_adapter(names, channel).unwrap_err().to_string();
     assert_eq!(error(&names, ""), "several gs_usb adapters found; name one: 0042, 0043");
     assert_eq!(error(&names, "0044"), "adapter 0044 not found; gs_usb adapters: 0042, 0043");
     assert_eq!(error(&names, "0042/256"), "adapter 0042/256 not found; gs_usb adapters: 0042, 0043");

@@ -1,6 +1,6 @@
 //! The bit timing for a bit rate, from the clock and the limits of a CAN controller.
 
-use super::protocol::{Constants, Timing};
+use super::protocol::{BitTiming, ChannelConstants};
 
 /// Sample point in thousandths of the bit time. CiA 301 recommends 87.5 %; above 500 kbit/s Linux uses 80 %, above
 /// 800 kbit/s 75 % (drivers/net/can/dev/calc_bittiming.c).
@@ -14,7 +14,7 @@ const fn sample_point(bit_rate: u32) -> u64 {
 
 /// The timing that gives exactly `bit_rate` (bit/s), with the sample point nearest to the recommended one; of several, the
 /// one with most time quanta. `None` if the clock does not give this rate.
-pub(super) fn timing(constants: &Constants, bit_rate: u32) -> Option<Timing> {
+pub(super) fn find_timing(constants: &ChannelConstants, bit_rate: u32) -> Option<BitTiming> {
     let (first, last) = constants.prescaler;
     let step = usize::try_from(constants.prescaler_step).ok().filter(|step| *step > 0)?;
     let target = sample_point(bit_rate);
@@ -26,14 +26,14 @@ pub(super) fn timing(constants: &Constants, bit_rate: u32) -> Option<Timing> {
         (clock.checked_rem(per_quantum)? == 0).then_some((prescaler, clock.checked_div(per_quantum)?))
     });
     let segments = exact.filter_map(|(prescaler, quanta)| {
-        let (segment_1, segment_2) = segments(constants, quanta, target)?;
+        let (segment_1, segment_2) = split_segments(constants, quanta, target)?;
         let sample = (1 + u64::from(segment_1)).saturating_mul(1_000).checked_div(quanta)?;
         Some((sample.abs_diff(target), prescaler, segment_1, segment_2))
     });
     let (_, prescaler, segment_1, segment_2) =
         segments.min_by_key(|(error, prescaler, ..)| (*error, *prescaler))?;
     let propagation = segment_1 / 2;
-    Some(Timing {
+    Some(BitTiming {
         propagation,
         phase_1: segment_1.saturating_sub(propagation),
         phase_2: segment_2,
@@ -44,7 +44,7 @@ pub(super) fn timing(constants: &Constants, bit_rate: u32) -> Option<Timing> {
 
 /// Segments 1 and 2 of a bit of `quanta` within their limits: one quantum for synchronization, then both segments, between
 /// them the sample point.
-fn segments(constants: &Constants, quanta: u64, target: u64) -> Option<(u32, u32)> {
+fn split_segments(constants: &ChannelConstants, quanta: u64, target: u64) -> Option<(u32, u32)> {
     let both = u32::try_from(quanta.checked_sub(1)?).ok()?;
     let (min_1, max_1) = constants.segment_1;
     let (min_2, max_2) = constants.segment_2;
@@ -63,22 +63,22 @@ mod tests {
     use super::*;
 
     /// candleLight_fw on an STM32F072: 48 MHz, segments 1 to 16 and 1 to 8, prescaler 1 to 1024.
-    fn stm32f0() -> Constants {
+    fn stm32f0() -> ChannelConstants {
         constants([1, 48_000_000, 1, 16, 1, 8, 4, 1, 1_024, 1])
     }
 
-    fn constants(words: [u32; 10]) -> Constants {
+    fn constants(words: [u32; 10]) -> ChannelConstants {
         let bytes: Vec<u8> = words.into_iter().flat_map(u32::to_le_bytes).collect();
-        Constants::parse(&bytes).unwrap()
+        ChannelConstants::parse(&bytes).unwrap()
     }
 
     /// 48 MHz ÷ 6 = 8 MHz, 16 quanta: sample point (1 + 13) ÷ 16 = 87.5 %; 48 MHz ÷ 3 ÷ 16 = 1 MHz, (1 + 11) ÷ 16 = 75 %.
     #[test]
     fn timings_worked_out_by_hand() {
-        let expected = Timing { propagation: 6, phase_1: 7, phase_2: 2, jump_width: 1, prescaler: 6 };
-        assert_eq!(timing(&stm32f0(), 500_000), Some(expected));
-        let expected = Timing { propagation: 5, phase_1: 6, phase_2: 4, jump_width: 2, prescaler: 3 };
-        assert_eq!(timing(&stm32f0(), 1_000_000), Some(expected));
+        let expected = BitTiming { propagation: 6, phase_1: 7, phase_2: 2, jump_width: 1, prescaler: 6 };
+        assert_eq!(find_timing(&stm32f0(), 500_000), Some(expected));
+        let expected = BitTiming { propagation: 5, phase_1: 6, phase_2: 4, jump_width: 2, prescaler: 3 };
+        assert_eq!(find_timing(&stm32f0(), 1_000_000), Some(expected));
     }
 
     #[test]
@@ -86,7 +86,7 @@ mod tests {
         let stm32g4 = constants([1, 170_000_000, 1, 256, 1, 128, 128, 1, 512, 1]);
         for constants in [stm32f0(), stm32g4] {
             for bit_rate in [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 1_000_000] {
-                let found = timing(&constants, bit_rate);
+                let found = find_timing(&constants, bit_rate);
                 let Some(found) = found else { panic!("{bit_rate}: no timing") };
                 let segment_1 = found.propagation + found.phase_1;
                 let quanta = 1 + segment_1 + found.phase_2;
@@ -103,9 +103,9 @@ mod tests {
 
     #[test]
     fn rates_that_the_clock_does_not_give_are_refused() {
-        assert_eq!(timing(&stm32f0(), 470_000), None);
-        assert_eq!(timing(&stm32f0(), 48_000_000), None);
-        assert_eq!(timing(&stm32f0(), 0), None);
+        assert_eq!(find_timing(&stm32f0(), 470_000), None);
+        assert_eq!(find_timing(&stm32f0(), 48_000_000), None);
+        assert_eq!(find_timing(&stm32f0(), 0), None);
     }
 
     /// Limits that contradict each other, from a faulty device.
@@ -119,9 +119,9 @@ mod tests {
             [1, 48_000_000, 1, 16, 1, 8, 4, 1_024, 1, 1],
             [max; 10],
         ] {
-            assert_eq!(timing(&constants(words), 500_000), None, "{words:?}");
+            assert_eq!(find_timing(&constants(words), 500_000), None, "{words:?}");
         }
         // Limits of 0 are taken as 1.
-        assert!(timing(&constants([1, 48_000_000, 0, max, 0, max, 0, 0, max, 1]), 500_000).is_some());
+        assert!(find_timing(&constants([1, 48_000_000, 0, max, 0, max, 0, 0, max, 1]), 500_000).is_some());
     }
 }

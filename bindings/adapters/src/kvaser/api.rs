@@ -3,8 +3,8 @@
 use std::ffi::{c_char, c_int, c_long, c_uint, c_ulong, c_void};
 use std::time::Duration;
 
-use super::Timing;
-use crate::driver_text::text;
+use super::CanlibTiming;
+use crate::driver_text::clean_text;
 use crate::library::DriverLibrary;
 use crate::{OpenError, Vendor};
 
@@ -44,7 +44,7 @@ const TEXT_LENGTH: usize = 256;
 
 /// A message as CANlib returns it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Received {
+pub(super) struct CanlibMessage {
     pub(super) id: i64,
     /// Room for FD messages, although none are requested.
     pub(super) data: [u8; 64],
@@ -67,7 +67,7 @@ type ReadWait = unsafe extern "system" fn(
 ) -> c_int;
 
 /// The functions, with `__stdcall` on Windows.
-pub(super) struct Api {
+pub(super) struct CanlibFunctions {
     initialize: unsafe extern "system" fn(),
     channel_count: unsafe extern "system" fn(*mut c_int) -> c_int,
     /// Looks for adapters that were plugged in since; libraries of old drivers lack it.
@@ -89,7 +89,7 @@ pub(super) struct Api {
     _library: DriverLibrary,
 }
 
-impl Api {
+impl CanlibFunctions {
     pub(super) fn load() -> Result<Self, OpenError> {
         let library = DriverLibrary::load(Vendor::Kvaser)?;
         // SAFETY: the signatures are those of canlib.h; CanHandle and canStatus are ints. `long` has 32 bits on Windows and
@@ -130,7 +130,7 @@ impl Api {
         }
         // SAFETY: the pointer is valid for writes.
         let status = unsafe { (self.channel_count)(&raw mut count) };
-        self.checked("canGetNumberOfChannels", status)?;
+        self.check_status("canGetNumberOfChannels", status)?;
         Ok(count.clamp(0, MAX_CHANNELS))
     }
 
@@ -147,12 +147,12 @@ impl Api {
     }
 
     /// Description of the device with its channel: `Kvaser Leaf Pro HS v2, channel 1`.
-    pub(super) fn device(&self, channel: i32) -> String {
+    pub(super) fn device_text(&self, channel: i32) -> String {
         let mut buffer = [0_u8; TEXT_LENGTH];
         // SAFETY: the buffer is valid for writes and as long as stated.
         let status =
             unsafe { (self.channel_data)(channel, DESCRIPTION, buffer.as_mut_ptr().cast(), TEXT_LENGTH) };
-        let name = if status >= 0 { text(&buffer) } else { String::new() };
+        let name = if status >= 0 { clean_text(&buffer) } else { String::new() };
         let name = if name.is_empty() { "Kvaser device".to_owned() } else { name };
         match self.channel_word(channel, CHANNEL_ON_CARD) {
             Some(number) => format!("{name}, channel {}", number.saturating_add(1)),
@@ -166,25 +166,25 @@ impl Api {
         if handle == NOT_FOUND {
             return Err(OpenError::InUse { channel: channel.to_string() });
         }
-        self.checked("canOpenChannel", handle)?;
+        self.check_status("canOpenChannel", handle)?;
         Ok(handle)
     }
 
-    pub(super) fn set_timing(&self, handle: ChannelHandle, timing: Timing) -> Result<(), OpenError> {
-        let Timing { bit_rate, segment_1, segment_2, jump_width, samples } = timing;
+    pub(super) fn set_timing(&self, handle: ChannelHandle, timing: CanlibTiming) -> Result<(), OpenError> {
+        let CanlibTiming { bit_rate, segment_1, segment_2, jump_width, samples } = timing;
         let [segment_1, segment_2, jump_width, samples] =
             [segment_1, segment_2, jump_width, samples].map(c_uint::from);
         // SAFETY: no pointers.
         let status = unsafe {
             (self.set_parameters)(handle, bit_rate.into(), segment_1, segment_2, jump_width, samples, 0)
         };
-        self.checked("canSetBusParams", status)
+        self.check_status("canSetBusParams", status)
     }
 
     pub(super) fn set_silent(&self, handle: ChannelHandle) -> Result<(), OpenError> {
         // SAFETY: no pointers.
         let status = unsafe { (self.set_output)(handle, SILENT) };
-        self.checked("canSetBusOutputControl", status)
+        self.check_status("canSetBusOutputControl", status)
     }
 
     /// Whether the channel never drives the bus; false if the driver does not state it.
@@ -196,7 +196,7 @@ impl Api {
     }
 
     /// Sets the unit of the timestamps to 1 µs; returns the unit that the driver uses.
-    pub(super) fn microseconds(&self, handle: ChannelHandle) -> u32 {
+    pub(super) fn set_microseconds(&self, handle: ChannelHandle) -> u32 {
         let mut scale: u32 = 1;
         // SAFETY: the buffer is valid and as long as stated.
         let set = unsafe { (self.control)(handle, SET_TIMER_SCALE, (&raw mut scale).cast(), 4) };
@@ -213,7 +213,7 @@ impl Api {
     pub(super) fn bus_on(&self, handle: ChannelHandle) -> Result<(), OpenError> {
         // SAFETY: no pointers.
         let status = unsafe { (self.bus_on)(handle) };
-        self.checked("canBusOn", status)
+        self.check_status("canBusOn", status)
     }
 
     pub(super) fn bus_off(&self, handle: ChannelHandle) {
@@ -227,7 +227,11 @@ impl Api {
     }
 
     /// The next message, waiting at most `wait`; an error if the channel cannot be read any more.
-    pub(super) fn read(&self, handle: ChannelHandle, wait: Duration) -> Result<Option<Received>, String> {
+    pub(super) fn read(
+        &self,
+        handle: ChannelHandle,
+        wait: Duration,
+    ) -> Result<Option<CanlibMessage>, String> {
         let (mut id, mut length, mut flags, mut time): (c_long, c_uint, c_uint, c_ulong) = (0, 0, 0, 0);
         let mut data = [0_u8; 64];
         let wait = c_ulong::from(u32::try_from(wait.as_millis()).unwrap_or(u32::MAX - 1));
@@ -247,10 +251,10 @@ impl Api {
             return Ok(None);
         }
         if status < 0 {
-            return Err(self.text(status));
+            return Err(self.status_text(status));
         }
         #[allow(clippy::useless_conversion, reason = "both have 32 bits on Windows")]
-        Ok(Some(Received { id: i64::from(id), data, length, flags, time: u64::from(time) }))
+        Ok(Some(CanlibMessage { id: i64::from(id), data, length, flags, time: u64::from(time) }))
     }
 
     /// Flags of the channel (`canSTAT_…`).
@@ -259,7 +263,7 @@ impl Api {
         // SAFETY: the pointer is valid for writes.
         let status = unsafe { (self.status)(handle, &raw mut flags) };
         #[allow(clippy::useless_conversion, reason = "it has 32 bits on Windows")]
-        if status >= 0 { Ok(u64::from(flags)) } else { Err(self.text(status)) }
+        if status >= 0 { Ok(u64::from(flags)) } else { Err(self.status_text(status)) }
     }
 
     /// Transmit and receive error counter.
@@ -272,12 +276,12 @@ impl Api {
     }
 
     /// Text of a status with its code.
-    fn text(&self, status: c_int) -> String {
+    fn status_text(&self, status: c_int) -> String {
         const LENGTH: c_uint = 256;
         let mut buffer = [0_u8; TEXT_LENGTH];
         // SAFETY: the buffer is valid for writes and as long as stated.
         let result = unsafe { (self.text)(status, buffer.as_mut_ptr().cast(), LENGTH) };
-        let found = text(&buffer);
+        let found = clean_text(&buffer);
         if result >= 0 && !found.is_empty() {
             format!("{found} (CANlib status {status})")
         } else {
@@ -285,7 +289,11 @@ impl Api {
         }
     }
 
-    fn checked(&self, function: &'static str, status: c_int) -> Result<(), OpenError> {
-        if status >= 0 { Ok(()) } else { Err(OpenError::Driver { function, reason: self.text(status) }) }
+    fn check_status(&self, function: &'static str, status: c_int) -> Result<(), OpenError> {
+        if status >= 0 {
+            Ok(())
+        } else {
+            Err(OpenError::Driver { function, reason: self.status_text(status) })
+        }
     }
 }

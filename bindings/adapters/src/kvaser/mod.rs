@@ -13,30 +13,30 @@ use std::time::Duration;
 
 use crate::reading::MAX_READINGS;
 use crate::{
-    AdapterKind, Channel, ChannelState, Confinement, ControllerStatus, Counters, Disconnected, Listener,
-    OpenError, Reading,
+    AdapterChannel, AdapterKind, ChannelListener, ChannelState, ControllerStatus, Disconnected,
+    ErrorCounters, FaultConfinement, OpenError, ReceivedItem,
 };
-use api::{Api, ChannelHandle, Received};
+use api::{CanlibFunctions, CanlibMessage, ChannelHandle};
 
 /// Bit rates. CANlib has no constant for two rates of CiA 301: these sample at 87.5 and 80 % of a bit, and need a clock that
 /// is a multiple of 8 MHz. The driver refuses them for an adapter with another clock.
-const BIT_RATES: &[(u32, Timing)] = &[
-    (10_000, Timing::constant(-9)),
-    (20_000, Timing { bit_rate: 20_000, segment_1: 13, segment_2: 2, jump_width: 1, samples: 1 }),
-    (50_000, Timing::constant(-7)),
-    (62_500, Timing::constant(-6)),
-    (83_333, Timing::constant(-8)),
-    (100_000, Timing::constant(-5)),
-    (125_000, Timing::constant(-4)),
-    (250_000, Timing::constant(-3)),
-    (500_000, Timing::constant(-2)),
-    (800_000, Timing { bit_rate: 800_000, segment_1: 7, segment_2: 2, jump_width: 1, samples: 1 }),
-    (1_000_000, Timing::constant(-1)),
+const BIT_RATES: &[(u32, CanlibTiming)] = &[
+    (10_000, CanlibTiming::constant(-9)),
+    (20_000, CanlibTiming { bit_rate: 20_000, segment_1: 13, segment_2: 2, jump_width: 1, samples: 1 }),
+    (50_000, CanlibTiming::constant(-7)),
+    (62_500, CanlibTiming::constant(-6)),
+    (83_333, CanlibTiming::constant(-8)),
+    (100_000, CanlibTiming::constant(-5)),
+    (125_000, CanlibTiming::constant(-4)),
+    (250_000, CanlibTiming::constant(-3)),
+    (500_000, CanlibTiming::constant(-2)),
+    (800_000, CanlibTiming { bit_rate: 800_000, segment_1: 7, segment_2: 2, jump_width: 1, samples: 1 }),
+    (1_000_000, CanlibTiming::constant(-1)),
 ];
 
 /// Arguments of `canSetBusParams`.
 #[derive(Debug, Clone, Copy)]
-struct Timing {
+struct CanlibTiming {
     /// Bit rate in bit/s, or a constant (`canBITRATE_…`), which leaves the others to the driver.
     bit_rate: i32,
     /// Time quanta before the sample, without the first one.
@@ -49,7 +49,7 @@ struct Timing {
     samples: u8,
 }
 
-impl Timing {
+impl CanlibTiming {
     const fn constant(bit_rate: i32) -> Self {
         Self { bit_rate, segment_1: 0, segment_2: 0, jump_width: 0, samples: 0 }
     }
@@ -64,12 +64,12 @@ const BUS_OFF: u64 = 0x2;
 const ERROR_WARNING: u64 = 0x4;
 
 /// The library, loaded and initialised once and kept.
-fn library() -> Result<&'static Api, OpenError> {
-    static LIBRARY: OnceLock<Api> = OnceLock::new();
+fn load_library() -> Result<&'static CanlibFunctions, OpenError> {
+    static LIBRARY: OnceLock<CanlibFunctions> = OnceLock::new();
     if let Some(api) = LIBRARY.get() {
         return Ok(api);
     }
-    let api = Api::load()?;
+    let api = CanlibFunctions::load()?;
     Ok(LIBRARY.get_or_init(|| {
         api.initialize();
         api
@@ -80,11 +80,11 @@ fn library() -> Result<&'static Api, OpenError> {
 ///
 /// # Errors
 /// The driver is missing or fails.
-pub fn channels() -> Result<Vec<Channel>, OpenError> {
-    let api = library()?;
-    let channel = |number: i32| Channel {
+pub fn channels() -> Result<Vec<AdapterChannel>, OpenError> {
+    let api = load_library()?;
+    let channel = |number: i32| AdapterChannel {
         name: number.to_string(),
-        device: api.device(number),
+        device: api.device_text(number),
         state: match api.capabilities(number) {
             Some(capabilities) if capabilities & SILENT_MODE != 0 => ChannelState::Available,
             Some(_) => ChannelState::NotListenOnly,
@@ -96,7 +96,7 @@ pub fn channels() -> Result<Vec<Channel>, OpenError> {
 
 /// A channel in listen-only mode.
 pub struct KvaserListener {
-    api: &'static Api,
+    api: &'static CanlibFunctions,
     handle: ChannelHandle,
     /// Length of a unit of the timestamps in µs.
     scale: u32,
@@ -113,8 +113,8 @@ impl KvaserListener {
         let no_rate =
             || OpenError::BitRate { bit_rate, available: BIT_RATES.iter().map(|(rate, _)| *rate).collect() };
         let timing = BIT_RATES.iter().find(|(rate, _)| *rate == bit_rate).ok_or_else(no_rate)?.1;
-        let api = library()?;
-        let number = find(api, channel)?;
+        let api = load_library()?;
+        let number = find_channel(api, channel)?;
         if api.capabilities(number).is_none_or(|capabilities| capabilities & SILENT_MODE == 0) {
             return Err(not_listen_only(channel));
         }
@@ -126,7 +126,7 @@ impl KvaserListener {
         if api.set_silent(handle).is_err() || !api.is_silent(handle) {
             return Err(not_listen_only(channel));
         }
-        listener.scale = api.microseconds(handle);
+        listener.scale = api.set_microseconds(handle);
         api.bus_on(handle)?;
         listener.is_on_bus = true;
         if !api.is_silent(handle) {
@@ -136,11 +136,11 @@ impl KvaserListener {
     }
 
     /// Appends a message.
-    fn take(&self, received: &Received, readings: &mut Vec<Reading>) {
+    fn take_message(&self, received: &CanlibMessage, readings: &mut Vec<ReceivedItem>) {
         if message::is_overrun(received) {
-            readings.push(Reading::Lost);
+            readings.push(ReceivedItem::Lost);
         }
-        readings.extend(message::reading(received, self.scale));
+        readings.extend(message::to_item(received, self.scale));
     }
 }
 
@@ -149,7 +149,7 @@ fn not_listen_only(channel: &str) -> OpenError {
 }
 
 /// The number of an existing channel.
-fn find(api: &Api, channel: &str) -> Result<i32, OpenError> {
+fn find_channel(api: &CanlibFunctions, channel: &str) -> Result<i32, OpenError> {
     let count = api.channel_count()?;
     let is_number = channel.bytes().all(|byte| byte.is_ascii_digit());
     let number = channel.parse().ok().filter(|number| is_number && (0..count).contains(number));
@@ -161,25 +161,25 @@ fn find(api: &Api, channel: &str) -> Result<i32, OpenError> {
 }
 
 /// The most severe state among the flags of a status.
-fn confinement(flags: u64) -> Confinement {
+fn worst_confinement(flags: u64) -> FaultConfinement {
     if flags & BUS_OFF != 0 {
-        Confinement::BusOff
+        FaultConfinement::BusOff
     } else if flags & ERROR_PASSIVE != 0 {
-        Confinement::Passive
+        FaultConfinement::Passive
     } else if flags & ERROR_WARNING != 0 {
-        Confinement::Warning
+        FaultConfinement::Warning
     } else {
-        Confinement::Active
+        FaultConfinement::Active
     }
 }
 
-impl Listener for KvaserListener {
-    fn read(&mut self, readings: &mut Vec<Reading>, wait: Duration) -> Result<(), Disconnected> {
+impl ChannelListener for KvaserListener {
+    fn read(&mut self, readings: &mut Vec<ReceivedItem>, wait: Duration) -> Result<(), Disconnected> {
         // Only the first message is waited for.
         let mut wait = wait;
         for _ in 0..MAX_READINGS {
             match self.api.read(self.handle, wait) {
-                Ok(Some(received)) => self.take(&received, readings),
+                Ok(Some(received)) => self.take_message(&received, readings),
                 Ok(None) => return Ok(()),
                 Err(reason) => return Err(Disconnected(reason)),
             }
@@ -192,9 +192,9 @@ impl Listener for KvaserListener {
         let flags = self.api.status(self.handle).map_err(Disconnected)?;
         let counters = self.api.error_counters(self.handle).map(|(transmit, receive)| {
             let byte = |count: u32| u8::try_from(count).unwrap_or(u8::MAX);
-            Counters { receive: byte(receive), transmit: byte(transmit) }
+            ErrorCounters { receive: byte(receive), transmit: byte(transmit) }
         });
-        Ok(ControllerStatus { confinement: confinement(flags), counters })
+        Ok(ControllerStatus { confinement: worst_confinement(flags), counters })
     }
 }
 
@@ -213,9 +213,9 @@ mod tests {
 
     #[test]
     fn the_most_severe_state_counts() {
-        assert_eq!(confinement(0x8), Confinement::Active);
-        assert_eq!(confinement(0x28 | ERROR_WARNING), Confinement::Warning);
-        assert_eq!(confinement(ERROR_WARNING | ERROR_PASSIVE), Confinement::Passive);
-        assert_eq!(confinement(ERROR_PASSIVE | BUS_OFF), Confinement::BusOff);
+        assert_eq!(worst_confinement(0x8), FaultConfinement::Active);
+        assert_eq!(worst_confinement(0x28 | ERROR_WARNING), FaultConfinement::Warning);
+        assert_eq!(worst_confinement(ERROR_WARNING | ERROR_PASSIVE), FaultConfinement::Passive);
+        assert_eq!(worst_confinement(ERROR_PASSIVE | BUS_OFF), FaultConfinement::BusOff);
     }
 }

@@ -3,11 +3,11 @@
 use std::ffi::{c_char, c_void};
 use std::mem::size_of;
 
-use crate::driver_text::text;
+use crate::driver_text::clean_text;
 use crate::library::DriverLibrary;
 use crate::{OpenError, Vendor};
 
-use super::message::{Message, Stamp};
+use super::message::{PcanMessage, PcanTimestamp};
 
 /// Handle of a channel (`TPCANHandle`).
 pub(super) type Handle = u16;
@@ -30,7 +30,7 @@ const MAX_CHANNELS: u32 = 256;
 /// Parameters that are only read (`PCAN_…`).
 #[derive(Debug, Clone, Copy)]
 #[repr(u8)]
-pub(super) enum Parameter {
+pub(super) enum PcanParameter {
     /// `PCAN_CHANNEL_CONDITION`.
     Condition = 0x0D,
     /// `PCAN_ATTACHED_CHANNELS_COUNT`.
@@ -42,7 +42,7 @@ pub(super) enum Parameter {
 /// Parameters that may be switched on: no other parameter is ever written.
 #[derive(Debug, Clone, Copy)]
 #[repr(u8)]
-pub(super) enum Switch {
+pub(super) enum PcanSwitch {
     /// `PCAN_LISTEN_ONLY`.
     ListenOnly = 0x08,
     /// `PCAN_ALLOW_ERROR_FRAMES`: reception of bus errors.
@@ -52,7 +52,7 @@ pub(super) enum Switch {
 /// `TPCANChannelInformation`.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
-pub(super) struct Attached {
+pub(super) struct AttachedChannel {
     pub(super) handle: Handle,
     pub(super) device_type: u8,
     pub(super) controller: u8,
@@ -62,7 +62,7 @@ pub(super) struct Attached {
     pub(super) condition: u32,
 }
 
-impl Attached {
+impl AttachedChannel {
     const EMPTY: Self = Self {
         handle: 0,
         device_type: 0,
@@ -75,11 +75,11 @@ impl Attached {
 }
 
 /// The functions, with `__stdcall` on Windows.
-pub(super) struct Api {
+pub(super) struct PcanFunctions {
     initialize: unsafe extern "system" fn(Handle, u16, u8, u32, u16) -> u32,
     uninitialize: unsafe extern "system" fn(Handle) -> u32,
     status: unsafe extern "system" fn(Handle) -> u32,
-    read: unsafe extern "system" fn(Handle, *mut Message, *mut Stamp) -> u32,
+    read: unsafe extern "system" fn(Handle, *mut PcanMessage, *mut PcanTimestamp) -> u32,
     get: unsafe extern "system" fn(Handle, u8, *mut c_void, u32) -> u32,
     set: unsafe extern "system" fn(Handle, u8, *mut c_void, u32) -> u32,
     text: unsafe extern "system" fn(u32, u16, *mut c_char) -> u32,
@@ -87,7 +87,7 @@ pub(super) struct Api {
     _library: DriverLibrary,
 }
 
-impl Api {
+impl PcanFunctions {
     pub(super) fn load() -> Result<Self, OpenError> {
         let library = DriverLibrary::load(Vendor::Pcan)?;
         // SAFETY: the signatures are those of PCANBasic.h: TPCANHandle and TPCANBaudrate are 16 bits wide, TPCANType and
@@ -110,7 +110,7 @@ impl Api {
     pub(super) fn initialize(&self, handle: Handle, registers: u16) -> Result<(), OpenError> {
         // SAFETY: no pointers. Type, port and interrupt are 0, as for all plug-and-play devices.
         let status = unsafe { (self.initialize)(handle, registers, 0, 0, 0) };
-        self.checked("CAN_Initialize", status)
+        self.check_status("CAN_Initialize", status)
     }
 
     /// Leaves the bus.
@@ -125,8 +125,8 @@ impl Api {
     }
 
     /// Status and message; `None` if the driver has not written one.
-    pub(super) fn read(&self, handle: Handle) -> (u32, Option<Message>, Stamp) {
-        let (mut message, mut stamp) = (Message::UNWRITTEN, Stamp::default());
+    pub(super) fn read(&self, handle: Handle) -> (u32, Option<PcanMessage>, PcanTimestamp) {
+        let (mut message, mut stamp) = (PcanMessage::UNWRITTEN, PcanTimestamp::default());
         // SAFETY: both pointers are valid for writes during the call. The structures have the layout of the header, and the
         // message has room after it.
         let status = unsafe { (self.read)(handle, &raw mut message, &raw mut stamp) };
@@ -134,11 +134,11 @@ impl Api {
     }
 
     /// A parameter of 32 bits.
-    pub(super) fn value(&self, handle: Handle, parameter: Parameter) -> Result<u32, OpenError> {
-        self.word(handle, parameter as u8).map_err(|status| self.failure("CAN_GetValue", status))
+    pub(super) fn read_parameter(&self, handle: Handle, parameter: PcanParameter) -> Result<u32, OpenError> {
+        self.read_word(handle, parameter as u8).map_err(|status| self.call_failure("CAN_GetValue", status))
     }
 
-    fn word(&self, handle: Handle, parameter: u8) -> Result<u32, u32> {
+    fn read_word(&self, handle: Handle, parameter: u8) -> Result<u32, u32> {
         let mut value: u32 = 0;
         // SAFETY: the buffer is valid for writes and as long as stated.
         let status = unsafe { (self.get)(handle, parameter, (&raw mut value).cast(), 4) };
@@ -146,40 +146,40 @@ impl Api {
     }
 
     /// Whether a switch is on; false if the driver does not state it.
-    pub(super) fn is_on(&self, handle: Handle, switch: Switch) -> bool {
-        self.word(handle, switch as u8) == Ok(1)
+    pub(super) fn is_on(&self, handle: Handle, switch: PcanSwitch) -> bool {
+        self.read_word(handle, switch as u8) == Ok(1)
     }
 
-    pub(super) fn switch_on(&self, handle: Handle, switch: Switch) -> Result<(), OpenError> {
+    pub(super) fn switch_on(&self, handle: Handle, switch: PcanSwitch) -> Result<(), OpenError> {
         let mut on: u32 = 1;
         // SAFETY: the buffer is valid and as long as stated; the driver only reads it.
         let status = unsafe { (self.set)(handle, switch as u8, (&raw mut on).cast(), 4) };
-        self.checked("CAN_SetValue", status)
+        self.check_status("CAN_SetValue", status)
     }
 
     /// Channels of the adapters that are plugged in.
-    pub(super) fn attached(&self) -> Result<Vec<Attached>, OpenError> {
-        let count = self.value(DRIVER, Parameter::AttachedCount)?.min(MAX_CHANNELS);
+    pub(super) fn attached_channels(&self) -> Result<Vec<AttachedChannel>, OpenError> {
+        let count = self.read_parameter(DRIVER, PcanParameter::AttachedCount)?.min(MAX_CHANNELS);
         if count == 0 {
             return Ok(Vec::new());
         }
-        let mut list: Vec<_> = (0..count).map(|_| Attached::EMPTY).collect();
-        let length = count.saturating_mul(size_of::<Attached>().try_into().unwrap_or(0));
+        let mut list: Vec<_> = (0..count).map(|_| AttachedChannel::EMPTY).collect();
+        let length = count.saturating_mul(size_of::<AttachedChannel>().try_into().unwrap_or(0));
         // SAFETY: the buffer is valid for writes and as long as stated; any bytes are a valid `Attached`.
         let status =
-            unsafe { (self.get)(DRIVER, Parameter::Attached as u8, list.as_mut_ptr().cast(), length) };
-        self.checked("CAN_GetValue", status)?;
+            unsafe { (self.get)(DRIVER, PcanParameter::Attached as u8, list.as_mut_ptr().cast(), length) };
+        self.check_status("CAN_GetValue", status)?;
         // An adapter that was unplugged between the calls leaves an empty entry.
         list.retain(|attached| attached.handle != DRIVER);
         Ok(list)
     }
 
     /// Text of a status with its code: `The hardware handle is invalid (PCAN status 1400)`.
-    pub(super) fn text(&self, status: u32) -> String {
+    pub(super) fn status_text(&self, status: u32) -> String {
         let mut buffer = [0_u8; TEXT_LENGTH * 2];
         // SAFETY: the buffer is twice as long as PCAN-Basic requires.
         let result = unsafe { (self.text)(status, ENGLISH, buffer.as_mut_ptr().cast()) };
-        let found = text(&buffer);
+        let found = clean_text(&buffer);
         if result == OK && !found.is_empty() {
             format!("{found} (PCAN status {status:X})")
         } else {
@@ -187,12 +187,12 @@ impl Api {
         }
     }
 
-    fn checked(&self, function: &'static str, status: u32) -> Result<(), OpenError> {
-        if status == OK { Ok(()) } else { Err(self.failure(function, status)) }
+    fn check_status(&self, function: &'static str, status: u32) -> Result<(), OpenError> {
+        if status == OK { Ok(()) } else { Err(self.call_failure(function, status)) }
     }
 
-    fn failure(&self, function: &'static str, status: u32) -> OpenError {
-        OpenError::Driver { function, reason: self.text(status) }
+    fn call_failure(&self, function: &'static str, status: u32) -> OpenError {
+        OpenError::Driver { function, reason: self.status_text(status) }
     }
 }
 
@@ -205,10 +205,10 @@ mod tests {
     /// As a C compiler places the fields: DWORDs at multiples of 4.
     #[test]
     fn the_structure_has_the_layout_of_the_header() {
-        assert_eq!(size_of::<Attached>(), 52);
-        assert_eq!(offset_of!(Attached, features), 4);
-        assert_eq!(offset_of!(Attached, device_name), 8);
-        assert_eq!(offset_of!(Attached, device_id), 44);
-        assert_eq!(offset_of!(Attached, condition), 48);
+        assert_eq!(size_of::<AttachedChannel>(), 52);
+        assert_eq!(offset_of!(AttachedChannel, features), 4);
+        assert_eq!(offset_of!(AttachedChannel, device_name), 8);
+        assert_eq!(offset_of!(AttachedChannel, device_id), 44);
+        assert_eq!(offset_of!(AttachedChannel, condition), 48);
     }
 }

@@ -16,10 +16,10 @@ use std::time::{Duration, Instant};
 
 use crate::reading::MAX_READINGS;
 use crate::{
-    AdapterKind, Channel, ChannelState, Confinement, ControllerStatus, Counters, Disconnected, Listener,
-    OpenError, Reading,
+    AdapterChannel, AdapterKind, ChannelListener, ChannelState, ControllerStatus, Disconnected,
+    ErrorCounters, FaultConfinement, OpenError, ReceivedItem,
 };
-use api::{Api, Handle, Parameter, Switch};
+use api::{Handle, PcanFunctions, PcanParameter, PcanSwitch};
 
 /// Bit rates with the values of the timing registers BTR0 and BTR1 (`PCAN_BAUD_…`). The names of the header are rounded;
 /// these are the rates that the registers give with the 8 MHz of an SJA1000.
@@ -61,12 +61,12 @@ const CONDITION_AVAILABLE: u32 = 1;
 const CONDITION_OCCUPIED: u32 = 2;
 
 /// The library, loaded once and kept: the library of a vendor may have threads that do not survive unloading.
-fn library() -> Result<&'static Api, OpenError> {
-    static LIBRARY: OnceLock<Api> = OnceLock::new();
+fn load_library() -> Result<&'static PcanFunctions, OpenError> {
+    static LIBRARY: OnceLock<PcanFunctions> = OnceLock::new();
     if let Some(api) = LIBRARY.get() {
         return Ok(api);
     }
-    let api = Api::load()?;
+    let api = PcanFunctions::load()?;
     Ok(LIBRARY.get_or_init(|| api))
 }
 
@@ -74,19 +74,19 @@ fn library() -> Result<&'static Api, OpenError> {
 ///
 /// # Errors
 /// The driver is missing or fails.
-pub fn channels() -> Result<Vec<Channel>, OpenError> {
-    let attached = library()?.attached()?;
+pub fn channels() -> Result<Vec<AdapterChannel>, OpenError> {
+    let attached = load_library()?.attached_channels()?;
     Ok(attached
         .iter()
-        .map(|found| Channel {
-            name: names::name(found.handle),
-            device: names::device(found),
-            state: state(found.condition),
+        .map(|found| AdapterChannel {
+            name: names::handle_name(found.handle),
+            device: names::device_text(found),
+            state: channel_state(found.condition),
         })
         .collect())
 }
 
-fn state(condition: u32) -> ChannelState {
+fn channel_state(condition: u32) -> ChannelState {
     match (condition & CONDITION_AVAILABLE != 0, condition & CONDITION_OCCUPIED != 0) {
         (true, false) => ChannelState::Available,
         (_, true) => ChannelState::InUse,
@@ -96,9 +96,9 @@ fn state(condition: u32) -> ChannelState {
 
 /// A channel in listen-only mode.
 pub struct PcanListener {
-    api: &'static Api,
+    api: &'static PcanFunctions,
     handle: Handle,
-    counters: Option<Counters>,
+    counters: Option<ErrorCounters>,
     /// The last status had an overrun bit, which the driver may repeat.
     was_overrun: bool,
 }
@@ -112,58 +112,58 @@ impl PcanListener {
         let no_rate =
             || OpenError::BitRate { bit_rate, available: BIT_RATES.iter().map(|(rate, _)| *rate).collect() };
         let registers = BIT_RATES.iter().find(|(rate, _)| *rate == bit_rate).ok_or_else(no_rate)?.1;
-        let api = library()?;
-        let handle = find(api, channel)?;
+        let api = load_library()?;
+        let handle = find_channel(api, channel)?;
         // The mode must be set while the channel is off the bus: CAN_Initialize joins the bus.
-        let is_set =
-            api.switch_on(handle, Switch::ListenOnly).is_ok() && api.is_on(handle, Switch::ListenOnly);
+        let is_set = api.switch_on(handle, PcanSwitch::ListenOnly).is_ok()
+            && api.is_on(handle, PcanSwitch::ListenOnly);
         if !is_set {
             return Err(not_listen_only(channel));
         }
         api.initialize(handle, registers)?;
         // From here on, dropping the listener closes the channel.
         let listener = Self { api, handle, counters: None, was_overrun: false };
-        if !api.is_on(handle, Switch::ListenOnly) {
+        if !api.is_on(handle, PcanSwitch::ListenOnly) {
             return Err(not_listen_only(channel));
         }
         // Older adapters have no error frames; bus errors are then visible in the status only.
-        let _ = api.switch_on(handle, Switch::ErrorFrames);
+        let _ = api.switch_on(handle, PcanSwitch::ErrorFrames);
         Ok(listener)
     }
 
     /// Reads the queue until it is empty.
-    fn drain(&mut self, readings: &mut Vec<Reading>) -> Result<(), Disconnected> {
+    fn drain_queue(&mut self, readings: &mut Vec<ReceivedItem>) -> Result<(), Disconnected> {
         for _ in 0..MAX_READINGS {
             let (status, message, time) = self.api.read(self.handle);
             if status & !WORKING != 0 {
-                return Err(Disconnected(self.api.text(status)));
+                return Err(Disconnected(self.api.status_text(status)));
             }
             self.on_overrun(status & (OVERRUN | QUEUE_OVERRUN) != 0, readings);
             if status & QUEUE_EMPTY != 0 {
                 return Ok(());
             }
             let Some(message) = message else { return Ok(()) };
-            match message.content(time) {
-                message::Content::Reading(reading) => {
-                    if let Reading::Error(error) = &reading {
+            match message.message_content(time) {
+                message::PcanContent::Reading(reading) => {
+                    if let ReceivedItem::Error(error) = &reading {
                         self.counters = error.counters.or(self.counters);
                     }
                     readings.push(reading);
                 }
-                message::Content::Status(status) => {
+                message::PcanContent::Status(status) => {
                     if status & (OVERRUN | QUEUE_OVERRUN) != 0 {
-                        readings.push(Reading::Lost);
+                        readings.push(ReceivedItem::Lost);
                     }
                 }
-                message::Content::None => {}
+                message::PcanContent::None => {}
             }
         }
         Ok(())
     }
 
-    fn on_overrun(&mut self, is_overrun: bool, readings: &mut Vec<Reading>) {
+    fn on_overrun(&mut self, is_overrun: bool, readings: &mut Vec<ReceivedItem>) {
         if is_overrun && !self.was_overrun {
-            readings.push(Reading::Lost);
+            readings.push(ReceivedItem::Lost);
         }
         self.was_overrun = is_overrun;
     }
@@ -174,15 +174,15 @@ fn not_listen_only(channel: &str) -> OpenError {
 }
 
 /// The handle of an available channel.
-fn find(api: &Api, channel: &str) -> Result<Handle, OpenError> {
+fn find_channel(api: &PcanFunctions, channel: &str) -> Result<Handle, OpenError> {
     let present = || {
-        let attached = api.attached().unwrap_or_default();
-        attached.iter().map(|found| names::name(found.handle)).collect()
+        let attached = api.attached_channels().unwrap_or_default();
+        attached.iter().map(|found| names::handle_name(found.handle)).collect()
     };
     let missing =
         || OpenError::NoChannel { kind: AdapterKind::Pcan, channel: channel.into(), present: present() };
-    let handle = names::handle(channel).ok_or_else(missing)?;
-    match state(api.value(handle, Parameter::Condition)?) {
+    let handle = names::parse_handle(channel).ok_or_else(missing)?;
+    match channel_state(api.read_parameter(handle, PcanParameter::Condition)?) {
         ChannelState::Available => Ok(handle),
         ChannelState::InUse => Err(OpenError::InUse { channel: channel.into() }),
         _ => Err(missing()),
@@ -190,23 +190,23 @@ fn find(api: &Api, channel: &str) -> Result<Handle, OpenError> {
 }
 
 /// The most severe state among the bits of a status.
-fn confinement(status: u32) -> Confinement {
+fn worst_confinement(status: u32) -> FaultConfinement {
     if status & BUS_OFF != 0 {
-        Confinement::BusOff
+        FaultConfinement::BusOff
     } else if status & BUS_PASSIVE != 0 {
-        Confinement::Passive
+        FaultConfinement::Passive
     } else if status & (BUS_LIGHT | BUS_HEAVY) != 0 {
-        Confinement::Warning
+        FaultConfinement::Warning
     } else {
-        Confinement::Active
+        FaultConfinement::Active
     }
 }
 
-impl Listener for PcanListener {
-    fn read(&mut self, readings: &mut Vec<Reading>, wait: Duration) -> Result<(), Disconnected> {
+impl ChannelListener for PcanListener {
+    fn read(&mut self, readings: &mut Vec<ReceivedItem>, wait: Duration) -> Result<(), Disconnected> {
         let (begin, before) = (Instant::now(), readings.len());
         loop {
-            self.drain(readings)?;
+            self.drain_queue(readings)?;
             let left = wait.saturating_sub(begin.elapsed());
             if readings.len() > before || left.is_zero() {
                 return Ok(());
@@ -218,9 +218,9 @@ impl Listener for PcanListener {
     fn status(&mut self) -> Result<ControllerStatus, Disconnected> {
         let status = self.api.status(self.handle);
         if status & !WORKING != 0 {
-            return Err(Disconnected(self.api.text(status)));
+            return Err(Disconnected(self.api.status_text(status)));
         }
-        Ok(ControllerStatus { confinement: confinement(status), counters: self.counters })
+        Ok(ControllerStatus { confinement: worst_confinement(status), counters: self.counters })
     }
 }
 
@@ -236,11 +236,11 @@ mod tests {
 
     #[test]
     fn the_most_severe_state_counts() {
-        assert_eq!(confinement(0), Confinement::Active);
-        assert_eq!(confinement(QUEUE_EMPTY | BUS_LIGHT), Confinement::Warning);
-        assert_eq!(confinement(BUS_HEAVY), Confinement::Warning);
-        assert_eq!(confinement(BUS_HEAVY | BUS_PASSIVE), Confinement::Passive);
-        assert_eq!(confinement(BUS_HEAVY | BUS_PASSIVE | BUS_OFF), Confinement::BusOff);
+        assert_eq!(worst_confinement(0), FaultConfinement::Active);
+        assert_eq!(worst_confinement(QUEUE_EMPTY | BUS_LIGHT), FaultConfinement::Warning);
+        assert_eq!(worst_confinement(BUS_HEAVY), FaultConfinement::Warning);
+        assert_eq!(worst_confinement(BUS_HEAVY | BUS_PASSIVE), FaultConfinement::Passive);
+        assert_eq!(worst_confinement(BUS_HEAVY | BUS_PASSIVE | BUS_OFF), FaultConfinement::BusOff);
     }
 
     /// BTR0 bits 0 to 5 are the prescaler minus 1, BTR1 bits 0 to 3 and 4 to 6 both segments minus 1 (SJA1000 data sheet 6.5),
@@ -258,6 +258,6 @@ mod tests {
     #[test]
     fn conditions_are_bits() {
         use ChannelState::{Available, InUse, Unavailable};
-        assert_eq!([0, 1, 2, 3].map(state), [Unavailable, Available, InUse, InUse]);
+        assert_eq!([0, 1, 2, 3].map(channel_state), [Unavailable, Available, InUse, InUse]);
     }
 }

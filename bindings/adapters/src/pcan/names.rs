@@ -1,7 +1,7 @@
 //! Names of channels: `USB1` is the handle `PCAN_USBBUS1`.
 
-use super::api::{Attached, Handle};
-use crate::driver_text::text;
+use super::api::{AttachedChannel, Handle};
+use crate::driver_text::clean_text;
 
 /// Families of channels: name, first handle, first handle from channel 9 on, number of channels (`PCANBasic.h`).
 const FAMILIES: &[(&str, Handle, Handle, Handle)] = &[
@@ -17,7 +17,7 @@ const FAMILIES: &[(&str, Handle, Handle, Handle)] = &[
 const FIRST_GROUP: Handle = 8;
 
 /// The handle of a channel, with or without `PCAN_` and `BUS`: `USB1`, `usb1`, `PCAN_USBBUS1`.
-pub(super) fn handle(name: &str) -> Option<Handle> {
+pub(super) fn parse_handle(name: &str) -> Option<Handle> {
     let upper = name.to_ascii_uppercase();
     let name = upper.strip_prefix("PCAN_").unwrap_or(&upper);
     let (family, number) = name.split_at_checked(3)?;
@@ -35,16 +35,19 @@ pub(super) fn handle(name: &str) -> Option<Handle> {
 }
 
 /// The name of a handle; the handle itself if it is unknown.
-pub(super) fn name(searched: Handle) -> String {
+pub(super) fn handle_name(searched: Handle) -> String {
     let names = FAMILIES
         .iter()
         .flat_map(|(family, _, _, count)| (1..=*count).map(move |number| format!("{family}{number}")));
-    names.into_iter().find(|name| handle(name) == Some(searched)).unwrap_or_else(|| format!("{searched:X}h"))
+    names
+        .into_iter()
+        .find(|name| parse_handle(name) == Some(searched))
+        .unwrap_or_else(|| format!("{searched:X}h"))
 }
 
 /// The device with its channel: `PCAN-USB Pro FD, channel 2, device 7`.
-pub(super) fn device(attached: &Attached) -> String {
-    let name = text(&attached.device_name);
+pub(super) fn device_text(attached: &AttachedChannel) -> String {
+    let name = clean_text(&attached.device_name);
     let name = if name.is_empty() { "PCAN device".to_owned() } else { name };
     let channel = u16::from(attached.controller) + 1;
     match attached.device_id {
@@ -72,14 +75,14 @@ mod tests {
             ("ISA8", 0x28),
         ];
         for (text, expected) in known {
-            assert_eq!(handle(text), Some(expected), "{text}");
-            assert_eq!(name(expected), text);
+            assert_eq!(parse_handle(text), Some(expected), "{text}");
+            assert_eq!(handle_name(expected), text);
         }
-        assert_eq!(handle("pcan_usbbus3"), Some(0x53));
+        assert_eq!(parse_handle("pcan_usbbus3"), Some(0x53));
         for wrong in ["", "USB", "USB0", "USB17", "PCC3", "DNG2", "ISA9", "USB+1", "XYZ1", "USBÄ", "USB65536"]
         {
-            assert_eq!(handle(wrong), None, "{wrong}");
+            assert_eq!(parse_handle(wrong), None, "{wrong}");
         }
-        assert_eq!(name(0x99), "99h");
+        assert_eq!(handle_name(0x99), "99h");
     }
 }

@@ -9,13 +9,13 @@ use std::sync::Arc;
 use arrow_array::{ArrayRef, BooleanArray};
 use arrow_schema::{DataType, Field, Schema, SchemaRef, TimeUnit};
 
-pub use names::{Key, Names, dictionary};
-pub use numbers::{Numbers, Parts};
-pub use texts::Texts;
+pub use names::{Key, NameColumn, dictionary_array};
+pub use numbers::{NumberColumn, NumberParts};
+pub use texts::TextColumn;
 
 /// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum ArrowKind {
     /// Microseconds since 1970, UTC.
     Time,
     /// Signed integers.
@@ -33,16 +33,16 @@ pub enum Kind {
 }
 
 /// Schema of a table; every column may contain nulls.
-pub fn schema(columns: &[(&str, Kind)]) -> SchemaRef {
-    let field = |(name, kind): &(&str, Kind)| {
+pub fn table_schema(columns: &[(&str, ArrowKind)]) -> SchemaRef {
+    let field = |(name, kind): &(&str, ArrowKind)| {
         let data_type = match kind {
-            Kind::Time => DataType::Timestamp(TimeUnit::Microsecond, Some(UTC.into())),
-            Kind::Number => DataType::Int64,
-            Kind::Real => DataType::Float64,
-            Kind::Truth => DataType::Boolean,
-            Kind::Name => DataType::Dictionary(DataType::Int32.into(), DataType::Utf8.into()),
-            Kind::Text => DataType::Utf8,
-            Kind::Bytes => DataType::Binary,
+            ArrowKind::Time => DataType::Timestamp(TimeUnit::Microsecond, Some(UTC.into())),
+            ArrowKind::Number => DataType::Int64,
+            ArrowKind::Real => DataType::Float64,
+            ArrowKind::Truth => DataType::Boolean,
+            ArrowKind::Name => DataType::Dictionary(DataType::Int32.into(), DataType::Utf8.into()),
+            ArrowKind::Text => DataType::Utf8,
+            ArrowKind::Bytes => DataType::Binary,
         };
         Field::new(*name, data_type, true)
     };
@@ -53,16 +53,16 @@ const UTC: &str = "UTC";
 
 /// Booleans with nulls.
 #[derive(Default)]
-pub struct Truths(Vec<Option<bool>>);
+pub struct BooleanColumn(Vec<Option<bool>>);
 
-impl Truths {
+impl BooleanColumn {
     /// Adds a row.
     pub fn push(&mut self, value: Option<bool>) {
         self.0.push(value);
     }
 
     /// The rows so far.
-    pub fn take(&mut self) -> ArrayRef {
+    pub fn take_rows(&mut self) -> ArrayRef {
         Arc::new(std::mem::take(&mut self.0).into_iter().collect::<BooleanArray>())
     }
 }

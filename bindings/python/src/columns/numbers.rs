@@ -9,12 +9,12 @@ use arrow_buffer::{ArrowNativeType, NullBuffer, NullBufferBuilder, ScalarBuffer}
 use super::UTC;
 
 /// Values of a column, and which of them are not null.
-pub struct Parts<T: ArrowNativeType> {
+pub struct NumberParts<T: ArrowNativeType> {
     pub(super) values: ScalarBuffer<T>,
     pub(super) valid: Option<NullBuffer>,
 }
 
-impl<T: ArrowNativeType> Parts<T> {
+impl<T: ArrowNativeType> NumberParts<T> {
     /// One value per row.
     pub fn of_rows(rows: impl Iterator<Item = Option<T>> + Clone) -> Self {
         let mut nulls = 0;
@@ -29,10 +29,10 @@ impl<T: ArrowNativeType> Parts<T> {
 
     /// Values of `count` rows, of which each applies to some.
     pub fn of_runs(runs: impl Iterator<Item = (Option<T>, usize)>, count: usize) -> Self {
-        let mut column = Numbers::default();
+        let mut column = NumberColumn::default();
         column.values.reserve(count);
         runs.for_each(|(value, count)| column.push_times(value, count));
-        column.parts()
+        column.take_parts()
     }
 
     fn of_nulls(count: usize) -> Self {
@@ -43,35 +43,35 @@ impl<T: ArrowNativeType> Parts<T> {
     }
 
     /// The first rows, which share the memory of all.
-    pub(super) fn first(&self, count: usize) -> Self {
+    pub(super) fn first_rows(&self, count: usize) -> Self {
         let valid = self.valid.as_ref().map(|valid| valid.slice(0, count));
         Self { values: self.values.slice(0, count), valid }
     }
 }
 
-impl Parts<i64> {
+impl NumberParts<i64> {
     /// The values as integers.
-    pub fn numbers(self) -> ArrayRef {
+    pub fn to_numbers(self) -> ArrayRef {
         Arc::new(Int64Array::new(self.values, self.valid))
     }
 
     /// The values as times in microseconds.
-    pub fn times(self) -> ArrayRef {
+    pub fn to_times(self) -> ArrayRef {
         Arc::new(TimestampMicrosecondArray::new(self.values, self.valid).with_timezone(UTC))
     }
 }
 
 /// Numbers with nulls. Nulls at the end are only counted, so that an empty column costs nothing.
-pub struct Numbers<T: ArrowNativeType> {
+pub struct NumberColumn<T: ArrowNativeType> {
     values: Vec<T>,
     valid: NullBufferBuilder,
     /// Nulls after the last value.
     nulls: usize,
     /// Memory of batches that consist of nulls.
-    blank: Option<Parts<T>>,
+    blank: Option<NumberParts<T>>,
 }
 
-impl<T: ArrowNativeType> Numbers<T> {
+impl<T: ArrowNativeType> NumberColumn<T> {
     /// Adds a row.
     #[inline]
     pub fn push(&mut self, value: Option<T>) {
@@ -107,43 +107,46 @@ impl<T: ArrowNativeType> Numbers<T> {
     }
 
     /// The rows so far; the next batch probably has as many.
-    pub(super) fn parts(&mut self) -> Parts<T> {
+    pub(super) fn take_parts(&mut self) -> NumberParts<T> {
         if self.values.is_empty() && self.nulls > 0 {
             let count = std::mem::take(&mut self.nulls);
             let known = self.blank.take().filter(|known| known.values.len() >= count);
-            return self.blank.insert(known.unwrap_or_else(|| Parts::of_nulls(count))).first(count);
+            return self
+                .blank
+                .insert(known.unwrap_or_else(|| NumberParts::of_nulls(count)))
+                .first_rows(count);
         }
         if self.nulls > 0 {
             self.end_nulls();
         }
         let next = Vec::with_capacity(self.values.len());
         let values = ScalarBuffer::from(std::mem::replace(&mut self.values, next));
-        Parts { values, valid: self.valid.finish() }
+        NumberParts { values, valid: self.valid.finish() }
     }
 }
 
-impl<T: ArrowNativeType> Default for Numbers<T> {
+impl<T: ArrowNativeType> Default for NumberColumn<T> {
     fn default() -> Self {
         Self { values: Vec::new(), valid: NullBufferBuilder::new(0), nulls: 0, blank: None }
     }
 }
 
-impl Numbers<i64> {
+impl NumberColumn<i64> {
     /// The rows so far as integers.
-    pub fn take(&mut self) -> ArrayRef {
-        self.parts().numbers()
+    pub fn take_rows(&mut self) -> ArrayRef {
+        self.take_parts().to_numbers()
     }
 
     /// The rows so far as times in microseconds.
     pub fn take_times(&mut self) -> ArrayRef {
-        self.parts().times()
+        self.take_parts().to_times()
     }
 }
 
-impl Numbers<f64> {
+impl NumberColumn<f64> {
     /// The rows so far.
-    pub fn take(&mut self) -> ArrayRef {
-        let Parts { values, valid } = self.parts();
+    pub fn take_rows(&mut self) -> ArrayRef {
+        let NumberParts { values, valid } = self.take_parts();
         Arc::new(Float64Array::new(values, valid))
     }
 }

@@ -8,7 +8,7 @@ use arrow_schema::ArrowError;
 use cobscope_decoder::sink::escape;
 
 /// Texts or bytes that rarely repeat. Nulls at the end are only counted.
-pub struct Texts {
+pub struct TextColumn {
     bytes: Vec<u8>,
     ends: Vec<i32>,
     valid: NullBufferBuilder,
@@ -18,13 +18,13 @@ pub struct Texts {
     blank: Option<(OffsetBuffer<i32>, NullBuffer)>,
 }
 
-impl Default for Texts {
+impl Default for TextColumn {
     fn default() -> Self {
         Self { bytes: Vec::new(), ends: vec![0], valid: NullBufferBuilder::new(0), nulls: 0, blank: None }
     }
 }
 
-impl Texts {
+impl TextColumn {
     /// Adds a row with an escaped text.
     #[inline]
     pub fn push(&mut self, text: Option<&str>) {
@@ -59,7 +59,7 @@ impl Texts {
         self.valid.append_n_nulls(std::mem::take(&mut self.nulls));
     }
 
-    fn parts(&mut self) -> (OffsetBuffer<i32>, Vec<u8>, Option<NullBuffer>) {
+    fn take_parts(&mut self) -> (OffsetBuffer<i32>, Vec<u8>, Option<NullBuffer>) {
         if self.ends.len() == 1 && self.nulls > 0 {
             let count = std::mem::take(&mut self.nulls);
             let known = self.blank.take().filter(|(_, valid)| valid.len() >= count);
@@ -79,8 +79,8 @@ impl Texts {
     ///
     /// # Errors
     /// If a row of bytes is not a text.
-    pub fn take(&mut self) -> Result<ArrayRef, ArrowError> {
-        let (ends, bytes, valid) = self.parts();
+    pub fn take_rows(&mut self) -> Result<ArrayRef, ArrowError> {
+        let (ends, bytes, valid) = self.take_parts();
         Ok(Arc::new(StringArray::try_new(ends, bytes.into(), valid)?))
     }
 
@@ -89,7 +89,7 @@ impl Texts {
     /// # Errors
     /// If the column is inconsistent.
     pub fn take_bytes(&mut self) -> Result<ArrayRef, ArrowError> {
-        let (ends, bytes, valid) = self.parts();
+        let (ends, bytes, valid) = self.take_parts();
         Ok(Arc::new(BinaryArray::try_new(ends, bytes.into(), valid)?))
     }
 }

@@ -4,60 +4,60 @@ use arrow_array::RecordBatch;
 use arrow_schema::{ArrowError, SchemaRef};
 use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
 
-use super::{Origin, Table, Unfinished, whole};
-use crate::columns::{Kind, Names, Numbers, Texts, Truths, schema};
+use super::{GrowingTable, RowOrigin, Unfinished, complete_batch};
+use crate::columns::{ArrowKind, BooleanColumn, NameColumn, NumberColumn, TextColumn, table_schema};
 
-const FRAMES: &[(&str, Kind)] = &[
-    ("time", Kind::Time),
-    ("time_ns", Kind::Number),
-    ("capture", Kind::Name),
-    ("bus", Kind::Name),
-    ("frame", Kind::Number),
-    ("id", Kind::Number),
-    ("extended", Kind::Truth),
-    ("remote", Kind::Truth),
-    ("error", Kind::Truth),
-    ("fd", Kind::Truth),
-    ("brs", Kind::Truth),
-    ("esi", Kind::Truth),
-    ("direction", Kind::Name),
-    ("dlc", Kind::Number),
-    ("length", Kind::Number),
-    ("data", Kind::Bytes),
+const FRAMES: &[(&str, ArrowKind)] = &[
+    ("time", ArrowKind::Time),
+    ("time_ns", ArrowKind::Number),
+    ("capture", ArrowKind::Name),
+    ("bus", ArrowKind::Name),
+    ("frame", ArrowKind::Number),
+    ("id", ArrowKind::Number),
+    ("extended", ArrowKind::Truth),
+    ("remote", ArrowKind::Truth),
+    ("error", ArrowKind::Truth),
+    ("fd", ArrowKind::Truth),
+    ("brs", ArrowKind::Truth),
+    ("esi", ArrowKind::Truth),
+    ("direction", ArrowKind::Name),
+    ("dlc", ArrowKind::Number),
+    ("length", ArrowKind::Number),
+    ("data", ArrowKind::Bytes),
 ];
 
 /// The table of frames.
-pub struct Frames {
+pub struct FramesTable {
     schema: SchemaRef,
-    origin: Origin,
-    frame: Numbers<i64>,
-    id: Numbers<i64>,
+    origin: RowOrigin,
+    frame: NumberColumn<i64>,
+    id: NumberColumn<i64>,
     /// Extended, remote, error, FD, BRS, ESI.
-    flags: [Truths; 6],
-    direction: Names,
-    dlc: Numbers<i64>,
-    length: Numbers<i64>,
-    data: Texts,
+    flags: [BooleanColumn; 6],
+    direction: NameColumn,
+    dlc: NumberColumn<i64>,
+    length: NumberColumn<i64>,
+    data: TextColumn,
 }
 
-impl Frames {
+impl FramesTable {
     /// No rows yet.
     pub fn new(capture: &str) -> Self {
         Self {
-            schema: schema(FRAMES),
-            origin: Origin::new(capture),
-            frame: Numbers::default(),
-            id: Numbers::default(),
-            flags: std::array::from_fn(|_| Truths::default()),
-            direction: Names::default(),
-            dlc: Numbers::default(),
-            length: Numbers::default(),
-            data: Texts::default(),
+            schema: table_schema(FRAMES),
+            origin: RowOrigin::new(capture),
+            frame: NumberColumn::default(),
+            id: NumberColumn::default(),
+            flags: std::array::from_fn(|_| BooleanColumn::default()),
+            direction: NameColumn::default(),
+            dlc: NumberColumn::default(),
+            length: NumberColumn::default(),
+            data: TextColumn::default(),
         }
     }
 }
 
-impl Table for Frames {
+impl GrowingTable for FramesTable {
     fn schema(&self) -> SchemaRef {
         SchemaRef::clone(&self.schema)
     }
@@ -66,8 +66,8 @@ impl Table for Frames {
         true
     }
 
-    fn frame(&mut self, frame: &Frame, bus: &str) {
-        let bus = self.origin.bus.key(bus);
+    fn add_frame(&mut self, frame: &Frame, bus: &str) {
+        let bus = self.origin.bus.text_key(bus);
         self.origin.push(frame.time, bus);
         self.frame.push(Some(frame.number.cast_signed()));
         self.id.push(Some(frame.id.number().into()));
@@ -93,20 +93,20 @@ impl Table for Frames {
         self.data.push_bytes(frame.data());
     }
 
-    fn rows(&self) -> usize {
+    fn row_count(&self) -> usize {
         self.origin.rows
     }
 
-    fn take(&mut self) -> Result<Unfinished, ArrowError> {
+    fn take_batch(&mut self) -> Result<Unfinished, ArrowError> {
         let mut columns = self.origin.take()?.to_vec();
-        columns.extend([self.frame.take(), self.id.take()]);
-        columns.extend(self.flags.iter_mut().map(Truths::take));
+        columns.extend([self.frame.take_rows(), self.id.take_rows()]);
+        columns.extend(self.flags.iter_mut().map(BooleanColumn::take_rows));
         columns.extend([
-            self.direction.take()?,
-            self.dlc.take(),
-            self.length.take(),
+            self.direction.take_rows()?,
+            self.dlc.take_rows(),
+            self.length.take_rows(),
             self.data.take_bytes()?,
         ]);
-        RecordBatch::try_new(self.schema(), columns).map(whole)
+        RecordBatch::try_new(self.schema(), columns).map(complete_batch)
     }
 }

@@ -10,10 +10,10 @@ use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::session::Bus;
 
-use crate::columns::{Key, Names, Numbers};
-pub use events::Events;
-pub use frames::Frames;
-pub use signals::Signals;
+use crate::columns::{Key, NameColumn, NumberColumn};
+pub use events::EventsTable;
+pub use frames::FramesTable;
+pub use signals::SignalsTable;
 
 /// Rows after which a batch ends.
 pub const BATCH_ROWS: usize = 64 * 1024;
@@ -25,20 +25,20 @@ const BATCH_BYTES: usize = 16 << 20;
 pub type Unfinished = Box<dyn FnOnce() -> Result<RecordBatch, ArrowError> + Send>;
 
 /// A batch that is complete.
-pub fn whole(batch: RecordBatch) -> Unfinished {
+pub fn complete_batch(batch: RecordBatch) -> Unfinished {
     Box::new(|| Ok(batch))
 }
 
 /// A table that grows by events or frames.
-pub trait Table: Send {
+pub trait GrowingTable: Send {
     /// Columns.
     fn schema(&self) -> SchemaRef;
 
     /// Adds the rows of an event.
-    fn event(&mut self, _event: &Event, _bus: &Bus) {}
+    fn add_event(&mut self, _event: &Event, _bus: &Bus) {}
 
     /// Adds the row of a frame.
-    fn frame(&mut self, _frame: &Frame, _bus: &str) {}
+    fn add_frame(&mut self, _frame: &Frame, _bus: &str) {}
 
     /// Whether the table consists of frames.
     fn is_of_frames(&self) -> bool {
@@ -46,36 +46,36 @@ pub trait Table: Send {
     }
 
     /// Rows since the last batch.
-    fn rows(&self) -> usize;
+    fn row_count(&self) -> usize;
 
     /// Whether a batch is full.
     fn is_full(&self) -> bool {
-        self.rows() >= BATCH_ROWS
+        self.row_count() >= BATCH_ROWS
     }
 
     /// The rows since the last batch.
     ///
     /// # Errors
     /// If the columns are inconsistent.
-    fn take(&mut self) -> Result<Unfinished, ArrowError>;
+    fn take_batch(&mut self) -> Result<Unfinished, ArrowError>;
 }
 
 /// Time and capture of a row, which all tables begin with.
 #[derive(Default)]
-struct Origin {
-    micros: Numbers<i64>,
-    nanos: Numbers<i64>,
-    capture: Names,
-    bus: Names,
+struct RowOrigin {
+    micros: NumberColumn<i64>,
+    nanos: NumberColumn<i64>,
+    capture: NameColumn,
+    bus: NameColumn,
     /// Number of the only capture.
     name: Key,
     rows: usize,
 }
 
-impl Origin {
+impl RowOrigin {
     fn new(capture: &str) -> Self {
         let mut origin = Self::default();
-        origin.name = origin.capture.key(capture);
+        origin.name = origin.capture.text_key(capture);
         origin
     }
 
@@ -83,7 +83,7 @@ impl Origin {
     #[inline]
     fn push(&mut self, time: Option<Timestamp>, bus: Key) {
         self.rows += 1;
-        self.micros.push(time.map(micros));
+        self.micros.push(time.map(to_micros));
         self.nanos.push(time.map(|Timestamp(time)| time));
         self.bus.push_key(Some(bus));
     }
@@ -91,11 +91,16 @@ impl Origin {
     /// The columns of the rows so far: time, time in ns, capture, bus.
     fn take(&mut self) -> Result<[ArrayRef; 4], ArrowError> {
         let name = self.capture.equal_keys(Some(self.name), std::mem::take(&mut self.rows));
-        Ok([self.micros.take_times(), self.nanos.take(), self.capture.array_of(name)?, self.bus.take()?])
+        Ok([
+            self.micros.take_times(),
+            self.nanos.take_rows(),
+            self.capture.array_of(name)?,
+            self.bus.take_rows()?,
+        ])
     }
 }
 
 /// Time in µs, rounded down.
-fn micros(Timestamp(time): Timestamp) -> i64 {
+fn to_micros(Timestamp(time): Timestamp) -> i64 {
     time.div_euclid(1_000)
 }

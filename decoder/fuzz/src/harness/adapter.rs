@@ -43,9 +43,9 @@ fn is_printable(text: &str) {
 /// Fuzzes the output of an slcan adapter.
 pub fn slcan(data: &[u8]) {
     let replies = in_pieces(data, |pieces| {
-        let (mut reader, mut replies) = (serial::Reader::default(), Vec::new());
+        let (mut reader, mut replies) = (serial::SlcanReader::default(), Vec::new());
         for piece in pieces {
-            reader.read(piece, |reply| replies.push(reply));
+            reader.read_input(piece, |reply| replies.push(reply));
         }
         replies
     });
@@ -53,14 +53,16 @@ pub fn slcan(data: &[u8]) {
     assert!(replies.len() <= 2 * ends, "{} replies of {ends} lines", replies.len());
     for reply in &replies {
         match reply {
-            serial::Reply::Frame(frame, _) => {
+            serial::SlcanReply::Frame(frame, _) => {
                 assert_eq!(frame.time, None);
                 is_possible(frame);
             }
-            serial::Reply::Unreadable(reason) => is_printable(reason),
-            serial::Reply::Flags(flags) => is_printable(&flags.to_string()),
-            serial::Reply::State(state) => assert!(state.receive_errors.max(state.transmit_errors) < 1_000),
-            serial::Reply::Done | serial::Reply::Refused => {}
+            serial::SlcanReply::Unreadable(reason) => is_printable(reason),
+            serial::SlcanReply::Flags(flags) => is_printable(&flags.to_string()),
+            serial::SlcanReply::State(state) => {
+                assert!(state.receive_errors.max(state.transmit_errors) < 1_000)
+            }
+            serial::SlcanReply::Done | serial::SlcanReply::Refused => {}
         }
     }
 }
@@ -68,9 +70,9 @@ pub fn slcan(data: &[u8]) {
 /// Fuzzes the output of a socketcand server.
 pub fn socketcand(data: &[u8]) {
     let replies = in_pieces(data, |pieces| {
-        let (mut reader, mut replies) = (server::Reader::default(), Vec::new());
+        let (mut reader, mut replies) = (server::SocketcandReader::default(), Vec::new());
         for piece in pieces {
-            reader.read(piece, |reply| replies.push(reply));
+            reader.read_input(piece, |reply| replies.push(reply));
         }
         replies
     });
@@ -78,19 +80,21 @@ pub fn socketcand(data: &[u8]) {
     assert!(replies.len() <= brackets, "{} replies of {brackets} brackets", replies.len());
     for reply in &replies {
         match reply {
-            server::Reply::Frame(frame) => {
+            server::SocketcandReply::Frame(frame) => {
                 assert!(frame.time.is_some());
                 is_possible(frame);
             }
-            server::Reply::Error(text) | server::Reply::Unreadable(text) => is_printable(text),
-            server::Reply::Hi | server::Reply::Ok | server::Reply::Echo => {}
+            server::SocketcandReply::Error(text) | server::SocketcandReply::Unreadable(text) => {
+                is_printable(text)
+            }
+            server::SocketcandReply::Hi | server::SocketcandReply::Ok | server::SocketcandReply::Echo => {}
         }
     }
     // A bus may have any name that can be typed; the request must still be a single element.
     if let Ok(name) = std::str::from_utf8(data)
         && let Some(bus) = server::BusName::new(name)
     {
-        let text = server::Request::Open(bus).text();
+        let text = server::SocketcandRequest::Open(bus).to_text();
         assert_eq!(text, format!("< open {name} >"));
         assert!(text.matches(['<', '>']).count() == 2 && text.split(' ').count() == 4);
     }

@@ -4,16 +4,16 @@
 
 use cobscope_decoder::profile::dbc::{
     Database, DatabaseFile, DatabaseMessage, LONGEST_MESSAGE, MOST_MESSAGES, MOST_PROBLEMS, MOST_RANGES,
-    MOST_SIGNALS, parse,
+    MOST_SIGNALS, parse_database,
 };
 
 /// Fuzzes the DBC reader.
 pub fn dbc(data: &[u8]) {
-    let file = parse(data);
+    let file = parse_database(data);
     if let Ok(text) = std::str::from_utf8(data)
         && !text.starts_with('\u{FEFF}')
     {
-        let marked = parse(&[b"\xEF\xBB\xBF", data].concat());
+        let marked = parse_database(&[b"\xEF\xBB\xBF", data].concat());
         assert_eq!(file, marked, "with and without byte order mark");
     }
     let lines = data.iter().filter(|byte| matches!(byte, b'\n' | b'\r')).count() + 1;
@@ -39,9 +39,9 @@ fn content(file: DatabaseFile, data: &[u8]) {
     }
     let mut database = Database::default();
     let is_empty = file.is_empty();
-    database.add(file);
+    database.add_file(file);
     assert_eq!(database.is_empty(), is_empty);
-    assert!(ids.iter().all(|id| database.frame(*id).is_some()));
+    assert!(ids.iter().all(|id| database.message_by_id(*id).is_some()));
 }
 
 fn message(message: &DatabaseMessage, data: &[u8]) {
@@ -59,13 +59,13 @@ fn message(message: &DatabaseMessage, data: &[u8]) {
     }
     assert!(layout.bits <= length * 8);
     let whole = vec![0x5A; usize::from(length)];
-    assert_eq!(layout.missing(&whole).count(), 0);
+    assert_eq!(layout.missing_fields(&whole).count(), 0);
     for payload in [&whole[..], data.get(..64).unwrap_or(data), &[]] {
-        let seen = layout.signals(payload).count() + layout.missing(payload).count();
+        let seen = layout.decode_signals(payload).count() + layout.missing_fields(payload).count();
         assert!(seen <= layout.fields.len());
-        for signal in layout.signals(payload) {
+        for signal in layout.decode_signals(payload) {
             let meaning = signal.field.meaning.as_deref().unwrap();
-            assert!(!meaning.show(&signal.value).is_empty());
+            assert!(!meaning.format_value(&signal.value).is_empty());
             assert!(signal.field.bits == 64 || signal.raw < 1 << signal.field.bits);
         }
     }

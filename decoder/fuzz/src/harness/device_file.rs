@@ -5,16 +5,16 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use cobscope_decoder::profile::device::ProfileFile;
-use cobscope_decoder::profile::device_file::{DeviceFile, MOST_ENTRIES, MOST_PROBLEMS, parse};
-use cobscope_decoder::profile::{check, imported, plain_device};
+use cobscope_decoder::profile::device_file::{DeviceFile, MOST_ENTRIES, MOST_PROBLEMS, parse_device_file};
+use cobscope_decoder::profile::{check_device, imported, plain_device};
 
 /// Fuzzes the device file readers.
 pub fn device_file(data: &[u8]) {
-    let file = parse(data);
+    let file = parse_device_file(data);
     if let Ok(text) = std::str::from_utf8(data)
         && !text.starts_with('\u{FEFF}')
     {
-        let marked = parse(&[b"\xEF\xBB\xBF", data].concat());
+        let marked = parse_device_file(&[b"\xEF\xBB\xBF", data].concat());
         assert_eq!(file, marked, "with and without byte order mark");
     }
     let Ok(file) = file else { return };
@@ -23,7 +23,7 @@ pub fn device_file(data: &[u8]) {
     assert!(file.objects.is_sorted_by(|first, second| first.address < second.address));
     for object in &file.objects {
         assert!((1..=lines).contains(&object.line), "{object:?} of {lines} lines");
-        assert_eq!(file.find(object.address), Some(object));
+        assert_eq!(file.find_object(object.address), Some(object));
     }
     for problem in &file.problems {
         assert!(problem.line <= lines, "{problem:?} of {lines} lines");
@@ -38,16 +38,16 @@ pub fn device_file(data: &[u8]) {
 
 /// Checks that the profile of a file is valid and has all entries of the file.
 fn profile(file: &Arc<DeviceFile>) {
-    let text = imported::toml(file, "a.eds");
+    let text = imported::write_profile(file, "a.eds");
     let profile = ProfileFile::parse(&text).unwrap_or_else(|errors| panic!("{errors:?}\n{text}"));
-    let device = profile.device(None, &[Arc::clone(plain_device())]);
-    assert_eq!(check(&text, &profile, &device), [], "{text}");
+    let device = profile.build_device(None, &[Arc::clone(plain_device())]);
+    assert_eq!(check_device(&text, &profile, &device), [], "{text}");
     assert_eq!(device.object_count(), file.objects.len(), "{text}");
-    let made = imported::device(file, "a.eds");
+    let made = imported::describe_device(file, "a.eds");
     assert_eq!((&made.id, &made.title, made.object_count()), (&device.id, &device.title, file.objects.len()));
     for object in &file.objects {
         let entry = |dictionary: &cobscope_decoder::profile::Dictionary| {
-            let entry = dictionary.find(object.address).and_then(|found| found.entry)?;
+            let entry = dictionary.find_object(object.address).and_then(|found| found.entry)?;
             Some((entry.data_type, entry.access, entry.default.clone()))
         };
         assert_eq!(entry(&made.dictionary), entry(&device.dictionary), "{}\n{text}", object.address);

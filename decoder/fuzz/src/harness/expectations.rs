@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use cobscope_decoder::Reading;
 use cobscope_decoder::bus_file::BusFile;
-use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader};
-use cobscope_decoder::finding::{Findings, RuleOrigin};
+use cobscope_decoder::capture::{Batch, BatchItem, CaptureReader, ReadOptions};
+use cobscope_decoder::finding::{CaptureFindings, RuleOrigin};
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::profile::TextError;
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::SessionOptions;
 
 /// Captures to check, of several protocols.
@@ -37,14 +37,14 @@ pub fn expectations(data: &[u8]) {
 }
 
 /// Parses a bus file; `None` if it is invalid.
-fn understood(text: &str) -> Option<(SessionOptions, Arc<Setup>)> {
+fn understood(text: &str) -> Option<(SessionOptions, Arc<RuleSetup>)> {
     let lines = text.matches('\n').count() + 1;
     let refused = |error: &TextError| {
         assert!((1..=lines).contains(&error.line) && error.column > 0, "{error}");
-        assert!(!error.show("f").contains('\x1b') && !error.message.is_empty());
+        assert!(!error.show_in_file("f").contains('\x1b') && !error.message.is_empty());
     };
     let file = BusFile::parse(text).inspect_err(refused).ok()?;
-    let setup = Setup::new(&file, text, None).inspect_err(refused).ok()?;
+    let setup = RuleSetup::new(&file, text, None).inspect_err(refused).ok()?;
     for rule in setup.rules() {
         assert!(!rule.title.is_empty() && rule.source.is_some() && rule.word.len() <= 6);
     }
@@ -56,10 +56,10 @@ fn understood(text: &str) -> Option<(SessionOptions, Arc<Setup>)> {
 pub fn judge(
     capture: &str,
     options: &SessionOptions,
-    setup: &Arc<Setup>,
+    setup: &Arc<RuleSetup>,
     mut step: impl FnMut(i64) -> i64,
-) -> Findings {
-    let mut reader = Reader::open(capture.as_bytes(), &ReadOptions::default()).unwrap();
+) -> CaptureFindings {
+    let mut reader = CaptureReader::open(capture.as_bytes(), &ReadOptions::default()).unwrap();
     let mut reading = Reading::of_options(options.clone(), Some(Arc::clone(setup)), ());
     let mut batch = Batch::new();
     let mut last = None;
@@ -67,7 +67,7 @@ pub fn judge(
         reading.set_buses(reader.buses().clone());
         for item in batch.items() {
             match item {
-                Item::Frame(frame) => {
+                BatchItem::Frame(frame) => {
                     if let (Some(Timestamp(last)), Some(Timestamp(next))) = (last, frame.time) {
                         let step = step(next.saturating_sub(last));
                         let mut now = last.saturating_add(step);
@@ -79,7 +79,7 @@ pub fn judge(
                     last = frame.time;
                     reading.push(frame);
                 }
-                Item::Notice(notice) => reading.notice(notice),
+                BatchItem::Notice(notice) => reading.notice(notice),
             }
         }
     }
@@ -96,7 +96,7 @@ pub fn differences<'a>(recorded: &'a str, live: &'a str) -> Vec<(&'static str, &
 }
 
 /// Findings and verdicts of expectations, independent of their order, and verdicts of the other rules.
-pub fn verdicts(findings: &Findings) -> String {
+pub fn verdicts(findings: &CaptureFindings) -> String {
     let mut lines: Vec<String> = Vec::new();
     for group in &findings.groups {
         assert!(!group.text.is_empty() && !group.text.contains('\n'), "{}", group.text);

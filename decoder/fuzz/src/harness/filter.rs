@@ -1,7 +1,7 @@
 //! Filters: any text must be accepted, or rejected with a position. An accepted filter must have the same
 //! result when it is printed and parsed again, put in brackets, or negated twice.
 
-use cobscope_decoder::capture::{Batch, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, CaptureReader, ReadOptions};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::query::Filter;
@@ -30,17 +30,21 @@ pub fn filter(data: &[u8]) {
     let others = [printed.clone(), format!("({printed})"), format!("!(!({printed}))")];
     let others: Vec<Filter> = others.iter().filter_map(|text| text.parse().ok()).collect();
     each_event(|event, bus| {
-        let matches = filter.matches(event, bus, Some("a.log"));
+        let matches = filter.matches_event(event, bus, Some("a.log"));
         assert!(!matches || filter.kinds().contains(&event.kind), "{printed}: {event:?}");
         for other in &others {
-            assert_eq!(other.matches(event, bus, Some("a.log")), matches, "{printed} | {other}: {event:?}");
+            assert_eq!(
+                other.matches_event(event, bus, Some("a.log")),
+                matches,
+                "{printed} | {other}: {event:?}"
+            );
         }
     });
 }
 
 fn each_event(mut see: impl FnMut(&Event, &Bus)) {
     for capture in CAPTURES {
-        let mut reader = Reader::open(capture.as_bytes(), &ReadOptions::default()).unwrap();
+        let mut reader = CaptureReader::open(capture.as_bytes(), &ReadOptions::default()).unwrap();
         let mut decoder = Decoder::new(SessionOptions::default());
         let mut batch = Batch::new();
         while reader.read(&mut batch).unwrap() {
@@ -48,6 +52,6 @@ fn each_event(mut see: impl FnMut(&Event, &Bus)) {
                 decoder.push(frame, reader.buses(), &mut see);
             }
         }
-        decoder.finish(reader.buses(), &mut see);
+        decoder.finish_capture(reader.buses(), &mut see);
     }
 }

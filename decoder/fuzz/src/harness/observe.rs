@@ -3,8 +3,8 @@
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::session::{Bus, Observer};
 use cobscope_decoder::sink::EventSink as _;
-use cobscope_decoder::sink::jsonl::Jsonl;
-use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
+use cobscope_decoder::sink::jsonl::JsonlSink;
+use cobscope_decoder::sink::text::{PdoLines, TextOptions, TextSink};
 use cobscope_decoder::wire::NodeId;
 
 /// Escape sequences of cobscope's own colours.
@@ -12,9 +12,9 @@ const COLOURS: &[&str] = &["\x1b[2m", "\x1b[31m", "\x1b[32m", "\x1b[33m", "\x1b[
 
 /// Writes each event with all sinks and checks the output.
 pub struct Checker {
-    json: Jsonl<Shared>,
+    json: JsonlSink<Shared>,
     json_bytes: Shared,
-    texts: Vec<(Text<Shared>, Shared)>,
+    texts: Vec<(TextSink<Shared>, Shared)>,
     reads_back: bool,
     /// Number of the last frame pushed.
     pub last_frame: u64,
@@ -69,11 +69,11 @@ impl Checker {
         };
         let text = |options| {
             let bytes = Shared::default();
-            (Text::new(bytes.clone(), options), bytes)
+            (TextSink::new(bytes.clone(), options), bytes)
         };
         let json_bytes = Shared::default();
         Self {
-            json: Jsonl::new(json_bytes.clone()),
+            json: JsonlSink::new(json_bytes.clone()),
             json_bytes,
             // Colours are removed for the check; the text without them is the same as without the option.
             texts: vec![text(TextOptions { color: true, ..all })],
@@ -116,7 +116,7 @@ impl Checker {
 }
 
 impl Observer for Checker {
-    fn event(&mut self, event: &Event, bus: &Bus) {
+    fn on_event(&mut self, event: &Event, bus: &Bus) {
         let frames = event.frames;
         assert!(frames.first <= frames.last, "{event:?}");
         assert!(frames.last <= self.last_frame, "{event:?} after frame {}", self.last_frame);
@@ -125,10 +125,10 @@ impl Observer for Checker {
         if let EventKind::Evicted { what, .. } = &event.kind {
             self.evicted.push(what.name());
         }
-        self.json.write(event, bus);
+        self.json.write_event(event, bus);
         self.json_line(event);
         for (text, bytes) in &mut self.texts {
-            text.write(event, bus);
+            text.write_event(event, bus);
             let printed = bytes.take();
             let plain = COLOURS.iter().fold(printed, |text, colour| text.replace(colour, ""));
             assert!(!plain.chars().any(|c| c.is_control() && c != '\n'), "{}", plain.escape_debug());

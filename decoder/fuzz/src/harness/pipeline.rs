@@ -2,7 +2,7 @@
 
 use std::io::Read;
 
-use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader, decompress};
+use cobscope_decoder::capture::{Batch, BatchItem, CaptureReader, ReadOptions, decompress};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::session::SessionOptions;
 
@@ -14,7 +14,7 @@ const LONGEST: u64 = 4 << 20;
 /// Fuzzes any bytes as a capture: decompression, detection, reading, decoding, printing.
 pub fn any(data: &[u8]) {
     let Ok(source) = decompress(data) else { return };
-    let Ok(mut reader) = Reader::open(source.take(LONGEST), &ReadOptions::default()) else { return };
+    let Ok(mut reader) = CaptureReader::open(source.take(LONGEST), &ReadOptions::default()) else { return };
     let mut checker = Checker::new();
     let _ = run(&mut reader, &mut Decoder::new(SessionOptions::default()), &mut checker);
     // Six output forms of an event are far below this; lines that grow with the history exceed it.
@@ -22,7 +22,11 @@ pub fn any(data: &[u8]) {
 }
 
 /// Reads and decodes to the end; returns the error that ended it early, if any.
-pub fn run(reader: &mut Reader<impl Read>, decoder: &mut Decoder, checker: &mut Checker) -> Option<String> {
+pub fn run(
+    reader: &mut CaptureReader<impl Read>,
+    decoder: &mut Decoder,
+    checker: &mut Checker,
+) -> Option<String> {
     let mut batch = Batch::new();
     let mut error = None;
     let mut last = 0;
@@ -37,16 +41,16 @@ pub fn run(reader: &mut Reader<impl Read>, decoder: &mut Decoder, checker: &mut 
         }
         for item in batch.items() {
             match item {
-                Item::Frame(frame) => {
+                BatchItem::Frame(frame) => {
                     assert_eq!(frame.number, last + 1);
                     last = frame.number;
                     checker.last_frame = last;
                     decoder.push(frame, reader.buses(), checker);
                 }
-                Item::Notice(notice) => decoder.notice(notice, reader.buses(), checker),
+                BatchItem::Notice(notice) => decoder.on_notice(notice, reader.buses(), checker),
             }
         }
     }
-    decoder.finish(reader.buses(), checker);
+    decoder.finish_capture(reader.buses(), checker);
     error
 }

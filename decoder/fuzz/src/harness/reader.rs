@@ -1,6 +1,8 @@
 //! Readers: the contract of `capture::Parser`, and independence of the sizes of the pieces received.
 
-use cobscope_decoder::capture::{Batch, FORMATS, Format, MAX_BUSES, Notice, Parser, ReadOptions};
+use cobscope_decoder::capture::{
+    Batch, CaptureFormat, FORMATS, FormatParser, MAX_BUSES, Notice, ReadOptions,
+};
 use cobscope_decoder::frame::{Frame, FrameFlags, MAX_DATA};
 
 /// Complete output of a parser.
@@ -17,7 +19,7 @@ pub struct Content {
 }
 
 /// The format with this name.
-pub fn format(name: &str) -> &'static Format {
+pub fn format(name: &str) -> &'static CaptureFormat {
     FORMATS.iter().find(|format| format.name == name).unwrap()
 }
 
@@ -33,7 +35,7 @@ pub fn holds_its_contract(name: &str, data: &[u8]) {
 }
 
 /// Passes `data` to a parser, with the next `piece` bytes added at each request for more input.
-pub fn parse(parser: &mut dyn Parser, data: &[u8], mut piece: impl FnMut() -> usize) -> Content {
+pub fn parse(parser: &mut dyn FormatParser, data: &[u8], mut piece: impl FnMut() -> usize) -> Content {
     let mut content = Content::default();
     let mut batch = Batch::new();
     let (mut start, mut end, mut at_end) = (0, 0, false);
@@ -49,7 +51,7 @@ pub fn parse(parser: &mut dyn Parser, data: &[u8], mut piece: impl FnMut() -> us
             }
         };
         assert!(taken <= input.len(), "used {taken} of {}", input.len());
-        if batch.is_empty() && !input.is_empty() && (at_end || input.len() >= parser.largest()) {
+        if batch.is_empty() && !input.is_empty() && (at_end || input.len() >= parser.largest_input()) {
             assert!(taken > 0, "used none of {} bytes, end: {at_end}", input.len());
         }
         add(&mut content, &batch);

@@ -91,7 +91,7 @@ fn push(decoder: &mut Decoder, frames: &[Frame], names: &BusNames, checker: &mut
 fn finish(decoder: &mut Decoder, frames: &[Frame], names: &BusNames, mut checker: Checker) -> Vec<String> {
     checker.last_frame = frames.first().map_or(u64::MAX, |frame| frame.number - 1);
     push(decoder, frames, names, &mut checker);
-    decoder.finish(names, &mut checker);
+    decoder.finish_capture(names, &mut checker);
     checker.kept.unwrap_or_default()
 }
 
@@ -119,11 +119,11 @@ fn frame<'a>(bytes: &'a [u8], now: &mut i64) -> Option<(Frame, &'a [u8])> {
     let id = if control & 4 == 0 {
         let (id, rest) = bytes.split_first_chunk()?;
         bytes = rest;
-        CanId::standard(u16::from_le_bytes(*id))
+        CanId::from_standard(u16::from_le_bytes(*id))
     } else {
         let (id, rest) = bytes.split_first_chunk()?;
         bytes = rest;
-        CanId::extended(u32::from_le_bytes(*id))
+        CanId::from_extended(u32::from_le_bytes(*id))
     };
     let flags = FLAGS.iter().filter(|(bit, _)| control & bit != 0).map(|(_, flag)| *flag);
     let flags = flags.fold(FrameFlags(0), FrameFlags::with);

@@ -1,15 +1,15 @@
 //! Wire parsers: fields are read at their positions, and errors about missing bytes are consistent.
 
 use cobscope_decoder::profile::{self, lamp_names};
-use cobscope_decoder::wire::canopen::emcy::{ByteOrder, Emcy};
-use cobscope_decoder::wire::canopen::sdo::{Payload, Phase, Sdo, Side};
-use cobscope_decoder::wire::isotp::{Addresses, IsoTp};
+use cobscope_decoder::wire::canopen::emcy::{EmcyByteOrder, EmcyMessage};
+use cobscope_decoder::wire::canopen::sdo::{InitiateData, SdoMessage, SdoSide, TransferPhase};
+use cobscope_decoder::wire::isotp::{IsoTpAddresses, IsoTpFrame};
 use cobscope_decoder::wire::j1939::{
-    self as messages, J1939Id, Management, Name, Pgn, SpnConversion, TroubleCodes,
+    self as messages, ConnectionManagement, J1939Id, J1939Name, Pgn, SpnConversion, TroubleCodeList,
 };
-use cobscope_decoder::wire::uds::Uds;
+use cobscope_decoder::wire::uds::UdsPdu;
 use cobscope_decoder::wire::{
-    Malformed, canopen, error_frame as error_frames, isotp as transport, uds as diagnostics,
+    MalformedPayload, canopen, error_frame as error_frames, isotp as transport, uds as diagnostics,
 };
 
 /// Payload of a frame, cut to the maximum of CAN FD.
@@ -18,8 +18,8 @@ fn payload(data: &[u8]) -> &[u8] {
 }
 
 /// Checks that the error needs more bytes than available, counted from the same offset.
-fn is_consistent(error: Malformed, data: &[u8]) {
-    let Malformed { offset, needed, available, .. } = error;
+fn is_consistent(error: MalformedPayload, data: &[u8]) {
+    let MalformedPayload { offset, needed, available, .. } = error;
     assert_eq!(usize::from(offset) + usize::from(available), data.len(), "{error:?} of {data:02X?}");
     assert!(needed > available, "{error:?} of {data:02X?}");
 }
@@ -46,7 +46,7 @@ pub fn error_control(data: &[u8]) {
 pub fn trouble_codes(data: &[u8]) {
     // Maximum message size of the J1939-21 transport protocol.
     let data = data.get(..1785).unwrap_or(data);
-    let list = match TroubleCodes::read(data) {
+    let list = match TroubleCodeList::read(data) {
         Ok(list) => list,
         Err(error) => return is_consistent(error, data),
     };
@@ -79,13 +79,16 @@ pub fn time(data: &[u8]) {
 pub fn emcy(data: &[u8]) {
     let data = payload(data);
     let [first, second] =
-        [ByteOrder::LsbFirst, ByteOrder::MsbFirst].map(|order| canopen::emcy::parse(data, order));
+        [EmcyByteOrder::LsbFirst, EmcyByteOrder::MsbFirst].map(|order| canopen::emcy::parse(data, order));
     match (first, second) {
-        (Ok(Emcy::Error { code, vendor_length, .. }), Ok(Emcy::Error { code: swapped, .. })) => {
+        (
+            Ok(EmcyMessage::Error { code, vendor_length, .. }),
+            Ok(EmcyMessage::Error { code: swapped, .. }),
+        ) => {
             assert_eq!(code, swapped.swap_bytes());
             assert_eq!(usize::from(vendor_length), data.len().saturating_sub(3).min(5));
         }
-        (Ok(Emcy::Ready), Ok(Emcy::Ready)) => assert!(data.is_empty()),
+        (Ok(EmcyMessage::Ready), Ok(EmcyMessage::Ready)) => assert!(data.is_empty()),
         (Err(error), Err(other)) => {
             assert_eq!(error, other);
             is_consistent(error, data);
@@ -97,8 +100,8 @@ pub fn emcy(data: &[u8]) {
 /// Fuzzes SDO of client and server in both phases.
 pub fn sdo(data: &[u8]) {
     let data = payload(data);
-    for side in [Side::Client, Side::Server] {
-        for phase in [Phase::Commands, Phase::BlockSegments] {
+    for side in [SdoSide::Client, SdoSide::Server] {
+        for phase in [TransferPhase::Commands, TransferPhase::BlockSegments] {
             match canopen::sdo::parse(data, side, phase) {
                 Ok(message) => sdo_message(message, data, phase),
                 Err(error) => is_consistent(error, data),
@@ -107,23 +110,23 @@ pub fn sdo(data: &[u8]) {
     }
 }
 
-fn sdo_message(message: Sdo<'_>, data: &[u8], phase: Phase) {
+fn sdo_message(message: SdoMessage<'_>, data: &[u8], phase: TransferPhase) {
     match message {
-        Sdo::InitiateDownload { payload: Payload::Expedited { data: value, .. }, .. }
-        | Sdo::UploadInitiated { payload: Payload::Expedited { data: value, .. }, .. } => {
+        SdoMessage::InitiateDownload { payload: InitiateData::Expedited { data: value, .. }, .. }
+        | SdoMessage::UploadInitiated { payload: InitiateData::Expedited { data: value, .. }, .. } => {
             assert_eq!(data.get(4..4 + value.len()), Some(value));
             assert!(value.len() <= 4);
         }
-        Sdo::DownloadSegment(segment) | Sdo::UploadSegment(segment) => {
+        SdoMessage::DownloadSegment(segment) | SdoMessage::UploadSegment(segment) => {
             assert_eq!(data.get(1..=segment.data.len()), Some(segment.data));
             assert!(segment.data.len() <= 7);
         }
-        Sdo::BlockSegment { sequence, data: value, .. } => {
-            assert!(phase == Phase::BlockSegments && sequence < 128);
+        SdoMessage::BlockSegment { sequence, data: value, .. } => {
+            assert!(phase == TransferPhase::BlockSegments && sequence < 128);
             assert_eq!(data.get(1..), Some(value));
         }
-        Sdo::Abort { .. } => assert!(data[0] == 0x80 && data.len() >= 8),
-        Sdo::Unknown { command } => assert_eq!(command, data[0]),
+        SdoMessage::Abort { .. } => assert!(data[0] == 0x80 && data.len() >= 8),
+        SdoMessage::Unknown { command } => assert_eq!(command, data[0]),
         _ => {}
     }
 }
@@ -150,50 +153,50 @@ pub fn isotp(data: &[u8]) {
         }
     }
     if let Some(id) = data.first_chunk()
-        && let Some(found) = Addresses::of(u32::from_le_bytes(*id) & 0x1FFF_FFFF)
+        && let Some(found) = IsoTpAddresses::from_identifier(u32::from_le_bytes(*id) & 0x1FFF_FFFF)
     {
         assert!(found.source < 1 << 11 && found.target < 1 << 11 && found.priority < 8);
     }
 }
 
-fn isotp_message(message: IsoTp<'_>, data: &[u8]) {
+fn isotp_message(message: IsoTpFrame<'_>, data: &[u8]) {
     match message {
-        IsoTp::Single { data: message } => {
+        IsoTpFrame::Single { data: message } => {
             let begin = if data[0] == 0 { 2 } else { 1 };
             assert_eq!(data.get(begin..begin + message.len()), Some(message));
             assert!(!message.is_empty());
         }
-        IsoTp::First { size, data: begun } => {
+        IsoTpFrame::First { size, data: begun } => {
             assert!(data.ends_with(begun) && !begun.is_empty());
             assert!(usize::try_from(size).unwrap() > begun.len());
         }
-        IsoTp::Consecutive { sequence, data: more } => {
+        IsoTpFrame::Consecutive { sequence, data: more } => {
             assert!(sequence < 16 && data.get(1..) == Some(more) && !more.is_empty());
         }
-        IsoTp::FlowControl(control) => {
-            assert!((100_000..=127_000_000).contains(&control.separation().max(100_000)));
+        IsoTpFrame::FlowControl(control) => {
+            assert!((100_000..=127_000_000).contains(&control.separation_time().max(100_000)));
         }
-        IsoTp::Unknown { control } => assert_eq!(control, data[0]),
+        IsoTpFrame::Unknown { control } => assert_eq!(control, data[0]),
     }
 }
 
 /// Fuzzes UDS messages, with their entries in the table of services.
 pub fn uds(data: &[u8]) {
     let (service, rest, is_response) = match diagnostics::parse(data) {
-        Ok(Uds::Request { service, data: rest }) => (service, rest, false),
-        Ok(Uds::Positive { service, data: rest }) => (service, rest, true),
-        Ok(Uds::Negative { service, code }) => {
+        Ok(UdsPdu::Request { service, data: rest }) => (service, rest, false),
+        Ok(UdsPdu::Positive { service, data: rest }) => (service, rest, true),
+        Ok(UdsPdu::Negative { service, code }) => {
             return assert_eq!(data.get(..3), Some(&[0x7F, service, code][..]));
         }
         Err(error) => return is_consistent(error, data),
     };
     assert_eq!((data[0] & 0xBF, data[0] & 0x40 != 0), (service, is_response));
     assert_eq!(data.get(1..), Some(rest));
-    let Some(entry) = profile::uds().service(service) else { return };
+    let Some(entry) = profile::uds_names().service_by_id(service) else { return };
     let shape = if is_response { entry.response() } else { entry.request() };
     assert!(rest.ends_with(shape.record(rest)));
     let [first, second] =
-        [ByteOrder::MsbFirst, ByteOrder::LsbFirst].map(|order| shape.identifier(rest, order));
+        [EmcyByteOrder::MsbFirst, EmcyByteOrder::LsbFirst].map(|order| shape.identifier(rest, order));
     assert_eq!(first.is_some(), second.is_some());
     if let Some(sub_function) = shape.sub_function(rest) {
         assert_eq!(sub_function.value | u8::from(sub_function.suppress_response) << 7, rest[0]);
@@ -204,26 +207,26 @@ pub fn uds(data: &[u8]) {
 pub fn j1939(data: &[u8]) {
     let Some((id, rest)) = data.split_first_chunk() else { return };
     let payload = payload(rest);
-    if let Some(id) = J1939Id::of(u32::from_le_bytes(*id) & 0x1FFF_FFFF) {
+    if let Some(id) = J1939Id::from_identifier(u32::from_le_bytes(*id) & 0x1FFF_FFFF) {
         assert!(id.priority < 8 && id.pgn == Pgn::new(id.pgn.number()));
         assert!(!id.pgn.is_addressed() || id.pgn.number().is_multiple_of(0x100));
     }
-    if let Some(name) = Name::read(payload) {
+    if let Some(name) = J1939Name::read(payload) {
         assert!(name.fields().manufacturer_code < 1 << 11 && name.fields().identity_number < 1 << 21);
     }
     let errors = [
-        messages::request(payload).err(),
+        messages::parse_request(payload).err(),
         messages::Acknowledgement::read(payload).err(),
         messages::commanded_address(payload).err(),
-        messages::packet(payload, false).err(),
-        messages::packet(payload, true).err(),
-        messages::management(payload, false).err(),
-        messages::management(payload, true).err(),
+        messages::parse_packet(payload, false).err(),
+        messages::parse_packet(payload, true).err(),
+        messages::parse_management(payload, false).err(),
+        messages::parse_management(payload, true).err(),
     ];
     errors.into_iter().flatten().for_each(|error| is_consistent(error, payload));
     for is_extended in [false, true] {
-        match messages::management(payload, is_extended) {
-            Ok((Management::RequestToSend { size, packets }, _)) if is_extended => {
+        match messages::parse_management(payload, is_extended) {
+            Ok((ConnectionManagement::RequestToSend { size, packets }, _)) if is_extended => {
                 assert!(u64::from(packets) * 7 >= u64::from(size));
             }
             Ok((message, _)) => assert!(message.name(is_extended).contains("TP.")),
@@ -235,7 +238,7 @@ pub fn j1939(data: &[u8]) {
 /// Fuzzes SocketCAN error frames; the first four bytes are the identifier.
 pub fn error_frame(data: &[u8]) {
     let Some((id, rest)) = data.split_first_chunk() else { return };
-    let frame = error_frames::parse(u32::from_le_bytes(*id), payload(rest));
+    let frame = error_frames::parse_error_frame(u32::from_le_bytes(*id), payload(rest));
     assert!(frame.classes < 1 << 29);
     assert_eq!(frame.controller, rest.get(1).copied().unwrap_or(0));
 }

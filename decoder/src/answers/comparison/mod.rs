@@ -4,7 +4,9 @@ use serde::Serialize;
 
 use super::numbers::to_seconds;
 use crate::bus_file::DiffTolerances;
-use crate::comparison::{CaptureRecord, Comparison, Difference, Mark, Observation, Side, UnobservedSubject};
+use crate::comparison::{
+    CaptureComparison, CaptureRecord, ComparedSide, Difference, EvidenceMark, Observation, UnobservedSubject,
+};
 
 /// Differences between two captures.
 #[derive(Debug, Clone, Serialize)]
@@ -132,7 +134,7 @@ pub struct ToleranceRecord {
 impl ComparisonAnswer {
     /// The comparison of `good` with `bad`.
     pub fn new(
-        comparison: &Comparison,
+        comparison: &CaptureComparison,
         (good, bad): (&CaptureRecord, &CaptureRecord),
         tolerances: &DiffTolerances,
     ) -> Self {
@@ -195,7 +197,7 @@ impl UnseenSubject {
         let (frame, seconds) = place(unseen.mark);
         Self {
             aspect: unseen.aspect.clone(),
-            by: if unseen.by == Side::Good { "good" } else { "bad" },
+            by: if unseen.by == ComparedSide::Good { "good" } else { "bad" },
             frame,
             kind: unseen.noun.name(),
             seconds,
@@ -222,6 +224,6 @@ impl ToleranceRecord {
 }
 
 /// Frame and time in s, if known.
-fn place(mark: Mark) -> (Option<u64>, Option<f64>) {
+fn place(mark: EvidenceMark) -> (Option<u64>, Option<f64>) {
     (Some(mark.frame).filter(|frame| *frame > 0), mark.time.map(to_seconds))
 }

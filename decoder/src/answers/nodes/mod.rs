@@ -3,9 +3,9 @@
 use serde::Serialize;
 
 use super::numbers::to_seconds;
-use crate::event::Certainty;
+use crate::event::StateCertainty;
 use crate::frame::Timestamp;
-use crate::session::{AssignedBy, Bus, GateState, GateStatus, Node, Watch};
+use crate::session::{AssignedBy, Bus, GateState, GateStatus, LifeWatch, Node};
 use crate::sink::escape;
 use crate::wire::NodeId;
 
@@ -99,9 +99,9 @@ impl NodeOverview {
         let gates = gates.iter().filter(|gate| gate.status != GateStatus::Open);
         Self {
             alive: find_sign_of_life(bus, node, now),
-            assigned: node.assigned().map(AssignedBy::name),
+            assigned: node.assigned_by().map(AssignedBy::name),
             boot_frame,
-            boots: node.boots(),
+            boots: node.boot_count(),
             bus: bus.index().0,
             bus_name: text(bus.name()),
             device: node.device_title().map(text),
@@ -114,7 +114,7 @@ impl NodeOverview {
             node: node.id().number(),
             number: node.id().label(),
             objects: node.store().len(),
-            presumed: node.nmt().is_some_and(|nmt| nmt.certainty == Certainty::Presumed),
+            presumed: node.nmt().is_some_and(|nmt| nmt.certainty == StateCertainty::Presumed),
             profile: node.device_id().map(text),
             set_points: set_points(node),
             states: states(node),
@@ -125,7 +125,7 @@ impl NodeOverview {
 impl GateOverview {
     fn new(gate: &GateState) -> Self {
         Self {
-            advice: escape(&gate.advice()).into_owned(),
+            advice: escape(&gate.gate_advice()).into_owned(),
             detail: escape(&gate.detail).into_owned(),
             gate: escape(&gate.gate).into_owned(),
             set_point: escape(&gate.name).into_owned(),
@@ -163,11 +163,11 @@ fn find_sign_of_life(bus: &Bus, node: &Node, now: Option<Timestamp>) -> Option<T
     };
     let past = now?.since(bus.stamp_of(sign.last)?);
     let kind = match &sign.by {
-        Watch::Heartbeat => "HB".to_owned(),
-        Watch::Guarding => "GD".to_owned(),
-        Watch::Message(name) => escape(name).into_owned(),
-        Watch::Boot => "boot".to_owned(),
-        Watch::Any => "rx".to_owned(),
+        LifeWatch::Heartbeat => "HB".to_owned(),
+        LifeWatch::Guarding => "GD".to_owned(),
+        LifeWatch::Message(name) => escape(name).into_owned(),
+        LifeWatch::Boot => "boot".to_owned(),
+        LifeWatch::Any => "rx".to_owned(),
     };
     let expected = sign.expected.map_or(String::new(), |it| format!(" of {} s", to_seconds(it)));
     let is_past = |limit: Option<i64>| limit.is_some_and(|limit| past > limit);

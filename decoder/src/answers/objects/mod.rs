@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use crate::ascii::push_hex;
-use crate::profile::{Persistence, Value};
-use crate::session::{Bus, Entry, Node, PendingValue};
+use crate::profile::{DecodedValue, Persistence};
+use crate::session::{Bus, Node, PendingValue, StoredObject};
 use crate::wire::canopen::ObjectAddress;
 
 /// The value of one object.
@@ -107,7 +107,11 @@ pub struct WantedObject {
 
 impl ObjectRecord {
     /// An object of a node.
-    pub fn new((bus, node): (&Bus, &Node), (object, entry): (ObjectAddress, &Entry), capture: &str) -> Self {
+    pub fn new(
+        (bus, node): (&Bus, &Node),
+        (object, entry): (ObjectAddress, &StoredObject),
+        capture: &str,
+    ) -> Self {
         let known = node.meaning(object);
         let value = known.as_ref().map(|known| known.decode(&entry.value));
         Self {
@@ -119,24 +123,24 @@ impl ObjectRecord {
             node: node.id().number(),
             object: format!("0x{object}"),
             origin: entry.origin.kind.name(),
-            persists: node.persists(object).map(Persistence::name),
+            persists: node.persistence_text(object).map(Persistence::name),
             size: entry.size,
             stale: entry.stale,
             unit: known.map(|known| known.unit.clone()).filter(|unit| !unit.is_empty()),
             value: value.and_then(ObjectValue::new),
-            waiting: node.store().waiting(object).map(WaitingValue::new),
+            waiting: node.store().waiting_value(object).map(WaitingValue::new),
         }
     }
 }
 
 impl ObjectValue {
-    fn new(value: Value) -> Option<Self> {
+    fn new(value: DecodedValue) -> Option<Self> {
         match value {
-            Value::Unsigned(value) => Some(Self::Unsigned(value)),
-            Value::Integer(value) => Some(Self::Integer(value)),
-            Value::Real(value) => Some(Self::Real(value)),
-            Value::Text(text) => Some(Self::Text(text)),
-            Value::Bytes(_) => None,
+            DecodedValue::Unsigned(value) => Some(Self::Unsigned(value)),
+            DecodedValue::Integer(value) => Some(Self::Integer(value)),
+            DecodedValue::Real(value) => Some(Self::Real(value)),
+            DecodedValue::Text(text) => Some(Self::Text(text)),
+            DecodedValue::Bytes(_) => None,
         }
     }
 }
@@ -167,7 +171,7 @@ impl WantedObject {
     /// An object of a node with its expected bytes; `entry` is `None` for a value that was never seen.
     pub fn new(
         (bus, node): (&Bus, &Node),
-        (object, entry): (ObjectAddress, Option<&Entry>),
+        (object, entry): (ObjectAddress, Option<&StoredObject>),
         (result, wanted): (&'static str, &[u8]),
         capture: &str,
     ) -> Self {

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::answers::numbers::{to_millis, to_seconds};
-use crate::statistics::{Distribution, Intervals};
+use crate::statistics::{DurationDistribution, IntervalStatistics};
 
 /// Lengths of intervals.
 #[derive(Debug, Clone, Serialize)]
@@ -34,7 +34,7 @@ pub struct DurationFigures {
 }
 
 impl IntervalFigures {
-    pub(super) fn new(intervals: &Intervals) -> Option<Self> {
+    pub(super) fn new(intervals: &IntervalStatistics) -> Option<Self> {
         let (longest, began) = intervals.longest()?;
         Some(Self {
             max: to_millis(longest),
@@ -46,10 +46,10 @@ impl IntervalFigures {
 }
 
 impl DurationFigures {
-    pub(super) fn new(durations: &Distribution) -> Option<Self> {
+    pub(super) fn new(durations: &DurationDistribution) -> Option<Self> {
         let part = |part| durations.percentile(part).map(to_millis);
-        (durations.count() > 0).then(|| Self {
-            count: durations.count(),
+        (durations.duration_count() > 0).then(|| Self {
+            count: durations.duration_count(),
             max: to_millis(durations.longest()),
             p50: part(50),
             p90: part(90),

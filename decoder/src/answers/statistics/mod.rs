@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::numbers::{to_millis, to_seconds};
 use crate::frame::CanId;
 use crate::session::{Bus, Buses, SdoPairHint, UdsPairHint};
-use crate::statistics::{Beginning, BusStatistics, IdStatistics, MasterStatistics, Statistics};
+use crate::statistics::{BusStatistics, CaptureBeginning, IdStatistics, MasterStatistics, Statistics};
 use crate::suggestion::{Suggestion, firm_suggestions};
 use crate::wire::NodeId;
 pub use figures::{DurationFigures, IntervalFigures};
@@ -219,18 +219,18 @@ impl BusFigures {
         let commands = master.commands.iter().map(|(service, count)| (service.name().to_owned(), *count));
         let identifier = |(id, is_remote, own)| IdentifierFigures::new(bus, (id, is_remote), own, end);
         Self {
-            begins: statistics.beginning().as_ref().map(BeginningNodes::new),
+            begins: statistics.capture_beginning().as_ref().map(BeginningNodes::new),
             bit_rate,
             bits: load.bits,
             bus: bus.name().to_owned(),
             canopen: bus.is_canopen(),
-            doubt: bus.doubt(),
+            doubt: bus.detection_doubt(),
             frames: load.frames,
             guard_requests: master.guard_requests,
             ids: statistics.ids().into_iter().map(identifier).collect(),
             j1939: bus.is_j1939(),
             j1939_devices: J1939DeviceFigures::all(bus, statistics),
-            limits: bus.limits(),
+            limits: bus.limit_texts(),
             malformed: statistics.malformed,
             nmt_commands: commands.collect(),
             nodes: present.map(|(id, node)| NodeFigures::new(bus, id, node, end)).collect(),
@@ -247,7 +247,7 @@ impl BusFigures {
 }
 
 impl BeginningNodes {
-    fn new(beginning: &Beginning) -> Self {
+    fn new(beginning: &CaptureBeginning) -> Self {
         let numbers = |nodes: &[NodeId]| nodes.iter().map(|id| id.number()).collect();
         Self {
             at: beginning.name(),

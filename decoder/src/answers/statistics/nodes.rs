@@ -6,13 +6,13 @@ use serde::Serialize;
 
 use super::figures::{DurationFigures, IntervalFigures};
 use crate::answers::numbers::{to_millis, to_seconds};
-use crate::event::Certainty;
+use crate::event::StateCertainty;
 use crate::session::{Bus, Node};
 use crate::statistics::{
     AddressStatistics, BusStatistics, CodeCounts, NodeStatistics, ReactionTime, dtc_of_key,
 };
 use crate::wire::NodeId;
-use crate::wire::j1939::Name;
+use crate::wire::j1939::J1939Name;
 
 /// Statistics of one CANopen node.
 #[derive(Debug, Clone, Serialize)]
@@ -156,7 +156,7 @@ impl NodeFigures {
             lost: figures.lost,
             name: known.and_then(|node| node.name()).map(str::to_owned),
             nmt: nmt.map(|nmt| nmt.state.name()),
-            nmt_confirmed: nmt.map(|nmt| nmt.certainty == Certainty::Confirmed),
+            nmt_confirmed: nmt.map(|nmt| nmt.certainty == StateCertainty::Confirmed),
             node: id.number(),
             pdo_ids: pdos.collect(),
             pdos: figures.pdos,
@@ -208,8 +208,8 @@ impl J1939DeviceFigures {
         let id = NodeId::J1939(address);
         let (known, counted) = (bus.node(id), statistics.node(id));
         let name = known.and_then(Node::j1939_name);
-        let fields = name.map(Name::fields);
-        let raised = counted.into_iter().flat_map(|node| node.dtcs.sorted());
+        let fields = name.map(J1939Name::fields);
+        let raised = counted.into_iter().flat_map(|node| node.dtcs.sort_by_count());
         let raised = raised.map(|(key, raised)| {
             let (spn, fmi) = dtc_of_key(key);
             RaisedDtc { fmi, raised, spn }
@@ -234,6 +234,6 @@ impl J1939DeviceFigures {
 
 /// Number of occurrences of each code, by its hexadecimal text.
 fn count_codes(counts: &CodeCounts, digits: usize) -> BTreeMap<String, u64> {
-    let all = counts.sorted().into_iter();
+    let all = counts.sort_by_count().into_iter();
     all.map(|(code, count)| (format!("0x{code:0digits$X}"), count)).collect()
 }

@@ -13,7 +13,7 @@ use crate::frame::Timestamp;
 use crate::session::Buses;
 use crate::sink::exact_json::ExactNumber;
 use crate::suggestion::Suggestion;
-use crate::why::{FaultGrade, Moment, Report};
+use crate::why::{FaultGrade, WhyMoment, WhyReport};
 use crate::wire::NodeId;
 use ground::AnswerGround;
 pub use situation::{
@@ -170,7 +170,7 @@ pub struct DialogueOnBus {
 impl StoriesAnswer {
     /// The answer of a report; `at` is the requested moment.
     pub fn new(
-        report: &Report,
+        report: &WhyReport,
         buses: Buses<'_>,
         first: Option<Timestamp>,
         at: Option<&str>,
@@ -232,7 +232,7 @@ impl StoryText {
     fn new(line: &StoryLine, ground: &AnswerGround<'_>) -> Self {
         Self {
             frames: frames(line.at),
-            label: line.label.key(),
+            label: line.label.json_key(),
             seconds: ground.seconds(line.at),
             text: line.text.clone(),
         }
@@ -240,11 +240,11 @@ impl StoryText {
 }
 
 impl FaultMoment {
-    fn new(moment: &Moment, ground: &AnswerGround<'_>) -> Self {
+    fn new(moment: &WhyMoment, ground: &AnswerGround<'_>) -> Self {
         let seconds = moment.time.zip(ground.first).map(|(time, first)| Timestamp(time.since(first)));
         Self {
             kinds: moment.kinds.iter().map(|kind| kind.name()).collect(),
-            grade: match moment.grade() {
+            grade: match moment.highest_grade() {
                 FaultGrade::Fault => "fault",
                 FaultGrade::Minor => "minor",
                 FaultGrade::Refused => "refused",

@@ -5,10 +5,10 @@ use serde::Serialize;
 use super::ground::AnswerGround;
 use crate::answers::numbers::{to_millis, to_seconds};
 use crate::answers::statistics::SpnFmi;
-use crate::event::Certainty;
+use crate::event::StateCertainty;
 use crate::frame::Timestamp;
 use crate::session::GateState;
-use crate::why::{NodeState, PointState, Reaction, Rhythm, StoppedMessage};
+use crate::why::{ControllerReaction, MessageRhythm, NodeState, PointState, StoppedMessage};
 
 /// State of a node.
 #[derive(Debug, Clone, Serialize)]
@@ -136,7 +136,7 @@ impl NodeSituation {
             lost: state.lost,
             name: node.and_then(|node| node.name()).map(str::to_owned),
             nmt: state.nmt.map(|nmt| nmt.state.name()),
-            nmt_confirmed: state.nmt.is_some_and(|nmt| nmt.certainty == Certainty::Confirmed),
+            nmt_confirmed: state.nmt.is_some_and(|nmt| nmt.certainty == StateCertainty::Confirmed),
             node: state.node.number(),
             set_points: state.set_points.iter().map(SetPointSituation::new).collect(),
             states: states.map(|(channel, state)| DeviceStateName { channel, state }).collect(),
@@ -181,22 +181,22 @@ impl SilentMessage {
             last_frame: message.last_frame,
             usual: to_seconds(message.usual),
             what: match message.what {
-                Rhythm::Sync => "sync".to_owned(),
-                Rhythm::Guarding => "guard-request".to_owned(),
-                Rhythm::Rpdo(name) => name.to_string(),
+                MessageRhythm::Sync => "sync".to_owned(),
+                MessageRhythm::Guarding => "guard-request".to_owned(),
+                MessageRhythm::Rpdo(name) => name.to_string(),
             },
         }
     }
 }
 
 impl ReactionSummary {
-    pub(super) fn new(reaction: &Reaction, ground: &AnswerGround<'_>) -> Self {
-        let Reaction { bus, node, time } = reaction;
+    pub(super) fn new(reaction: &ControllerReaction, ground: &AnswerGround<'_>) -> Self {
+        let ControllerReaction { bus, node, time } = reaction;
         let part = |part| time.times.percentile(part).map(to_millis);
         let (at, frame) = time.longest_at;
         Self {
             bus: ground.bus_name(*bus),
-            count: time.times.count(),
+            count: time.times.duration_count(),
             max_at: ground.first.map(|first| Timestamp(at.saturating_sub(first.0)).to_string()),
             max_frame: frame,
             max_ms: to_millis(time.times.longest()),

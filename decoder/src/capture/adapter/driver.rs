@@ -1,6 +1,6 @@
 //! Reports of adapter drivers as the error frames that SocketCAN creates for them.
 
-pub use super::slcan::{Confinement, ControllerState};
+pub use super::slcan::{SlcanConfinement, SlcanControllerState};
 pub use crate::capture::bus_error::{Counters, Violation};
 
 use super::slcan::state_frame;
@@ -22,30 +22,30 @@ pub struct BusErrorReport {
 
 impl BusErrorReport {
     /// The error frame; `None` without an error and without counters.
-    pub fn frame(self) -> Option<Frame> {
+    pub fn to_frame(self) -> Option<Frame> {
         match (self.violation, self.counters) {
             (Some(kind), counters) => {
-                Some(bus_error::violation(kind, self.is_transmitting, self.place, counters))
+                Some(bus_error::violation_frame(kind, self.is_transmitting, self.place, counters))
             }
-            (None, Some(counters)) => Some(bus_error::counters(counters)),
+            (None, Some(counters)) => Some(bus_error::counter_frame(counters)),
             (None, None) => None,
         }
     }
 }
 
 /// The error frame of a new state of the controller.
-pub fn frame_of_state(confinement: Confinement, counters: Option<Counters>) -> Frame {
+pub fn frame_of_state(confinement: SlcanConfinement, counters: Option<Counters>) -> Frame {
     match counters {
-        Some(Counters { receive, transmit }) => state_frame(ControllerState {
+        Some(Counters { receive, transmit }) => state_frame(SlcanControllerState {
             confinement,
             receive_errors: receive.into(),
             transmit_errors: transmit.into(),
         }),
-        None => bus_error::controller(match confinement {
-            Confinement::Active => State::Active,
-            Confinement::Warning => State::Warning,
-            Confinement::Passive => State::Passive,
-            Confinement::BusOff => State::BusOff,
+        None => bus_error::controller_frame(match confinement {
+            SlcanConfinement::Active => State::Active,
+            SlcanConfinement::Warning => State::Warning,
+            SlcanConfinement::Passive => State::Passive,
+            SlcanConfinement::BusOff => State::BusOff,
         }),
     }
 }
@@ -67,19 +67,19 @@ mod tests {
             place: 10,
             counters: Some(Counters { receive: 96, transmit: 1 }),
         };
-        assert_eq!(report.frame().map(parts), Some((0x288, vec![0, 0, 4, 10, 0, 0, 1, 96])));
+        assert_eq!(report.to_frame().map(parts), Some((0x288, vec![0, 0, 4, 10, 0, 0, 1, 96])));
         let counters = BusErrorReport { violation: None, place: 0, ..report };
-        assert_eq!(counters.frame().map(parts), Some((0x200, vec![0, 0, 0, 0, 0, 0, 1, 96])));
-        assert_eq!(BusErrorReport { counters: None, ..counters }.frame(), None);
+        assert_eq!(counters.to_frame().map(parts), Some((0x200, vec![0, 0, 0, 0, 0, 0, 1, 96])));
+        assert_eq!(BusErrorReport { counters: None, ..counters }.to_frame(), None);
     }
 
     #[test]
     fn states_have_counters_only_if_they_are_known() {
         let counters = Some(Counters { receive: 130, transmit: 0 });
-        let passive = frame_of_state(Confinement::Passive, counters);
+        let passive = frame_of_state(SlcanConfinement::Passive, counters);
         assert_eq!(parts(passive), (0x204, vec![0, 0x10, 0, 0, 0, 0, 0, 130]));
-        let unknown = frame_of_state(Confinement::Passive, None);
+        let unknown = frame_of_state(SlcanConfinement::Passive, None);
         assert_eq!(parts(unknown), (0x004, vec![0, 0x30, 0, 0, 0, 0, 0, 0]));
-        assert_eq!(parts(frame_of_state(Confinement::BusOff, None)), (0x040, vec![0; 8]));
+        assert_eq!(parts(frame_of_state(SlcanConfinement::BusOff, None)), (0x040, vec![0; 8]));
     }
 }

@@ -15,7 +15,7 @@ struct PendingReply {
 
 impl PendingReply {
     /// Appends `piece`, up to `limit` bytes in total.
-    fn add(&mut self, piece: &[u8], limit: usize) {
+    fn append_piece(&mut self, piece: &[u8], limit: usize) {
         let room = limit.saturating_sub(self.bytes.len());
         self.is_too_long |= piece.len() > room;
         self.bytes.extend_from_slice(piece.get(..room).unwrap_or(piece));
@@ -29,7 +29,7 @@ impl PendingReply {
 }
 
 /// Value of at most eight hexadecimal digits; `None` if a digit is invalid or none is present.
-fn hexadecimal(digits: &[u8]) -> Option<u32> {
+fn parse_hexadecimal(digits: &[u8]) -> Option<u32> {
     if digits.is_empty() || digits.len() > 8 {
         return None;
     }
@@ -43,10 +43,10 @@ mod tests {
     #[test]
     fn what_has_begun_is_kept_up_to_its_limit() {
         let mut begun = PendingReply::default();
-        begun.add(b"abc", 5);
-        begun.add(b"de", 5);
+        begun.append_piece(b"abc", 5);
+        begun.append_piece(b"de", 5);
         assert_eq!((&begun.bytes[..], begun.is_too_long), (&b"abcde"[..], false));
-        begun.add(b"f", 5);
+        begun.append_piece(b"f", 5);
         assert_eq!((&begun.bytes[..], begun.is_too_long), (&b"abcde"[..], true));
         begun.clear();
         assert_eq!((begun.bytes.len(), begun.is_too_long), (0, false));
@@ -54,10 +54,10 @@ mod tests {
 
     #[test]
     fn hexadecimal_numbers_have_one_to_eight_digits() {
-        assert_eq!(hexadecimal(b"1fFFffFF"), Some(0x1FFF_FFFF));
-        assert_eq!(hexadecimal(b"EA5F"), Some(59_999));
+        assert_eq!(parse_hexadecimal(b"1fFFffFF"), Some(0x1FFF_FFFF));
+        assert_eq!(parse_hexadecimal(b"EA5F"), Some(59_999));
         for bad in ["", "123456789", "12G", "+1", " 1"] {
-            assert_eq!(hexadecimal(bad.as_bytes()), None, "{bad}");
+            assert_eq!(parse_hexadecimal(bad.as_bytes()), None, "{bad}");
         }
     }
 }

@@ -11,13 +11,13 @@
 //! Kvaser does not publish the layout; this is the layout of captures in other projects. Identifiers and data
 //! are read as hexadecimal, the default of CanKing.
 
-use crate::capture::Format;
-use crate::capture::bus_error::{Violation, violation};
-use crate::capture::text::columns::{Base, ColumnWords, identifier, time};
+use crate::capture::CaptureFormat;
+use crate::capture::bus_error::{Violation, violation_frame};
+use crate::capture::text::columns::{ColumnWords, NumberBase, parse_identifier, parse_time};
 use crate::capture::text::line_format::{
-    Assumptions, Fault, LineFormat, LineParser, ParsedLine, first_lines,
+    CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine, first_lines,
 };
-use crate::capture::text::payload::{IDENTIFIER, LENGTH, SHORT, by_either, frame};
+use crate::capture::text::payload::{IDENTIFIER, LENGTH, SHORT, build_frame, by_either};
 use crate::frame::{Frame, FrameFlags, MAX_DATA};
 
 /// Unit of time in nanoseconds.
@@ -26,7 +26,7 @@ const SECOND: i64 = 1_000_000_000;
 /// Number of lines at the start within which the heading must occur.
 const DETECTING_LINES: usize = 20;
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     name: "canking",
     title: CanKing::TITLE,
     is_text: true,
@@ -47,7 +47,11 @@ struct CanKing;
 impl LineFormat for CanKing {
     const TITLE: &'static str = "Kvaser CanKing text";
 
-    fn line<'a>(&'a mut self, text: &'a [u8], _: &mut Assumptions) -> Result<Option<ParsedLine<'a>>, Fault> {
+    fn parse_line<'a>(
+        &'a mut self,
+        text: &'a [u8],
+        _: &mut CaptureAssumptions,
+    ) -> Result<Option<ParsedLine<'a>>, LineFault> {
         let mut words = ColumnWords::new(text);
         let bus = words.next().unwrap_or_default();
         // The heading, `Logging stopped.` and other text of the window.
@@ -58,9 +62,9 @@ impl LineFormat for CanKing {
             return Err("channel: expected a number".into());
         }
         let (time, sent) = end_of(text).ok_or("end of line: expected seconds and R or T")?;
-        let number = words.next().and_then(|word| Base::Hex.number(word)).ok_or(IDENTIFIER)?;
-        let behind = ColumnWords::new(words.rest()).count().saturating_sub(2);
-        let frame = content(number, words.take(behind).collect::<Vec<_>>().as_slice())?;
+        let number = words.next().and_then(|word| NumberBase::Hex.parse_number(word)).ok_or(IDENTIFIER)?;
+        let behind = ColumnWords::new(words.remaining_text()).count().saturating_sub(2);
+        let frame = parse_content(number, words.take(behind).collect::<Vec<_>>().as_slice())?;
         let flags = frame.flags.with(if sent { FrameFlags::TRANSMITTED } else { FrameFlags::RECEIVED });
         Ok(Some(ParsedLine::new(Some(time), bus, Frame { flags, ..frame })))
     }
@@ -70,7 +74,7 @@ impl LineFormat for CanKing {
 fn end_of(text: &[u8]) -> Option<(i64, bool)> {
     let mut words = ColumnWords::new(text);
     let last = words.clone().count().checked_sub(2)?;
-    let stamp = words.nth(last).and_then(|word| time(word, SECOND))?;
+    let stamp = words.nth(last).and_then(|word| parse_time(word, SECOND))?;
     match words.next()? {
         b"R" | b"r" => Some((stamp, false)),
         b"T" | b"t" => Some((stamp, true)),
@@ -79,18 +83,18 @@ fn end_of(text: &[u8]) -> Option<(i64, bool)> {
 }
 
 /// The frame between identifier and time: optional flags, DLC and data.
-fn content(number: u32, words: &[&[u8]]) -> Result<Frame, Fault> {
+fn parse_content(number: u32, words: &[&[u8]]) -> Result<Frame, LineFault> {
     let (marks, words) = match words {
         [b"ErrorFrame", ..] | [_, b"ErrorFrame", ..] => {
-            return Ok(violation(Violation::Other, false, 0, None));
+            return Ok(violation_frame(Violation::Other, false, 0, None));
         }
         [marks, rest @ ..] if marks.iter().all(u8::is_ascii_alphabetic) => (*marks, rest),
         words => (&b""[..], words),
     };
     let marked = |letter: u8| marks.iter().any(|mark| mark.eq_ignore_ascii_case(&letter));
-    let id = identifier(number, marked(b'X') || number > 0x7FF).ok_or(IDENTIFIER)?;
+    let id = parse_identifier(number, marked(b'X') || number > 0x7FF).ok_or(IDENTIFIER)?;
     let [number, words @ ..] = words else { return Err(LENGTH.into()) };
-    let number = Base::Decimal.byte(number).ok_or(LENGTH)?;
+    let number = NumberBase::Decimal.parse_byte(number).ok_or(LENGTH)?;
     let flags = match (marked(b'R'), words.len() > 8) {
         (true, _) => FrameFlags::REMOTE,
         (false, true) => FrameFlags::FD,
@@ -98,13 +102,13 @@ fn content(number: u32, words: &[&[u8]]) -> Result<Frame, Fault> {
     };
     let lengths = by_either(number, words.len().min(MAX_DATA + 1), flags).ok_or(LENGTH)?;
     let words = words.iter().copied();
-    Ok(frame(id, flags, lengths, words, Base::Hex).ok_or(SHORT)?)
+    Ok(build_frame(id, flags, lengths, words, NumberBase::Hex).ok_or(SHORT)?)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::testing::read;
+    use crate::capture::testing::read_capture;
 
     const HEADING: &str = "Chn Identifier Flg   DLC  D0...1...2...3...4...5...6..D7       Time     Dir\n";
 
@@ -116,7 +120,7 @@ mod tests {
              0    00000123 R       4                                         1.000000 R\n \
              0    00000014         0                                         2.000000 R\nLogging stopped.\n"
         );
-        let content = read(text.as_bytes());
+        let content = read_capture(text.as_bytes());
         assert_eq!(
             content.items,
             [
@@ -133,7 +137,7 @@ mod tests {
     fn an_error_frame_is_an_unspecified_bus_error() {
         let text =
             format!("{HEADING}0    00000000            ErrorFrame                          29.095270 R\n");
-        let [frame] = read(text.as_bytes()).frames[..] else { panic!("one frame") };
+        let [frame] = read_capture(text.as_bytes()).frames[..] else { panic!("one frame") };
         assert_eq!(frame.flags, FrameFlags::ERROR.with(FrameFlags::RECEIVED));
         assert_eq!(frame.id.number(), 0x88);
     }
@@ -143,7 +147,7 @@ mod tests {
         let text = format!(
             "{HEADING}0 123 1 00 1.0 X\n0 123 2 00 1.0 R\n0 20000000 0 1.0 R\n0 123 x1 1.0 R\n0x 1 0 1.0 R\n0 123\n"
         );
-        let items = read(text.as_bytes()).items;
+        let items = read_capture(text.as_bytes()).items;
         let expected = ["end of line", "data", "identifier", "length", "channel", "end of line"];
         assert_eq!(items.len(), expected.len(), "{items:?}");
         for (item, part) in items.iter().zip(expected) {

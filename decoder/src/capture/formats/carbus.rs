@@ -10,12 +10,12 @@
 //! Lines end with a carriage return only, columns with a tab. Times are seconds and milliseconds
 //! (version 2) or microseconds (version 3) within a minute; a backward step starts the next minute.
 
-use crate::capture::Format;
-use crate::capture::text::columns::{Base, ColumnWords, identifier, time};
+use crate::capture::CaptureFormat;
+use crate::capture::text::columns::{ColumnWords, NumberBase, parse_identifier, parse_time};
 use crate::capture::text::line_format::{
-    Assumptions, Fault, LineFormat, LineParser, ParsedLine, first_lines,
+    CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine, first_lines,
 };
-use crate::capture::text::payload::{IDENTIFIER, LENGTH, SHORT, by_dlc, frame};
+use crate::capture::text::payload::{IDENTIFIER, LENGTH, SHORT, build_frame, by_dlc};
 use crate::frame::FrameFlags;
 
 /// Unit of time in nanoseconds.
@@ -30,7 +30,7 @@ const DISORDER: i64 = MINUTE / 2;
 /// Flags of a data frame without further attributes.
 const PLAIN: u32 = 4;
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     name: "carbus",
     title: CarBus::TITLE,
     is_text: true,
@@ -48,7 +48,7 @@ struct CarBus {
 
 impl CarBus {
     /// Nanoseconds since the start of the first minute.
-    fn time(&mut self, within_minute: i64) -> i64 {
+    fn time_from_start(&mut self, within_minute: i64) -> i64 {
         if within_minute.saturating_add(DISORDER) < self.last {
             self.minutes = self.minutes.saturating_add(MINUTE);
         }
@@ -60,37 +60,38 @@ impl CarBus {
 impl LineFormat for CarBus {
     const TITLE: &'static str = "CARBUS Analyzer text";
 
-    fn line<'a>(
+    fn parse_line<'a>(
         &'a mut self,
         text: &'a [u8],
-        assumptions: &mut Assumptions,
-    ) -> Result<Option<ParsedLine<'a>>, Fault> {
+        assumptions: &mut CaptureAssumptions,
+    ) -> Result<Option<ParsedLine<'a>>, LineFault> {
         let text = text.trim_ascii();
         if text.starts_with(b"@") || text.starts_with(b"#") {
             return Ok(None);
         }
         let mut words = ColumnWords::new(text);
-        let stamp = words.next().and_then(|word| time(word, SECOND)).filter(|stamp| *stamp < MINUTE);
+        let stamp = words.next().and_then(|word| parse_time(word, SECOND)).filter(|stamp| *stamp < MINUTE);
         let stamp = stamp.ok_or("time: expected seconds within a minute, such as 46,016")?;
         let bus = words.next().filter(|word| word.iter().all(u8::is_ascii_digit));
         let bus = bus.ok_or("bus: expected a number")?;
-        let marks = words.next().and_then(|word| Base::Hex.number(word));
+        let marks = words.next().and_then(|word| NumberBase::Hex.parse_number(word));
         if marks.ok_or("flags: expected hex digits")? != PLAIN {
-            assumptions.report("flags other than 0004 undocumented: all lines read as data frames");
+            assumptions.add_assumption("flags other than 0004 undocumented: all lines read as data frames");
         }
         let digits = words.next().unwrap_or_default();
-        let number = Base::Hex.number(digits);
-        let id = number.and_then(|number| identifier(number, digits.len() > 4 || number > 0x7FF));
-        let dlc = words.next().and_then(|word| Base::Hex.byte(word));
+        let number = NumberBase::Hex.parse_number(digits);
+        let id = number.and_then(|number| parse_identifier(number, digits.len() > 4 || number > 0x7FF));
+        let dlc = words.next().and_then(|word| NumberBase::Hex.parse_byte(word));
         let lengths = dlc.and_then(|dlc| by_dlc(dlc, FrameFlags(0))).ok_or(LENGTH)?;
-        let frame = frame(id.ok_or(IDENTIFIER)?, FrameFlags(0), lengths, words, Base::Hex).ok_or(SHORT)?;
-        Ok(Some(ParsedLine::new(Some(self.time(stamp)), bus, frame)))
+        let frame = build_frame(id.ok_or(IDENTIFIER)?, FrameFlags(0), lengths, words, NumberBase::Hex)
+            .ok_or(SHORT)?;
+        Ok(Some(ParsedLine::new(Some(self.time_from_start(stamp)), bus, frame)))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::capture::testing::read;
+    use crate::capture::testing::read_capture;
 
     const HEADER: &str = "@ TEXT @ 2 @ 64 @ 0 @ 55 @ 10078 @ 00:00:10.078 @\r";
 
@@ -99,11 +100,11 @@ mod tests {
         let text =
             format!("{HEADER}46,016\t1\t0004\t45A\t8\t5A 04 00 00 00 00 00 00\t00000000\tZ       \t\r");
         assert_eq!(
-            read(text.as_bytes()).items,
+            read_capture(text.as_bytes()).items,
             ["{1} (46.016000000) bus0 45A#5A04000000000000 flags=00 dlc=0"]
         );
         let text = "@ TEXT @ 3 @ 64 @ 0 @ 1 @ 0 @ 0 @\r# $LocalTime=12:05:10.123\r26,678369\t2\t00000004\t00000123\t1\tFF\t0\t \r";
-        let content = read(text.as_bytes());
+        let content = read_capture(text.as_bytes());
         assert_eq!(content.items, ["{1} (26.678369000) bus0 00000123#FF flags=00 dlc=0"]);
         assert_eq!(content.buses, ["2"]);
     }
@@ -112,7 +113,8 @@ mod tests {
     fn minutes_are_counted_where_times_fall_back() {
         let line = |stamp| format!("{stamp}\t1\t0004\t001\t0\t\t0\t\r");
         let text: String = [HEADER.to_owned(), line("59,990"), line("59,980"), line("00,010")].concat();
-        let times: Vec<_> = read(text.as_bytes()).frames.iter().map(|frame| frame.time.unwrap().0).collect();
+        let times: Vec<_> =
+            read_capture(text.as_bytes()).frames.iter().map(|frame| frame.time.unwrap().0).collect();
         assert_eq!(times, [59_990_000_000, 59_980_000_000, 60_010_000_000]);
     }
 
@@ -121,7 +123,7 @@ mod tests {
         let text = format!(
             "{HEADER}1,0\t1\t80000004\t001\t0\t\t0\r61,0\t1\t0004\t001\t0\r1,0\t1\t0004\t001\t2\t5A\r"
         );
-        let content = read(text.as_bytes());
+        let content = read_capture(text.as_bytes());
         assert!(content.items[0].starts_with("flags other than 0004"), "{:?}", content.items);
         assert!(content.items[2].starts_with("line 3: time: expected seconds within a minute"));
         assert!(content.items[3].starts_with("line 4: data: fewer bytes"), "{:?}", content.items);

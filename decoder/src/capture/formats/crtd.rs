@@ -12,12 +12,12 @@
 //! Times are seconds in UTC, or since the recorder was switched on. The format has no remote frames. Comments
 //! on errors and statistics are not converted to frames.
 
-use crate::capture::Format;
-use crate::capture::text::columns::{ColumnWords, identifier, time};
+use crate::capture::CaptureFormat;
+use crate::capture::text::columns::{ColumnWords, parse_identifier, parse_time};
 use crate::capture::text::line_format::{
-    Assumptions, Fault, LineFormat, LineParser, ONLY_BUS, ParsedLine, first_lines,
+    CaptureAssumptions, LineFault, LineFormat, LineParser, ONLY_BUS, ParsedLine, first_lines,
 };
-use crate::capture::text::payload::{IDENTIFIER, frame_of_all, hex};
+use crate::capture::text::payload::{IDENTIFIER, frame_of_all, parse_hex};
 use crate::frame::FrameFlags;
 
 /// Unit of time in nanoseconds.
@@ -34,19 +34,19 @@ const RECORDS: &[(&[u8], FrameFlags, bool)] = &[
     (b"T29", FrameFlags::TRANSMITTED, true),
 ];
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     name: "crtd",
-    title: Crtd::TITLE,
+    title: CrtdFormat::TITLE,
     is_text: true,
     is_packed: false,
-    detect,
-    parser: |_| Box::new(LineParser::new(Crtd)),
+    detect: detect_crtd,
+    parser: |_| Box::new(LineParser::new(CrtdFormat)),
 };
 
 /// Whether the first line other than a comment is a known record.
-fn detect(head: &[u8]) -> bool {
+fn detect_crtd(head: &[u8]) -> bool {
     let first = first_lines(head, DETECTING_LINES).find(|line| !line.starts_with(b"#"));
-    first.is_some_and(|line| split(line).is_some_and(|(_, _, record, _)| is_record(record)))
+    first.is_some_and(|line| split_line(line).is_some_and(|(_, _, record, _)| is_record(record)))
 }
 
 /// Whether the record is a frame or a known comment.
@@ -56,36 +56,40 @@ fn is_record(record: &[u8]) -> bool {
 }
 
 /// Splits a line into time, bus, record name, and the remaining words.
-fn split(line: &[u8]) -> Option<(i64, &[u8], &[u8], ColumnWords<'_>)> {
+fn split_line(line: &[u8]) -> Option<(i64, &[u8], &[u8], ColumnWords<'_>)> {
     let mut words = ColumnWords::new(line);
     let stamp = words.next().filter(|word| word.contains(&b'.'))?;
     let record = words.next()?;
     let digits = record.iter().take_while(|byte| byte.is_ascii_digit()).count();
     let (bus, record) = record.split_at_checked(digits)?;
-    Some((time(stamp, SECOND)?, if bus.is_empty() { ONLY_BUS } else { bus }, record, words))
+    Some((parse_time(stamp, SECOND)?, if bus.is_empty() { ONLY_BUS } else { bus }, record, words))
 }
 
 /// Line format without state.
 #[derive(Clone)]
-struct Crtd;
+struct CrtdFormat;
 
-impl LineFormat for Crtd {
+impl LineFormat for CrtdFormat {
     const TITLE: &'static str = "OVMS CRTD";
 
-    fn line<'a>(&'a mut self, text: &'a [u8], _: &mut Assumptions) -> Result<Option<ParsedLine<'a>>, Fault> {
+    fn parse_line<'a>(
+        &'a mut self,
+        text: &'a [u8],
+        _: &mut CaptureAssumptions,
+    ) -> Result<Option<ParsedLine<'a>>, LineFault> {
         let text = text.trim_ascii();
         if text.starts_with(b"#") {
             return Ok(None);
         }
         let (time, bus, record, mut words) =
-            split(text).ok_or("expected seconds and a record, such as 1.5 1R11")?;
+            split_line(text).ok_or("expected seconds and a record, such as 1.5 1R11")?;
         if record.starts_with(b"C") {
             return Ok(None);
         }
         let record = RECORDS.iter().find(|(name, _, _)| *name == record);
         let (_, flags, extended) =
             *record.ok_or("record: expected R11, R29, T11, T29 or C and two letters")?;
-        let id = words.next().and_then(hex).and_then(|number| identifier(number, extended));
+        let id = words.next().and_then(parse_hex).and_then(|number| parse_identifier(number, extended));
         let frame = frame_of_all(id.ok_or(IDENTIFIER)?, flags, words);
         Ok(Some(ParsedLine::new(Some(time), bus, frame.ok_or("data: expected up to 8 bytes in hex")?)))
     }
@@ -94,11 +98,11 @@ impl LineFormat for Crtd {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::testing::read;
+    use crate::capture::testing::read_capture;
 
     #[test]
     fn frames_of_both_directions_on_every_bus() {
-        let content = read(
+        let content = read_capture(
             b"1542473901.020305 CXX OVMS CRTD\n\
               # a remark\n\
               1542473901.020305 1R11 7E8 04 41 0C\r\n\
@@ -118,7 +122,7 @@ mod tests {
 
     #[test]
     fn comments_are_neither_frames_nor_errors() {
-        let content = read(
+        let content = read_capture(
             b"169.971289 CXX Info Type:crtd; Vehicle:TSHK;\n\
               19292.299819 CEV vehicle.alert this is a textual vehicle alert\n\
               19292.3 2CER TX_Fail T11 123 00 11\n\
@@ -130,7 +134,7 @@ mod tests {
 
     #[test]
     fn broken_lines_say_what_was_expected() {
-        let content = read(
+        let content = read_capture(
             b"1.0 CXX x\n1.0 R12 123 00\n1.0 R11 800 00\n1.0 R29 20000000\n1.0 R11 123 00 1x\nx R11 1\n1.0 R11 1 0 1 2 3 4 5 6 7 8\n",
         );
         let expected = ["record", "identifier", "identifier", "data", "expected seconds", "data"];
@@ -143,10 +147,10 @@ mod tests {
     #[test]
     fn captures_are_recognised_by_their_first_record() {
         for head in ["100.602 CXX Info\n", "# x\n\n1705316400.05 3R11 131 00\n", "1.0 R11 131"] {
-            assert!(detect(head.as_bytes()), "{head}");
+            assert!(detect_crtd(head.as_bytes()), "{head}");
         }
         for head in ["", "100 R11 1", "1.0 1 R11", "1.000 1 123 Rx d 0\n", "hello\n1.0 R11 1\n"] {
-            assert!(!detect(head.as_bytes()), "{head}");
+            assert!(!detect_crtd(head.as_bytes()), "{head}");
         }
     }
 }

@@ -18,10 +18,10 @@ mod roadster;
 mod trc;
 
 use super::text::line_format::complete_lines;
-use super::{Format, WritableFormat};
+use super::{CaptureFormat, WritableFormat};
 
 /// All formats, binary before text, strict before lenient: the first format that matches reads the capture.
-pub const FORMATS: &[Format] = &[
+pub const FORMATS: &[CaptureFormat] = &[
     mcap::FORMAT,
     pcapng::FORMAT,
     pcap::FORMAT,
@@ -56,13 +56,14 @@ pub const WRITABLE: &[WritableFormat] = &[
 ///
 /// An excerpt has no sign of its own, so it is accepted only after all of its first bytes are known: the same
 /// bytes decide for any size of the pieces in which a capture arrives.
-pub fn detect(head: &[u8], is_whole: bool) -> Option<&'static Format> {
+pub fn detect_format(head: &[u8], is_whole: bool) -> Option<&'static CaptureFormat> {
     let lines = if is_whole { head } else { complete_lines(head) };
     let found = FORMATS.iter().find(|format| {
         format.name != excerpt::FORMAT.name && (format.detect)(if format.is_text { lines } else { head })
     });
     found.or_else(|| {
-        let window = excerpt::window(head, is_whole).filter(|window| (excerpt::FORMAT.detect)(window))?;
+        let window =
+            excerpt::decisive_lines(head, is_whole).filter(|window| (excerpt::FORMAT.detect)(window))?;
         FORMATS.iter().find(|format| !window.is_empty() && format.name == excerpt::FORMAT.name)
     })
 }

@@ -17,16 +17,16 @@
 mod channel;
 mod socketcan;
 
-pub(super) use channel::{Channel, Head, Output};
+pub(super) use channel::{CaptureInterface, PacketHeader, PacketOutput};
 pub use socketcan::kernel_frame;
-pub(super) use socketcan::{IdOrder, common};
+pub(super) use socketcan::{IdOrder, parse_common};
 
 use super::byte_order::ByteOrder;
 use crate::frame::FrameFlags;
 
 /// Link types that can contain CAN frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Link {
+pub(super) enum LinkType {
     /// A frame without header.
     SocketCan,
     /// Linux "cooked" header, version 1.
@@ -37,7 +37,7 @@ pub(super) enum Link {
     Other(u16),
 }
 
-impl Link {
+impl LinkType {
     /// The link type in a capture header; the upper half may contain the length of a checksum.
     pub(super) fn new(number: u32) -> Self {
         let [_, _, high, low] = number.to_be_bytes();
@@ -53,7 +53,7 @@ impl Link {
 /// Content of a packet.
 enum PacketContent<'a> {
     /// A frame in SocketCAN's layout.
-    Can(Payload<'a>),
+    Can(LinkPayload<'a>),
     /// Another protocol, by its number.
     NotCan(u16),
     /// Shorter than the header.
@@ -64,9 +64,9 @@ enum PacketContent<'a> {
 }
 
 /// A CAN frame extracted from a packet.
-struct Payload<'a> {
+struct LinkPayload<'a> {
     bytes: &'a [u8],
-    kind: Kind,
+    kind: LinkFrameType,
     flags: FrameFlags,
     /// Interface number on the host that recorded the capture.
     interface: Option<u32>,
@@ -74,7 +74,7 @@ struct Payload<'a> {
 
 /// Frame type according to the link layer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum LinkFrameType {
     /// Unknown: determined by the frame.
     Unsaid,
     /// CAN FD.
@@ -89,32 +89,37 @@ const PROTOCOL_CAN_XL: u16 = 0x000E;
 const PACKET_OUTGOING: u16 = 4;
 
 /// Removes the link layer header from a packet.
-fn open(link: Link, packet: &[u8]) -> PacketContent<'_> {
+fn open_packet(link: LinkType, packet: &[u8]) -> PacketContent<'_> {
     let big = ByteOrder::Big;
     let header = match link {
-        Link::Other(number) => return PacketContent::NotCan(number),
-        Link::SocketCan => {
+        LinkType::Other(number) => return PacketContent::NotCan(number),
+        LinkType::SocketCan => {
             let flags = FrameFlags::default();
-            return PacketContent::Can(Payload { bytes: packet, kind: Kind::Unsaid, flags, interface: None });
+            return PacketContent::Can(LinkPayload {
+                bytes: packet,
+                kind: LinkFrameType::Unsaid,
+                flags,
+                interface: None,
+            });
         }
-        Link::Cooked => 16,
-        Link::Cooked2 => 20,
+        LinkType::Cooked => 16,
+        LinkType::Cooked2 => 20,
     };
     let Some(bytes) = packet.get(header..) else { return PacketContent::Short { header } };
-    let (protocol, packet_type, interface) = if link == Link::Cooked {
+    let (protocol, packet_type, interface) = if link == LinkType::Cooked {
         (big.u16(packet, 14), big.u16(packet, 0), None)
     } else {
         (big.u16(packet, 0), packet.get(10).copied().map(u16::from), big.u32(packet, 4))
     };
     let kind = match protocol.unwrap_or(0) {
-        PROTOCOL_CAN => Kind::Unsaid,
-        PROTOCOL_CAN_FD => Kind::Fd,
-        PROTOCOL_CAN_XL => Kind::Xl,
+        PROTOCOL_CAN => LinkFrameType::Unsaid,
+        PROTOCOL_CAN_FD => LinkFrameType::Fd,
+        PROTOCOL_CAN_XL => LinkFrameType::Xl,
         other => return PacketContent::NotCan(other),
     };
     let outgoing = packet_type == Some(PACKET_OUTGOING);
     let flags = if outgoing { FrameFlags::TRANSMITTED } else { FrameFlags::default() };
-    PacketContent::Can(Payload { bytes, kind, flags, interface })
+    PacketContent::Can(LinkPayload { bytes, kind, flags, interface })
 }
 
 #[cfg(test)]
@@ -123,29 +128,33 @@ mod tests {
 
     #[test]
     fn checksum_bits_in_a_link_type_are_ignored() {
-        assert_eq!(Link::new(0x1000_00E3), Link::SocketCan);
-        assert_eq!(Link::new(0x2400_0071), Link::Cooked);
-        assert_eq!(Link::new(276), Link::Cooked2);
-        assert_eq!(Link::new(1), Link::Other(1));
+        assert_eq!(LinkType::new(0x1000_00E3), LinkType::SocketCan);
+        assert_eq!(LinkType::new(0x2400_0071), LinkType::Cooked);
+        assert_eq!(LinkType::new(276), LinkType::Cooked2);
+        assert_eq!(LinkType::new(1), LinkType::Other(1));
     }
 
     #[test]
     fn a_cooked_header_tells_protocol_and_direction() {
         let packet = b"\0\x04\x01\x18\0\0\0\0\0\0\0\0\0\0\0\x0DFRAME";
-        let PacketContent::Can(payload) = open(Link::Cooked, packet) else { panic!("expected CAN") };
-        assert_eq!((payload.bytes, payload.kind), (&b"FRAME"[..], Kind::Fd));
+        let PacketContent::Can(payload) = open_packet(LinkType::Cooked, packet) else {
+            panic!("expected CAN")
+        };
+        assert_eq!((payload.bytes, payload.kind), (&b"FRAME"[..], LinkFrameType::Fd));
         assert_eq!((payload.flags, payload.interface), (FrameFlags::TRANSMITTED, None));
-        assert!(matches!(open(Link::Cooked, &packet[..15]), PacketContent::Short { header: 16 }));
+        assert!(matches!(open_packet(LinkType::Cooked, &packet[..15]), PacketContent::Short { header: 16 }));
         let other = b"\0\x01\0\x01\0\x06\0\0\0\0\0\0\0\0\x08\0IP";
-        assert!(matches!(open(Link::Cooked, other), PacketContent::NotCan(0x0800)));
+        assert!(matches!(open_packet(LinkType::Cooked, other), PacketContent::NotCan(0x0800)));
     }
 
     #[test]
     fn a_cooked_header_of_version_two_tells_the_interface() {
         let packet = b"\0\x0C\0\0\0\0\0\x07\x01\x18\x01\0\0\0\0\0\0\0\0\0FRAME";
-        let PacketContent::Can(payload) = open(Link::Cooked2, packet) else { panic!("expected CAN") };
-        assert_eq!((payload.bytes, payload.kind), (&b"FRAME"[..], Kind::Unsaid));
+        let PacketContent::Can(payload) = open_packet(LinkType::Cooked2, packet) else {
+            panic!("expected CAN")
+        };
+        assert_eq!((payload.bytes, payload.kind), (&b"FRAME"[..], LinkFrameType::Unsaid));
         assert_eq!((payload.flags, payload.interface), (FrameFlags::default(), Some(7)));
-        assert!(matches!(open(Link::Cooked2, &packet[..19]), PacketContent::Short { header: 20 }));
+        assert!(matches!(open_packet(LinkType::Cooked2, &packet[..19]), PacketContent::Short { header: 20 }));
     }
 }

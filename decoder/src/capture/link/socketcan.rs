@@ -15,7 +15,7 @@
 
 use std::fmt;
 
-use super::Kind;
+use super::LinkFrameType;
 use crate::capture::byte_order::ByteOrder;
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA};
 
@@ -54,13 +54,13 @@ impl IdOrder {
     }
 
     #[inline]
-    fn word(self, bytes: [u8; 4]) -> u32 {
+    fn read_word(self, bytes: [u8; 4]) -> u32 {
         if self.is_little { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) }
     }
 
     /// The identifier, in the order in which it is valid.
-    fn decide(&mut self, bytes: [u8; 4]) -> u32 {
-        let word = self.word(bytes);
+    fn decide_order(&mut self, bytes: [u8; 4]) -> u32 {
+        let word = self.read_word(bytes);
         if self.is_fixed || is_plausible(word) || !is_plausible(word.swap_bytes()) {
             return word;
         }
@@ -69,7 +69,7 @@ impl IdOrder {
     }
 
     /// The detected order if it differs from the defined one and was not reported yet.
-    pub(super) fn news(&mut self) -> Option<&'static str> {
+    pub(super) fn detected_order(&mut self) -> Option<&'static str> {
         if self.is_said || self.is_little == self.defined_little {
             return None;
         }
@@ -121,7 +121,12 @@ impl fmt::Display for InvalidFrame {
 ///
 /// Always copies eight bytes: a branch on the length would cost more.
 #[inline]
-pub(in crate::capture) fn common(window: &[u8; 16], captured: u32, order: IdOrder, slot: &mut Frame) -> bool {
+pub(in crate::capture) fn parse_common(
+    window: &[u8; 16],
+    captured: u32,
+    order: IdOrder,
+    slot: &mut Frame,
+) -> bool {
     let [head, data] = bytemuck::must_cast_ref(window);
     let head = u64::from_le_bytes(*head);
     let [length, ..] = (head >> 32).to_le_bytes();
@@ -134,8 +139,11 @@ pub(in crate::capture) fn common(window: &[u8; 16], captured: u32, order: IdOrde
     if room > 8 || head >> 32 > room || word & (REMOTE | ERROR) != 0 || !is_usual {
         return false;
     }
-    slot.id =
-        if word & EXTENDED == 0 { CanId::standard((word & 0x7FF) as u16) } else { CanId::extended(word) };
+    slot.id = if word & EXTENDED == 0 {
+        CanId::from_standard((word & 0x7FF) as u16)
+    } else {
+        CanId::from_extended(word)
+    };
     slot.flags = FrameFlags(0);
     slot.length = length;
     slot.raw_dlc = 0;
@@ -155,27 +163,31 @@ pub fn kernel_frame(bytes: &[u8]) -> Result<Frame, String> {
     let mut frame = Frame::EMPTY;
     // The order of this computer is known, so it is fixed.
     let mut order = IdOrder { is_fixed: true, ..IdOrder::new(own) };
-    self::frame(bytes, Kind::Unsaid, &mut order, &mut frame).map_err(|bad| bad.to_string())?;
+    self::parse_frame(bytes, LinkFrameType::Unsaid, &mut order, &mut frame).map_err(|bad| bad.to_string())?;
     Ok(frame)
 }
 
 /// Parses any frame: writes identifier, flags, length and data to `slot`.
-pub(super) fn frame(
+pub(super) fn parse_frame(
     packet: &[u8],
-    kind: Kind,
+    kind: LinkFrameType,
     order: &mut IdOrder,
     slot: &mut Frame,
 ) -> Result<(), InvalidFrame> {
     let Some(&[i0, i1, i2, i3, length, bits, reserved, raw_dlc]) = packet.first_chunk() else {
-        return Err(if kind == Kind::Xl { InvalidFrame::Xl } else { InvalidFrame::Short(packet.len()) });
+        return Err(if kind == LinkFrameType::Xl {
+            InvalidFrame::Xl
+        } else {
+            InvalidFrame::Short(packet.len())
+        });
     };
-    if kind == Kind::Xl || length & XL_FRAME != 0 {
+    if kind == LinkFrameType::Xl || length & XL_FRAME != 0 {
         return Err(InvalidFrame::Xl);
     }
-    let word = order.decide([i0, i1, i2, i3]);
+    let word = order.decide_order([i0, i1, i2, i3]);
     // Old recorders store uninitialised memory here in classic frames, so a single bit is not sufficient.
     let is_marked = bits & FD_FRAME != 0 && bits <= 7 && reserved == 0 && raw_dlc == 0;
-    let is_fd = kind == Kind::Fd || is_marked || packet.len() == FD_SIZE || length > MAX_CLASSIC;
+    let is_fd = kind == LinkFrameType::Fd || is_marked || packet.len() == FD_SIZE || length > MAX_CLASSIC;
     let mut flags = FrameFlags::default();
     let mut limit = MAX_CLASSIC;
     if word & ERROR != 0 {
@@ -199,8 +211,8 @@ pub(super) fn frame(
         None => return Err(InvalidFrame::Cut { has: data.len(), length }),
     }
     slot.id = match word & (EXTENDED | ERROR) {
-        0 => CanId::standard((word & 0x7FF) as u16),
-        _ => CanId::extended(word & IDENTIFIER),
+        0 => CanId::from_standard((word & 0x7FF) as u16),
+        _ => CanId::from_extended(word & IDENTIFIER),
     };
     slot.flags = flags;
     let says_more =
@@ -224,9 +236,9 @@ fn fd_flags(bits: u8) -> FrameFlags {
 mod tests {
     use super::*;
 
-    fn read(packet: &[u8], kind: Kind) -> Result<String, InvalidFrame> {
+    fn read(packet: &[u8], kind: LinkFrameType) -> Result<String, InvalidFrame> {
         let mut slot = Frame::EMPTY;
-        frame(packet, kind, &mut IdOrder::new(ByteOrder::Big), &mut slot).map(|()| format!("{slot:?}"))
+        parse_frame(packet, kind, &mut IdOrder::new(ByteOrder::Big), &mut slot).map(|()| format!("{slot:?}"))
     }
 
     #[test]
@@ -251,15 +263,15 @@ mod tests {
     #[test]
     fn classic_frames_of_both_widths() {
         let standard = b"\0\0\x05\x81\x02\0\0\0\xAA\xBB\0\0\0\0\0\0";
-        assert_eq!(read(standard, Kind::Unsaid).unwrap(), "{0} bus0 581#AABB flags=00 dlc=0");
+        assert_eq!(read(standard, LinkFrameType::Unsaid).unwrap(), "{0} bus0 581#AABB flags=00 dlc=0");
         let extended = b"\x98\xFE\xF1\x80\x01\0\0\0\x7F";
-        assert_eq!(read(extended, Kind::Unsaid).unwrap(), "{0} bus0 18FEF180#7F flags=00 dlc=0");
+        assert_eq!(read(extended, LinkFrameType::Unsaid).unwrap(), "{0} bus0 18FEF180#7F flags=00 dlc=0");
     }
 
     #[test]
     fn a_remote_frame_needs_no_data_and_keeps_its_length() {
         assert_eq!(
-            read(b"\x40\0\x07\x05\x01\0\0\0", Kind::Unsaid).unwrap(),
+            read(b"\x40\0\x07\x05\x01\0\0\0", LinkFrameType::Unsaid).unwrap(),
             "{0} bus0 705#R1 flags=01 dlc=0"
         );
     }
@@ -267,69 +279,87 @@ mod tests {
     #[test]
     fn an_error_frame_keeps_its_class_as_identifier() {
         let packet = b"\x20\0\0\x04\x08\0\0\x09\0\x10\0\0\0\0\x60\0";
-        assert_eq!(read(packet, Kind::Unsaid).unwrap(), "{0} bus0 00000004#0010000000006000 flags=02 dlc=0");
+        assert_eq!(
+            read(packet, LinkFrameType::Unsaid).unwrap(),
+            "{0} bus0 00000004#0010000000006000 flags=02 dlc=0"
+        );
     }
 
     #[test]
     fn the_raw_dlc_counts_on_eight_bytes_only() {
         let eight = b"\0\0\x01\x23\x08\0\0\x0B12345678";
-        assert!(read(eight, Kind::Unsaid).unwrap().ends_with("flags=00 dlc=11"));
+        assert!(read(eight, LinkFrameType::Unsaid).unwrap().ends_with("flags=00 dlc=11"));
         let two = b"\0\0\x01\x23\x02\0\0\x0B12345678";
-        assert!(read(two, Kind::Unsaid).unwrap().ends_with("flags=00 dlc=0"));
+        assert!(read(two, LinkFrameType::Unsaid).unwrap().ends_with("flags=00 dlc=0"));
     }
 
     #[test]
     fn can_fd_is_known_by_link_layer_flag_size_or_length() {
         let mut packet = vec![0, 0, 1, 0x23, 12, 0x05, 0, 0];
         packet.extend([0xAB; 12]);
-        assert!(read(&packet, Kind::Unsaid).unwrap().ends_with("flags=0C dlc=0"));
+        assert!(read(&packet, LinkFrameType::Unsaid).unwrap().ends_with("flags=0C dlc=0"));
         packet[5] = 0x02;
-        assert!(read(&packet, Kind::Fd).unwrap().ends_with("flags=14 dlc=0"));
+        assert!(read(&packet, LinkFrameType::Fd).unwrap().ends_with("flags=14 dlc=0"));
         packet[5] = 0;
         assert!(
-            read(&packet, Kind::Unsaid).unwrap().ends_with("flags=04 dlc=0"),
+            read(&packet, LinkFrameType::Unsaid).unwrap().ends_with("flags=04 dlc=0"),
             "too long for a classic frame"
         );
         packet[4] = 2;
-        assert!(read(&packet, Kind::Unsaid).unwrap().ends_with("flags=00 dlc=0"));
+        assert!(read(&packet, LinkFrameType::Unsaid).unwrap().ends_with("flags=00 dlc=0"));
         packet.resize(FD_SIZE, 0);
-        assert!(read(&packet, Kind::Unsaid).unwrap().ends_with("flags=04 dlc=0"));
+        assert!(read(&packet, LinkFrameType::Unsaid).unwrap().ends_with("flags=04 dlc=0"));
     }
 
     #[test]
     fn leftovers_of_memory_do_not_make_a_frame_can_fd() {
         assert!(
-            read(b"\0\0\x01\x23\x01\x3C\x10\x40\x55", Kind::Unsaid).unwrap().ends_with("#55 flags=00 dlc=0")
+            read(b"\0\0\x01\x23\x01\x3C\x10\x40\x55", LinkFrameType::Unsaid)
+                .unwrap()
+                .ends_with("#55 flags=00 dlc=0")
         );
     }
 
     #[test]
     fn what_is_no_frame_says_why() {
         let bad = |packet: &[u8], kind| read(packet, kind).unwrap_err().to_string();
-        assert_eq!(bad(b"1234567", Kind::Unsaid), "CAN frame: found 7 bytes; expected at least 8");
-        assert_eq!(bad(b"\0\0\x01\x23\x80\0\x0C\0\0\0\0\0xl", Kind::Unsaid), "CAN XL frame: not supported");
-        assert_eq!(bad(b"", Kind::Xl), "CAN XL frame: not supported");
-        assert_eq!(bad(b"\0\0\x01\x23\x08\0\0\x00123", Kind::Unsaid), "CAN frame: found 3 of 8 data bytes");
+        assert_eq!(bad(b"1234567", LinkFrameType::Unsaid), "CAN frame: found 7 bytes; expected at least 8");
         assert_eq!(
-            bad(b"\0\0\x01\x23\x41\0\0\0", Kind::Fd),
+            bad(b"\0\0\x01\x23\x80\0\x0C\0\0\0\0\0xl", LinkFrameType::Unsaid),
+            "CAN XL frame: not supported"
+        );
+        assert_eq!(bad(b"", LinkFrameType::Xl), "CAN XL frame: not supported");
+        assert_eq!(
+            bad(b"\0\0\x01\x23\x08\0\0\x00123", LinkFrameType::Unsaid),
+            "CAN frame: found 3 of 8 data bytes"
+        );
+        assert_eq!(
+            bad(b"\0\0\x01\x23\x41\0\0\0", LinkFrameType::Fd),
             "CAN frame: found length 65; expected at most 64"
         );
         assert_eq!(
-            bad(b"\x20\0\0\x04\x09\0\0\0", Kind::Unsaid),
+            bad(b"\x20\0\0\x04\x09\0\0\0", LinkFrameType::Unsaid),
             "CAN frame: found length 9; expected at most 8"
         );
-        assert_eq!(bad(b"\x40\0\0\x04\x01\0\0\0", Kind::Fd), "CAN frame: a remote frame cannot be CAN FD");
+        assert_eq!(
+            bad(b"\x40\0\0\x04\x01\0\0\0", LinkFrameType::Fd),
+            "CAN frame: a remote frame cannot be CAN FD"
+        );
     }
 
     #[test]
     fn an_impossible_identifier_reverses_the_order_until_another_one() {
         let mut order = IdOrder::new(ByteOrder::Big);
-        assert_eq!(order.decide([0x01, 0x02, 0, 0]), 0x201);
-        assert_eq!(order.news(), Some("little-endian"));
-        assert_eq!(order.decide([0x80, 0, 0, 0]), 0x080, "would be an extended 0 in the other order");
-        assert_eq!(order.decide([0, 0, 0x07, 0x10]), 0x710, "proves big-endian again");
-        assert_eq!((order.decide([5, 7, 0, 0]), order.news()), (0x705, None), "reported once");
-        assert_eq!(order.decide([0x01, 0x23, 0x45, 0x17]), 0x1745_2301, "impossible in both: stays");
+        assert_eq!(order.decide_order([0x01, 0x02, 0, 0]), 0x201);
+        assert_eq!(order.detected_order(), Some("little-endian"));
+        assert_eq!(order.decide_order([0x80, 0, 0, 0]), 0x080, "would be an extended 0 in the other order");
+        assert_eq!(order.decide_order([0, 0, 0x07, 0x10]), 0x710, "proves big-endian again");
+        assert_eq!(
+            (order.decide_order([5, 7, 0, 0]), order.detected_order()),
+            (0x705, None),
+            "reported once"
+        );
+        assert_eq!(order.decide_order([0x01, 0x23, 0x45, 0x17]), 0x1745_2301, "impossible in both: stays");
     }
 
     #[test]
@@ -344,16 +374,37 @@ mod tests {
                 window[..4].copy_from_slice(&word.to_be_bytes());
                 window[4..8].copy_from_slice(&[length, bits, 0, 0]);
                 let (mut quick, mut general) = (Frame::EMPTY, Frame::EMPTY);
-                if common(&window, captured, IdOrder::new(ByteOrder::Big), &mut quick) {
+                if parse_common(&window, captured, IdOrder::new(ByteOrder::Big), &mut quick) {
                     let packet = &window[..captured as usize];
-                    frame(packet, Kind::Unsaid, &mut IdOrder::new(ByteOrder::Big), &mut general).unwrap();
+                    parse_frame(
+                        packet,
+                        LinkFrameType::Unsaid,
+                        &mut IdOrder::new(ByteOrder::Big),
+                        &mut general,
+                    )
+                    .unwrap();
                     assert_eq!(quick, general);
                 }
             }
         }
         let mut slot = Frame::EMPTY;
-        assert!(common(b"\0\0\x01\x23\x08\0\0\x0012345678", 16, IdOrder::new(ByteOrder::Big), &mut slot));
-        assert!(!common(b"\0\0\x01\x23\x08\0\0\x0012345678", 7, IdOrder::new(ByteOrder::Big), &mut slot));
-        assert!(!common(b"\0\0\x01\x23\x08\0\0\x0012345678", 17, IdOrder::new(ByteOrder::Big), &mut slot));
+        assert!(parse_common(
+            b"\0\0\x01\x23\x08\0\0\x0012345678",
+            16,
+            IdOrder::new(ByteOrder::Big),
+            &mut slot
+        ));
+        assert!(!parse_common(
+            b"\0\0\x01\x23\x08\0\0\x0012345678",
+            7,
+            IdOrder::new(ByteOrder::Big),
+            &mut slot
+        ));
+        assert!(!parse_common(
+            b"\0\0\x01\x23\x08\0\0\x0012345678",
+            17,
+            IdOrder::new(ByteOrder::Big),
+            &mut slot
+        ));
     }
 }

@@ -27,7 +27,7 @@ impl<'a> ColumnWords<'a> {
     }
 
     /// Text after the words read so far.
-    pub(in crate::capture) fn rest(&self) -> &'a [u8] {
+    pub(in crate::capture) fn remaining_text(&self) -> &'a [u8] {
         self.rest
     }
 
@@ -52,7 +52,7 @@ impl<'a> Iterator for ColumnWords<'a> {
 
 /// Number base of identifiers and data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(in crate::capture) enum Base {
+pub(in crate::capture) enum NumberBase {
     /// Hexadecimal, without 0x.
     #[default]
     Hex,
@@ -60,10 +60,10 @@ pub(in crate::capture) enum Base {
     Decimal,
 }
 
-impl Base {
+impl NumberBase {
     /// Parses all of `word` as a number.
     #[inline]
-    pub(in crate::capture) fn number(self, word: &[u8]) -> Option<u32> {
+    pub(in crate::capture) fn parse_number(self, word: &[u8]) -> Option<u32> {
         let radix: u32 = match self {
             Self::Hex => 16,
             Self::Decimal => 10,
@@ -77,29 +77,29 @@ impl Base {
     }
 
     /// Parses `word` as a byte.
-    pub(in crate::capture) fn byte(self, word: &[u8]) -> Option<u8> {
-        self.number(word).and_then(|value| u8::try_from(value).ok())
+    pub(in crate::capture) fn parse_byte(self, word: &[u8]) -> Option<u8> {
+        self.parse_number(word).and_then(|value| u8::try_from(value).ok())
     }
 }
 
 /// Parses the first `count` words as bytes; `None` if there are fewer.
-pub(in crate::capture) fn data<'a>(
+pub(in crate::capture) fn parse_data<'a>(
     mut words: impl Iterator<Item = &'a [u8]>,
     count: usize,
-    base: Base,
+    base: NumberBase,
 ) -> Option<[u8; MAX_DATA]> {
     let mut bytes = [0; MAX_DATA];
     for slot in bytes.get_mut(..count)? {
-        *slot = base.byte(words.next()?)?;
+        *slot = base.parse_byte(words.next()?)?;
     }
     Some(bytes)
 }
 
 /// An identifier of the given type; `None` if the number exceeds its range.
-pub(in crate::capture) fn identifier(number: u32, extended: bool) -> Option<CanId> {
+pub(in crate::capture) fn parse_identifier(number: u32, extended: bool) -> Option<CanId> {
     match number {
-        0..=0x7FF if !extended => Some(CanId::standard(u16::try_from(number).ok()?)),
-        0..=0x1FFF_FFFF if extended => Some(CanId::extended(number)),
+        0..=0x7FF if !extended => Some(CanId::from_standard(u16::try_from(number).ok()?)),
+        0..=0x1FFF_FFFF if extended => Some(CanId::from_extended(number)),
         _ => None,
     }
 }
@@ -123,7 +123,7 @@ fn fixed_point(input: &[u8], unit: i128) -> IResult<&[u8], i128> {
 }
 
 /// Parses a time such as `1234.5` in units of `unit` nanoseconds into nanoseconds.
-pub(in crate::capture) fn time(word: &[u8], unit: i64) -> Option<i64> {
+pub(in crate::capture) fn parse_time(word: &[u8], unit: i64) -> Option<i64> {
     let (_, nanoseconds) = fixed_point(word, unit.into()).ok()?;
     i64::try_from(nanoseconds).ok()
 }
@@ -131,11 +131,15 @@ pub(in crate::capture) fn time(word: &[u8], unit: i64) -> Option<i64> {
 /// Parses hours, minutes and seconds, such as `00:30:06.866`, into nanoseconds; the hours have no upper limit.
 pub(in crate::capture) fn time_of_day(word: &[u8]) -> Option<i64> {
     const SECOND: i64 = 1_000_000_000;
-    let number =
-        || terminated(digit1::<_, Error<&[u8]>>.map_opt(|digits| Base::Decimal.number(digits)), char(':'));
+    let number = || {
+        terminated(
+            digit1::<_, Error<&[u8]>>.map_opt(|digits| NumberBase::Decimal.parse_number(digits)),
+            char(':'),
+        )
+    };
     let (seconds, (hours, minutes)) = (number(), number()).parse(word).ok()?;
     let minutes = i64::from(hours).checked_mul(60)?.checked_add(minutes.into())?;
-    time(seconds, SECOND)?.checked_add(minutes.checked_mul(60 * SECOND)?)
+    parse_time(seconds, SECOND)?.checked_add(minutes.checked_mul(60 * SECOND)?)
 }
 
 /// Converts days since 1899-12-30 (UTC) to nanoseconds since 1970.
@@ -155,19 +159,19 @@ mod tests {
         let mut words = ColumnWords::new(b"  1)\t 12.5 Rx  ");
         assert_eq!(words.peek(), Some(&b"1)"[..]));
         assert_eq!(words.by_ref().take(2).collect::<Vec<_>>(), [&b"1)"[..], b"12.5"]);
-        assert_eq!(words.rest(), b" Rx  ");
+        assert_eq!(words.remaining_text(), b" Rx  ");
         assert_eq!(words.next(), Some(&b"Rx"[..]));
         assert_eq!(words.next(), None);
     }
 
     #[test]
     fn times_keep_every_digit() {
-        assert_eq!(time(b"17535.4", 1_000_000), Some(17_535_400_000));
-        assert_eq!(time(b"0.200", 1_000_000), Some(200_000));
-        assert_eq!(time(b"17535", 1_000_000), Some(17_535_000_000));
-        assert_eq!(time(b"30.806898123", 1_000_000_000), Some(30_806_898_123));
+        assert_eq!(parse_time(b"17535.4", 1_000_000), Some(17_535_400_000));
+        assert_eq!(parse_time(b"0.200", 1_000_000), Some(200_000));
+        assert_eq!(parse_time(b"17535", 1_000_000), Some(17_535_000_000));
+        assert_eq!(parse_time(b"30.806898123", 1_000_000_000), Some(30_806_898_123));
         for bad in ["", ".5", "1.", "1.5x", "-1", "9999999999999999999"] {
-            assert_eq!(time(bad.as_bytes(), 1_000_000), None, "{bad}");
+            assert_eq!(parse_time(bad.as_bytes(), 1_000_000), None, "{bad}");
         }
     }
 
@@ -183,12 +187,12 @@ mod tests {
 
     #[test]
     fn bytes_in_both_bases() {
-        assert_eq!(Base::Hex.byte(b"fF"), Some(255));
-        assert_eq!(Base::Decimal.byte(b"255"), Some(255));
-        assert_eq!(Base::Decimal.byte(b"256"), None);
-        assert_eq!(Base::Decimal.byte(b"1A"), None);
-        assert_eq!(Base::Hex.number(b"1FFFFFFFF"), None);
-        assert_eq!(data(ColumnWords::new(b"01 02"), 3, Base::Hex), None);
-        assert_eq!(data(ColumnWords::new(b"01 02"), 65, Base::Hex), None);
+        assert_eq!(NumberBase::Hex.parse_byte(b"fF"), Some(255));
+        assert_eq!(NumberBase::Decimal.parse_byte(b"255"), Some(255));
+        assert_eq!(NumberBase::Decimal.parse_byte(b"256"), None);
+        assert_eq!(NumberBase::Decimal.parse_byte(b"1A"), None);
+        assert_eq!(NumberBase::Hex.parse_number(b"1FFFFFFFF"), None);
+        assert_eq!(parse_data(ColumnWords::new(b"01 02"), 3, NumberBase::Hex), None);
+        assert_eq!(parse_data(ColumnWords::new(b"01 02"), 65, NumberBase::Hex), None);
     }
 }

@@ -9,8 +9,8 @@
 
 use std::borrow::Cow;
 
-use super::lines::{LineStep, Lines, excerpt};
-use crate::capture::{Batch, BusNames, CaptureError, CapturePlace, MAX_BUSES, Notice, Parser};
+use super::lines::{LineSplitter, LineStep, line_excerpt};
+use crate::capture::{Batch, BusNames, CaptureError, CapturePlace, FormatParser, MAX_BUSES, Notice};
 use crate::frame::{Frame, Timestamp};
 
 /// Bus name for formats that have a single bus, or omit its name.
@@ -38,7 +38,7 @@ impl<'a> ParsedLine<'a> {
 
 /// Reason why a line cannot be read.
 #[derive(Debug, PartialEq, Eq)]
-pub(in crate::capture) enum Fault {
+pub(in crate::capture) enum LineFault {
     /// Not a valid frame; contains the expected content. Later lines may be valid.
     Unreadable(Cow<'static, str>),
     /// No later line can be read either.
@@ -50,7 +50,7 @@ pub(in crate::capture) enum Fault {
     },
 }
 
-impl From<&'static str> for Fault {
+impl From<&'static str> for LineFault {
     fn from(expected: &'static str) -> Self {
         Self::Unreadable(expected.into())
     }
@@ -58,21 +58,21 @@ impl From<&'static str> for Fault {
 
 /// Assumptions about the whole capture; each one is reported once.
 #[derive(Debug, Clone, Default)]
-pub(in crate::capture) struct Assumptions {
+pub(in crate::capture) struct CaptureAssumptions {
     said: Vec<&'static str>,
     told: usize,
 }
 
-impl Assumptions {
+impl CaptureAssumptions {
     /// Adds `text`, unless it was added before.
-    pub(in crate::capture) fn report(&mut self, text: &'static str) {
+    pub(in crate::capture) fn add_assumption(&mut self, text: &'static str) {
         if !self.said.contains(&text) {
             self.said.push(text);
         }
     }
 
     /// Assumptions added since the last call.
-    fn fresh(&mut self) -> &[&'static str] {
+    fn new_assumptions(&mut self) -> &[&'static str] {
         let fresh = self.said.get(self.told..).unwrap_or_default();
         self.told = self.said.len();
         fresh
@@ -85,13 +85,13 @@ pub(in crate::capture) trait LineFormat: Clone + Send + Sync + 'static {
     const TITLE: &'static str;
 
     /// Parses the non-blank line `text`: a frame, or `None` for lines such as a header line.
-    fn line<'a>(
+    fn parse_line<'a>(
         &'a mut self,
         text: &'a [u8],
-        assumptions: &mut Assumptions,
-    ) -> Result<Option<ParsedLine<'a>>, Fault>;
+        assumptions: &mut CaptureAssumptions,
+    ) -> Result<Option<ParsedLine<'a>>, LineFault>;
 
-    /// Receives the number of the line, from 1, before [`LineFormat::line`].
+    /// Receives the number of the line, from 1, before [`LineFormat::parse_line`].
     fn at_line(&mut self, _number: u64) {}
 }
 
@@ -99,9 +99,9 @@ pub(in crate::capture) trait LineFormat: Clone + Send + Sync + 'static {
 #[derive(Clone, Default)]
 pub(in crate::capture) struct LineParser<L> {
     format: L,
-    lines: Lines,
+    lines: LineSplitter,
     buses: BusNames,
-    assumptions: Assumptions,
+    assumptions: CaptureAssumptions,
     frames: u64,
     offset: u64,
 }
@@ -111,47 +111,47 @@ impl<L: LineFormat> LineParser<L> {
     pub(in crate::capture) fn new(format: L) -> Self {
         Self {
             format,
-            lines: Lines::default(),
+            lines: LineSplitter::default(),
             buses: BusNames::default(),
-            assumptions: Assumptions::default(),
+            assumptions: CaptureAssumptions::default(),
             frames: 0,
             offset: 0,
         }
     }
 
     /// State of the format.
-    pub(in crate::capture) fn format(&mut self) -> &mut L {
+    pub(in crate::capture) fn format_state(&mut self) -> &mut L {
         &mut self.format
     }
 
-    fn line(&mut self, text: &[u8], batch: &mut Batch) -> Result<(), CaptureError> {
+    fn parse_line(&mut self, text: &[u8], batch: &mut Batch) -> Result<(), CaptureError> {
         if text.trim_ascii().is_empty() {
             return Ok(());
         }
-        let place = CapturePlace::Line(self.lines.number());
-        self.format.at_line(self.lines.number());
-        let found = self.format.line(text, &mut self.assumptions);
-        for text in self.assumptions.fresh() {
-            batch.notice(Notice::Assumption((*text).to_owned()));
+        let place = CapturePlace::Line(self.lines.line_number());
+        self.format.at_line(self.lines.line_number());
+        let found = self.format.parse_line(text, &mut self.assumptions);
+        for text in self.assumptions.new_assumptions() {
+            batch.add_notice(Notice::Assumption((*text).to_owned()));
         }
         let seen = match found {
             Ok(None) => return Ok(()),
             Ok(Some(seen)) => seen,
-            Err(Fault::Unreadable(reason)) => {
-                let reason = format!("{reason}; found {}", excerpt(text.trim_ascii()));
-                batch.notice(Notice::Unreadable { place, reason });
+            Err(LineFault::Unreadable(reason)) => {
+                let reason = format!("{reason}; found {}", line_excerpt(text.trim_ascii()));
+                batch.add_notice(Notice::Unreadable { place, reason });
                 return Ok(());
             }
-            Err(Fault::Header { found, expected }) => {
+            Err(LineFault::Header { found, expected }) => {
                 return Err(CaptureError::Header { format: L::TITLE, offset: self.offset, found, expected });
             }
         };
         let Some(bus) = self.buses.index_of(seen.bus) else {
-            batch.notice(Notice::Unreadable { place, reason: format!("more than {MAX_BUSES} buses") });
+            batch.add_notice(Notice::Unreadable { place, reason: format!("more than {MAX_BUSES} buses") });
             return Ok(());
         };
         if seen.lost {
-            batch.notice(Notice::LostFrames { place, bus, count: None });
+            batch.add_notice(Notice::LostFrames { place, bus, count: None });
         }
         self.frames += 1;
         batch.push(Frame { number: self.frames, time: seen.time.map(Timestamp), bus, ..seen.frame });
@@ -159,14 +159,14 @@ impl<L: LineFormat> LineParser<L> {
     }
 }
 
-impl<L: LineFormat> Parser for LineParser<L> {
+impl<L: LineFormat> FormatParser for LineParser<L> {
     fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError> {
         let mut taken = 0;
         while !batch.is_full() {
             let rest = input.get(taken..).unwrap_or_default();
             let length = match self.lines.next(rest, at_end) {
                 LineStep::Line(line, length) => {
-                    self.line(line, batch)?;
+                    self.parse_line(line, batch)?;
                     length
                 }
                 LineStep::Skip(length) => length,
@@ -182,11 +182,11 @@ impl<L: LineFormat> Parser for LineParser<L> {
         &self.buses
     }
 
-    fn line(&self) -> Option<u64> {
-        Some(self.lines.number())
+    fn line_number(&self) -> Option<u64> {
+        Some(self.lines.line_number())
     }
 
-    fn clone_box(&self) -> Box<dyn Parser> {
+    fn clone_box(&self) -> Box<dyn FormatParser> {
         Box::new(self.clone())
     }
 }
@@ -217,20 +217,20 @@ mod tests {
     impl LineFormat for Sample {
         const TITLE: &'static str = "sample";
 
-        fn line<'a>(
+        fn parse_line<'a>(
             &'a mut self,
             text: &'a [u8],
-            assumptions: &mut Assumptions,
-        ) -> Result<Option<ParsedLine<'a>>, Fault> {
+            assumptions: &mut CaptureAssumptions,
+        ) -> Result<Option<ParsedLine<'a>>, LineFault> {
             match text {
                 b"said" => {
-                    assumptions.report("reported once");
+                    assumptions.add_assumption("reported once");
                     Ok(None)
                 }
                 b"bad" => Err("expected better".into()),
-                b"end" => Err(Fault::Header { found: "end".into(), expected: "no end" }),
+                b"end" => Err(LineFault::Header { found: "end".into(), expected: "no end" }),
                 bus => {
-                    let frame = Frame::data_frame(CanId::standard(1), &[]);
+                    let frame = Frame::data_frame(CanId::from_standard(1), &[]);
                     Ok(Some(ParsedLine { lost: bus == b"lossy", ..ParsedLine::new(Some(5), bus, frame) }))
                 }
             }

@@ -1,19 +1,19 @@
 //! Splits text captures into numbered lines of any length.
 
 use crate::capture::{Batch, LARGEST_RECORD, Notice};
-use crate::words::plural;
+use crate::words::count_noun;
 
 /// Maximum length of a line in bytes; of a longer line only the start is passed to the format.
 const LONGEST_LINE: usize = LARGEST_RECORD / 2;
 
 /// Splits input into lines and counts them.
 #[derive(Debug, Clone, Default)]
-pub(in crate::capture) struct Lines {
+pub(in crate::capture) struct LineSplitter {
     number: u64,
     skipping: bool,
 }
 
-/// Result of [`Lines::next`].
+/// Result of [`LineSplitter::next`].
 pub(in crate::capture) enum LineStep<'a> {
     /// A line without its end (`\n`, `\r\n` or `\r`), and its size in bytes with the end.
     Line(&'a [u8], usize),
@@ -23,9 +23,9 @@ pub(in crate::capture) enum LineStep<'a> {
     More,
 }
 
-impl Lines {
+impl LineSplitter {
     /// Number of the last returned line, from 1.
-    pub(in crate::capture) fn number(&self) -> u64 {
+    pub(in crate::capture) fn line_number(&self) -> u64 {
         self.number
     }
 
@@ -34,8 +34,8 @@ impl Lines {
         self.skipping
     }
 
-    /// Counts lines that were read without [`Lines::next`].
-    pub(in crate::capture) fn count(&mut self, lines: u64) {
+    /// Counts lines that were read without [`LineSplitter::next`].
+    pub(in crate::capture) fn count_lines(&mut self, lines: u64) {
         self.number = self.number.saturating_add(lines);
     }
 
@@ -55,7 +55,7 @@ impl Lines {
                 LineStep::Skip(taken)
             }
             Some((end, taken)) if end <= LONGEST_LINE => {
-                self.line(input.get(..end).unwrap_or_default(), taken)
+                self.split_line(input.get(..end).unwrap_or_default(), taken)
             }
             None if input.is_empty() => LineStep::More,
             // Keep a final `\r`, which may belong to a following `\n`.
@@ -66,14 +66,14 @@ impl Lines {
             // The cut does not depend on the amount of input.
             _ if input.len() > LONGEST_LINE => {
                 self.skipping = true;
-                self.line(input.get(..LONGEST_LINE).unwrap_or_default(), LONGEST_LINE)
+                self.split_line(input.get(..LONGEST_LINE).unwrap_or_default(), LONGEST_LINE)
             }
-            _ if at_end => self.line(input, input.len()),
+            _ if at_end => self.split_line(input, input.len()),
             _ => LineStep::More,
         }
     }
 
-    fn line<'a>(&mut self, line: &'a [u8], taken: usize) -> LineStep<'a> {
+    fn split_line<'a>(&mut self, line: &'a [u8], taken: usize) -> LineStep<'a> {
         self.number += 1;
         let line = if self.number == 1 { line.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(line) } else { line };
         LineStep::Line(line, taken)
@@ -89,7 +89,7 @@ pub(in crate::capture) struct SkippedLines {
 
 impl SkippedLines {
     /// Counts the line with this number.
-    pub(in crate::capture) fn add(&mut self, line: u64) {
+    pub(in crate::capture) fn add_line(&mut self, line: u64) {
         if self.count == 0 {
             self.first = line;
         }
@@ -97,20 +97,20 @@ impl SkippedLines {
     }
 
     /// Reports the lines at the end of the capture, once.
-    pub(in crate::capture) fn report(&mut self, batch: &mut Batch) {
+    pub(in crate::capture) fn report_lines(&mut self, batch: &mut Batch) {
         let Self { first, count } = std::mem::take(self);
         if count > 0 {
             let text = format!(
                 "{} of a shell prompt or Markdown skipped (first: line {first})",
-                plural(count, "line")
+                count_noun(count, "line")
             );
-            batch.notice(Notice::Assumption(text));
+            batch.add_notice(Notice::Assumption(text));
         }
     }
 }
 
 /// Start of a line for use in a message: escaped, at most 60 bytes.
-pub(in crate::capture) fn excerpt(line: &[u8]) -> String {
+pub(in crate::capture) fn line_excerpt(line: &[u8]) -> String {
     const SHOWN: usize = 60;
     match line.get(..SHOWN) {
         Some(start) if line.len() > SHOWN => format!("\"{}…\"", start.escape_ascii()),
@@ -123,7 +123,7 @@ mod tests {
     use super::*;
 
     fn all(input: &[u8]) -> Vec<String> {
-        let mut lines = Lines::default();
+        let mut lines = LineSplitter::default();
         let mut rest = input;
         let mut found = Vec::new();
         loop {
@@ -146,13 +146,13 @@ mod tests {
 
     #[test]
     fn a_line_without_end_waits_for_more_until_it_is_too_long() {
-        let mut lines = Lines::default();
+        let mut lines = LineSplitter::default();
         assert!(matches!(lines.next(b"half", false), LineStep::More));
         let long = vec![b'x'; LONGEST_LINE + 10];
         let LineStep::Line(line, taken) = lines.next(&long, false) else { panic!("expected a cut line") };
         assert_eq!((line.len(), taken), (LONGEST_LINE, LONGEST_LINE));
         assert!(matches!(lines.next(b"rest of it\nnext\n", false), LineStep::Skip(11)));
         assert!(matches!(lines.next(b"next\n", false), LineStep::Line(b"next", 5)));
-        assert_eq!(lines.number(), 2);
+        assert_eq!(lines.line_number(), 2);
     }
 }

@@ -1,6 +1,6 @@
 //! Length and payload of frames in formats with a number before the bytes: a DLC, a length, or either.
 
-use super::columns::{Base, data, identifier};
+use super::columns::{NumberBase, parse_data, parse_identifier};
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
 
 /// Expected content if the data do not match the length.
@@ -43,24 +43,24 @@ pub(in crate::capture) fn by_either(number: u8, there: usize, flags: FrameFlags)
 
 /// An identifier whose type is determined by its value only.
 pub(in crate::capture) fn by_size(number: u32) -> Option<CanId> {
-    identifier(number, number > 0x7FF)
+    parse_identifier(number, number > 0x7FF)
 }
 
 /// Parses a hexadecimal number, with or without 0x.
-pub(in crate::capture) fn hex(word: &[u8]) -> Option<u32> {
-    Base::Hex.number(word.strip_prefix(b"0x").or(word.strip_prefix(b"0X")).unwrap_or(word))
+pub(in crate::capture) fn parse_hex(word: &[u8]) -> Option<u32> {
+    NumberBase::Hex.parse_number(word.strip_prefix(b"0x").or(word.strip_prefix(b"0X")).unwrap_or(word))
 }
 
 /// Builds a frame whose data are the next words; a remote frame needs none.
-pub(in crate::capture) fn frame<'a>(
+pub(in crate::capture) fn build_frame<'a>(
     id: CanId,
     flags: FrameFlags,
     (length, raw_dlc): (u8, u8),
     words: impl Iterator<Item = &'a [u8]>,
-    base: Base,
+    base: NumberBase,
 ) -> Option<Frame> {
     let count = if flags.contains(FrameFlags::REMOTE) { 0 } else { usize::from(length) };
-    let bytes = data(words, count, base)?;
+    let bytes = parse_data(words, count, base)?;
     Some(Frame { id, flags, length, raw_dlc, bytes, ..Frame::EMPTY })
 }
 
@@ -73,7 +73,7 @@ pub(in crate::capture) fn frame_of_all<'a>(
 ) -> Option<Frame> {
     let there = u8::try_from(words.clone().take(MAX_DATA + 1).count()).ok()?;
     let flags = if there > 8 { flags.with(FrameFlags::FD) } else { flags };
-    frame(id, flags, by_length(there, flags)?, words, Base::Hex)
+    build_frame(id, flags, by_length(there, flags)?, words, NumberBase::Hex)
 }
 
 #[cfg(test)]
@@ -98,7 +98,7 @@ mod tests {
 
     #[test]
     fn all_words_are_the_payload() {
-        let id = CanId::standard(1);
+        let id = CanId::from_standard(1);
         let frame = frame_of_all(id, FrameFlags(0), ColumnWords::new(b"01 A")).unwrap();
         assert_eq!((frame.data(), frame.flags), (&[1, 10][..], FrameFlags(0)));
         let words = [&b"5A"[..]; 12];

@@ -42,7 +42,7 @@ impl<K> Default for CachedText<K> {
 impl<K: PartialEq> CachedText<K> {
     /// The text of the key `of`; calls `make` to rebuild it.
     #[inline]
-    pub(in crate::capture) fn text<Q>(&mut self, of: &Q, make: impl FnOnce(&mut Vec<u8>, &Q)) -> &[u8]
+    pub(in crate::capture) fn cached_text<Q>(&mut self, of: &Q, make: impl FnOnce(&mut Vec<u8>, &Q)) -> &[u8]
     where
         K: std::borrow::Borrow<Q>,
         Q: PartialEq + ToOwned<Owned = K> + ?Sized,
@@ -58,15 +58,15 @@ impl<K: PartialEq> CachedText<K> {
 
 /// Bus numbers, from 1 in order of appearance, for formats without bus names.
 #[derive(Debug, Default)]
-pub(in crate::capture) struct Numbering {
+pub(in crate::capture) struct BusNumbering {
     names: Vec<String>,
     last: usize,
 }
 
-impl Numbering {
+impl BusNumbering {
     /// The number of a bus, and whether it is new.
     #[inline]
-    pub(in crate::capture) fn number(&mut self, bus: &str) -> (usize, bool) {
+    pub(in crate::capture) fn bus_number(&mut self, bus: &str) -> (usize, bool) {
         if self.names.get(self.last).is_some_and(|name| name == bus) {
             return (self.last + 1, false);
         }
@@ -108,7 +108,7 @@ fn is_terminal_control(c: char) -> bool {
 }
 
 /// Start of a text, at most `limit` bytes, cut between characters.
-pub(in crate::capture) fn cut(text: &str, limit: usize) -> &str {
+pub(in crate::capture) fn cut_text(text: &str, limit: usize) -> &str {
     text.get(..text.floor_char_boundary(limit)).unwrap_or(text)
 }
 
@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn payload_of_every_length() {
-        let mut frame = Frame::data_frame(CanId::standard(1), &[0x0A, 0xFF, 3, 4, 5, 6, 7, 8, 9]);
+        let mut frame = Frame::data_frame(CanId::from_standard(1), &[0x0A, 0xFF, 3, 4, 5, 6, 7, 8, 9]);
         assert_eq!(made(|line| push_data(line, &frame)), "0AFF03040506070809");
         frame.length = 2;
         assert_eq!(made(|line| push_spaced_data(line, &frame)), " 0A FF");
@@ -138,15 +138,15 @@ mod tests {
     #[test]
     fn texts_are_made_once() {
         let mut kept = CachedText::<i64>::default();
-        assert_eq!(kept.text(&5, |text, _| text.push(b'a')), b"a");
-        assert_eq!(kept.text(&5, |text, _| text.push(b'b')), b"a");
-        assert_eq!(kept.text(&6, |text, _| text.push(b'c')), b"c");
+        assert_eq!(kept.cached_text(&5, |text, _| text.push(b'a')), b"a");
+        assert_eq!(kept.cached_text(&5, |text, _| text.push(b'b')), b"a");
+        assert_eq!(kept.cached_text(&6, |text, _| text.push(b'c')), b"c");
     }
 
     #[test]
     fn buses_count_from_one() {
-        let mut buses = Numbering::default();
-        let found = ["b", "a", "a", "b"].map(|name| buses.number(name));
+        let mut buses = BusNumbering::default();
+        let found = ["b", "a", "a", "b"].map(|name| buses.bus_number(name));
         assert_eq!(found, [(1, true), (2, true), (2, false), (1, false)]);
     }
 
@@ -157,6 +157,6 @@ mod tests {
             made(|line| push_lines(line, "// ", text, "\n")),
             "// one\n// \\u{1b}[2J\\rtwo\n// \\u{202e}é\n"
         );
-        assert_eq!((cut("aé", 2), cut("aé", 3), cut("a", 9)), ("a", "aé", "a"));
+        assert_eq!((cut_text("aé", 2), cut_text("aé", 3), cut_text("a", 9)), ("a", "aé", "a"));
     }
 }

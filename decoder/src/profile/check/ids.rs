@@ -8,29 +8,29 @@ use crate::profile::position::TextError;
 
 /// The keys of a profile that this check needs.
 #[derive(Deserialize)]
-struct Ids {
+struct ProfileIds {
     id: Option<Spanned<String>>,
     #[serde(default)]
-    variant: Vec<Variant>,
+    variant: Vec<VariantIds>,
 }
 
 #[derive(Deserialize)]
-struct Variant {
+struct VariantIds {
     id: Spanned<String>,
 }
 
 /// Reports ids that no option can name; `text` must parse as a profile.
 pub fn check_ids(text: &str) -> Vec<TextError> {
-    let Ok(Ids { id, variant }) = toml::from_str::<Ids>(text) else { return Vec::new() };
+    let Ok(ProfileIds { id, variant }) = toml::from_str::<ProfileIds>(text) else { return Vec::new() };
     let Some(id) = id else {
-        return vec![TextError::at(text, 0..0, "id is missing; every profile requires one".to_owned())];
+        return vec![TextError::at_place(text, 0..0, "id is missing; every profile requires one".to_owned())];
     };
     let all = std::iter::once(id).chain(variant.into_iter().map(|variant| variant.id));
     let wrong = all.filter(|id| !is_kebab(id.get_ref()));
     wrong
         .map(|id| {
             let message = format!("invalid id '{}'; expected a-z, 0-9 and hyphens", id.get_ref());
-            TextError::at(text, id.span(), message)
+            TextError::at_place(text, id.span(), message)
         })
         .collect()
 }

@@ -16,13 +16,13 @@ pub use ids::check_ids;
 
 use super::authored::TextProblem;
 use super::data_type::DataType;
-use super::device::{Device, MessageSpec, PdoField, PdoTrigger, ProfileFile};
-use super::entry::Object;
-use super::formula::formula;
+use super::device::{DeviceProfile, MessageSpec, PdoField, PdoTrigger, ProfileFile};
+use super::entry::ObjectEntry;
+use super::formula::evaluate_formula;
 use super::layout::PdoName;
 use super::object::VariantFilter;
 use super::position::TextError;
-use super::reference::Reference;
+use super::reference::ObjectReference;
 use crate::wire::canopen::ObjectAddress;
 
 /// Max payload of a classic CAN frame, in bits.
@@ -39,25 +39,25 @@ const LAST_PGN: u32 = 0x3_FFFF;
 const MOST_ENTRIES: usize = 1 << 20;
 
 /// All problems of one device variant; `text` is the text of its profile.
-pub fn check(text: &str, file: &ProfileFile, device: &Device) -> Vec<TextError> {
-    let mut check = Check { device, variants: file, wrong: Vec::new() };
+pub fn check_device(text: &str, file: &ProfileFile, device: &DeviceProfile) -> Vec<TextError> {
+    let mut check = ProfileCheck { device, variants: file, wrong: Vec::new() };
     let entries = device.object_count();
-    if let Some(largest) = device.dictionary.own().iter().max_by_key(|object| object.count())
+    if let Some(largest) = device.dictionary.own_objects().iter().max_by_key(|object| object.entry_count())
         && entries > MOST_ENTRIES
     {
         let message = format!("{entries} dictionary entries; expected max {MOST_ENTRIES}");
-        return vec![TextError::at(text, largest.span.clone(), message)];
+        return vec![TextError::at_place(text, largest.span.clone(), message)];
     }
-    check.objects(device.dictionary.own());
-    check.duplicates(device.dictionary.own());
-    check.cycles(device.dictionary.own());
-    check.pdos();
-    check.behaviour();
-    check.rules();
-    check.uds();
+    check.check_objects(device.dictionary.own_objects());
+    check.check_duplicates(device.dictionary.own_objects());
+    check.check_cycles(device.dictionary.own_objects());
+    check.check_pdos();
+    check.check_behaviour();
+    check.check_rules();
+    check.check_uds();
     check.wrong.sort_by_key(|(span, _)| span.start);
     check.wrong.dedup();
-    check.wrong.into_iter().map(|(span, message)| TextError::at(text, span, message)).collect()
+    check.wrong.into_iter().map(|(span, message)| TextError::at_place(text, span, message)).collect()
 }
 
 /// Whether a name contains only lower-case letters, digits and hyphens, as in options and JSON.
@@ -66,51 +66,60 @@ fn is_kebab(name: &str) -> bool {
     !name.is_empty() && name.bytes().all(is_part)
 }
 
-struct Check<'a> {
-    device: &'a Device,
+struct ProfileCheck<'a> {
+    device: &'a DeviceProfile,
     variants: &'a ProfileFile,
     wrong: Vec<TextProblem>,
 }
 
-impl Check<'_> {
-    fn report(&mut self, span: &Range<usize>, message: impl Into<String>) {
+impl ProfileCheck<'_> {
+    fn report_problem(&mut self, span: &Range<usize>, message: impl Into<String>) {
         self.wrong.push((span.clone(), message.into()));
     }
 
-    fn only(&mut self, only: &VariantFilter, span: &Range<usize>) {
+    fn check_variants(&mut self, only: &VariantFilter, span: &Range<usize>) {
         for id in &only.0 {
             if !self.variants.variants().iter().any(|variant| variant.id == *id) {
-                self.report(span, format!("unknown variant '{id}'"));
+                self.report_problem(span, format!("unknown variant '{id}'"));
             }
         }
     }
 
     /// Checks that a reference in a repeated object leads to a described object in each repeat.
-    fn reference(&mut self, reference: Reference, object: &Object, span: &Range<usize>, key: &str) {
+    fn check_reference(
+        &mut self,
+        reference: ObjectReference,
+        object: &ObjectEntry,
+        span: &Range<usize>,
+        key: &str,
+    ) {
         for nth in 0..object.repeat.count {
-            let address = reference.shifted(nth, object.repeat.stride);
+            let address = reference.shift_object(nth, object.repeat.stride);
             if !self.is_known(address) {
-                return self.report(span, format!("{key}: unknown object {address}"));
+                return self.report_problem(span, format!("{key}: unknown object {address}"));
             }
         }
     }
 
     fn is_known(&self, address: ObjectAddress) -> bool {
-        self.device.dictionary.find(address).is_some_and(|found| found.entry.is_some())
+        self.device.dictionary.find_object(address).is_some_and(|found| found.entry.is_some())
     }
 
-    fn known(&mut self, reference: Reference, span: &Range<usize>, key: &str) {
+    fn check_known(&mut self, reference: ObjectReference, span: &Range<usize>, key: &str) {
         if !self.is_known(reference.object) {
-            self.report(span, format!("{key}: unknown object {}", reference.object));
+            self.report_problem(span, format!("{key}: unknown object {}", reference.object));
         }
     }
 
-    fn pdos(&mut self) {
+    fn check_pdos(&mut self) {
         let device = self.device;
         let mut ended: Vec<PdoName> = Vec::new();
         for (pdo, span) in device.pdos.iter().zip(&device.places.pdos) {
             if ended.contains(&pdo.pdo) {
-                self.report(span, format!("{} is never used; the entry above has no `when`", pdo.pdo));
+                self.report_problem(
+                    span,
+                    format!("{} is never used; the entry above has no `when`", pdo.pdo),
+                );
             }
             if pdo.when.is_none() {
                 ended.push(pdo.pdo);
@@ -118,22 +127,22 @@ impl Check<'_> {
             if let Some(trigger) = pdo.trigger.as_deref().filter(|_| pdo.trigger().is_none()) {
                 let known = PdoTrigger::VARIANTS.iter().map(|known| known.name());
                 let known = known.collect::<Vec<_>>().join(", ");
-                self.report(
+                self.report_problem(
                     span,
                     format!("{}: unknown trigger '{trigger}'; expected one of {known}", pdo.pdo),
                 );
             }
-            let bits = self.fields(&pdo.fields, span);
+            let bits = self.check_fields(&pdo.fields, span);
             if bits > FRAME_BITS {
-                self.report(span, format!("{} has {bits} bits; expected max {FRAME_BITS}", pdo.pdo));
+                self.report_problem(span, format!("{} has {bits} bits; expected max {FRAME_BITS}", pdo.pdo));
             }
         }
         for (message, span) in device.messages.iter().zip(&device.places.messages) {
-            self.message(message, span);
+            self.check_message(message, span);
         }
         for (pdo, span) in device.pdos.iter().zip(&device.places.pdos) {
             if !ended.contains(&pdo.pdo) {
-                self.report(
+                self.report_problem(
                     span,
                     format!("{}: every entry has a `when`; expected a last one without", pdo.pdo),
                 );
@@ -143,13 +152,13 @@ impl Check<'_> {
     }
 
     /// Checks consecutive fields; returns their total length in bits.
-    fn fields(&mut self, fields: &[PdoField], span: &Range<usize>) -> u16 {
+    fn check_fields(&mut self, fields: &[PdoField], span: &Range<usize>) -> u16 {
         for field in fields {
             let Some(object) = field.object else { continue };
-            self.known(object, span, "field");
+            self.check_known(object, span, "field");
             let known = self.device.dictionary.data_type(object.object).and_then(DataType::bits);
             if field.bits == 0 || known.is_some_and(|known| known < field.bits) {
-                self.report(
+                self.report_problem(
                     span,
                     format!("{}: field of {} bits does not fit the object", object.object, field.bits),
                 );
@@ -158,24 +167,24 @@ impl Check<'_> {
         fields.iter().fold(0_u16, |bits, field| bits.saturating_add(field.bits))
     }
 
-    fn message(&mut self, message: &MessageSpec, span: &Range<usize>) {
+    fn check_message(&mut self, message: &MessageSpec, span: &Range<usize>) {
         let name = &message.name;
-        let bits = self.fields(&message.fields, span);
+        let bits = self.check_fields(&message.fields, span);
         if bits > MESSAGE_BITS {
-            self.report(span, format!("{name} has {bits} bits; expected max {MESSAGE_BITS}"));
+            self.report_problem(span, format!("{name} has {bits} bits; expected max {MESSAGE_BITS}"));
         }
         let last = message.pgn.saturating_add(u32::from(message.count).saturating_sub(1));
         if message.count == 0 || last > LAST_PGN {
-            self.report(
+            self.report_problem(
                 span,
                 format!("{name}: pgn or count out of range; expected PGNs 0 to 0x{LAST_PGN:X}"),
             );
         }
         let address = self.device.j1939.addresses.map_or(0, |[first, _]| first);
         if let Some(number) = &message.number
-            && formula(number, Some(address)).is_none_or(|number| number >= u64::from(message.count))
+            && evaluate_formula(number, Some(address)).is_none_or(|number| number >= u64::from(message.count))
         {
-            self.report(
+            self.report_problem(
                 span,
                 format!(
                     "{name}: number '{number}' at address {address}; expected a number < {}",
@@ -194,8 +203,8 @@ mod tests {
     pub(super) fn errors(body: &str) -> Vec<String> {
         let text = format!("id = \"x\"\n{body}");
         let file = ProfileFile::parse(&text).unwrap();
-        let device = file.device(None, &[super::super::plain_device().clone()]);
-        check(&text, &file, &device).iter().map(|it| format!("{}: {}", it.line, it.message)).collect()
+        let device = file.build_device(None, &[super::super::plain_device().clone()]);
+        check_device(&text, &file, &device).iter().map(|it| format!("{}: {}", it.line, it.message)).collect()
     }
 
     fn object(keys: &str) -> String {

@@ -3,174 +3,197 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-use super::{Check, is_kebab};
+use super::{ProfileCheck, is_kebab};
 use crate::profile::data_type::DataType;
 use crate::profile::dictionary::Dictionary;
-use crate::profile::entry::{Entry, Object};
-use crate::profile::formula::formula;
-use crate::profile::names::{BitNames, Names};
-use crate::profile::object::{DefaultValue, Interpretation, ObjectCondition, Role, Scale};
+use crate::profile::entry::{ObjectEntry, SubEntry};
+use crate::profile::formula::evaluate_formula;
+use crate::profile::names::{BitNames, ValueNames};
+use crate::profile::object::{DefaultValue, ObjectCondition, ObjectRole, RawScale, ValueInterpretation};
 use crate::wire::canopen::ObjectAddress;
 
-impl Check<'_> {
-    pub(super) fn objects(&mut self, objects: &[Object]) {
+impl ProfileCheck<'_> {
+    pub(super) fn check_objects(&mut self, objects: &[ObjectEntry]) {
         for object in objects {
-            self.only(&object.only, &object.span);
+            self.check_variants(&object.only, &object.span);
             for entry in &object.entries {
-                self.only(&entry.only, &entry.span);
-                self.entry(object, entry);
+                self.check_variants(&entry.only, &entry.span);
+                self.check_entry(object, entry);
             }
         }
     }
 
-    fn entry(&mut self, object: &Object, entry: &Entry) {
+    fn check_entry(&mut self, object: &ObjectEntry, entry: &SubEntry) {
         let Some(data_type) = entry.data_type else {
-            let plain =
-                entry.look == Interpretation { name: entry.look.name.clone(), ..Interpretation::default() };
+            let plain = entry.look
+                == ValueInterpretation { name: entry.look.name.clone(), ..ValueInterpretation::default() };
             if !plain || entry.default.is_some() {
-                self.report(&entry.span, "type is missing; expected a data type");
+                self.report_problem(&entry.span, "type is missing; expected a data type");
             }
             return;
         };
-        self.look(object, entry, &entry.look, data_type);
+        self.check_interpretation(object, entry, &entry.look, data_type);
         for (when, look) in &entry.modes {
-            self.look(object, entry, look, data_type);
-            self.when(object, entry, when);
+            self.check_interpretation(object, entry, look, data_type);
+            self.check_condition_keys(object, entry, when);
         }
         if let Some(DefaultValue::Number(default)) = entry.default {
-            self.number(default, data_type, "default", &entry.span);
+            self.check_number(default, data_type, "default", &entry.span);
             if let Some([least, most]) = entry.look.range
                 && !(least..=most).contains(&default)
             {
-                self.report(&entry.span, format!("default {default} is outside range {least} to {most}"));
+                self.report_problem(
+                    &entry.span,
+                    format!("default {default} is outside range {least} to {most}"),
+                );
             }
         }
         if let Some(DefaultValue::Text(text)) = &entry.default
             && data_type.is_integer()
         {
-            self.formula(text, data_type, &entry.span);
+            self.check_formula(text, data_type, &entry.span);
         }
         if let Some(save) = entry.save {
-            self.known(save, &entry.span, "save");
+            self.check_known(save, &entry.span, "save");
         }
         self.open_loop(entry, data_type);
     }
 
-    fn open_loop(&mut self, entry: &Entry, data_type: DataType) {
+    fn open_loop(&mut self, entry: &SubEntry, data_type: DataType) {
         if !entry.open_loop.is_empty()
-            && !matches!(entry.look.role, Some(Role::Mode | Role::Control | Role::Status))
+            && !matches!(entry.look.role, Some(ObjectRole::Mode | ObjectRole::Control | ObjectRole::Status))
         {
-            self.report(&entry.span, "open_loop requires role = \"mode\", \"control\" or \"status\"");
+            self.report_problem(&entry.span, "open_loop requires role = \"mode\", \"control\" or \"status\"");
         }
         for value in &entry.open_loop {
-            self.number(*value, data_type, "open_loop", &entry.span);
+            self.check_number(*value, data_type, "open_loop", &entry.span);
             if entry.look.values.as_ref().is_some_and(|names| names.get(*value).is_none()) {
-                self.report(&entry.span, format!("open_loop {value} is not in values"));
+                self.report_problem(&entry.span, format!("open_loop {value} is not in values"));
             }
         }
     }
 
     /// Checks a default that depends on the node-ID, with the largest node-ID 127.
-    fn formula(&mut self, text: &str, data_type: DataType, span: &Range<usize>) {
+    fn check_formula(&mut self, text: &str, data_type: DataType, span: &Range<usize>) {
         let bits = u32::from(data_type.bits().unwrap_or(64));
-        match formula(text, Some(127)) {
-            None => self.report(
+        match evaluate_formula(text, Some(127)) {
+            None => self.report_problem(
                 span,
                 format!("default '{text}' is not a number; expected e.g. 5 or \"$NODEID+0x200\""),
             ),
             Some(most) if most > u64::MAX >> (64 - bits) => {
-                self.report(span, format!("default {text} does not fit {}", data_type.name()));
+                self.report_problem(span, format!("default {text} does not fit {}", data_type.name()));
             }
             Some(_) => {}
         }
     }
 
-    fn look(&mut self, object: &Object, entry: &Entry, look: &Interpretation, data_type: DataType) {
+    fn check_interpretation(
+        &mut self,
+        object: &ObjectEntry,
+        entry: &SubEntry,
+        look: &ValueInterpretation,
+        data_type: DataType,
+    ) {
         let span = &entry.span;
         if let Some([least, most]) = look.range {
-            self.number(least, data_type, "range", span);
-            self.number(most, data_type, "range", span);
+            self.check_number(least, data_type, "range", span);
+            self.check_number(most, data_type, "range", span);
         }
-        self.ascends(look.range, look.limits, span);
+        self.check_ascending(look.range, look.limits, span);
         for (key, names) in [("values", &look.values), ("special", &look.special)] {
-            self.names(names.as_deref(), data_type, key, span);
+            self.check_names(names.as_deref(), data_type, key, span);
         }
         if let Some(bits) = &look.bits {
-            self.bits(bits, data_type, span);
+            self.check_bits(bits, data_type, span);
         }
         match look.scale {
-            Some(Scale::Factor(0.0)) => self.report(span, "scale is 0; expected another factor"),
-            Some(Scale::Anchor { raw, value }) if raw == 0.0 || value == 0.0 => {
-                self.report(span, "raw or value of the scale is 0; expected other numbers");
+            Some(RawScale::Factor(0.0)) => self.report_problem(span, "scale is 0; expected another factor"),
+            Some(RawScale::Anchor { raw, value }) if raw == 0.0 || value == 0.0 => {
+                self.report_problem(span, "raw or value of the scale is 0; expected other numbers");
             }
-            Some(Scale::Reciprocal { reciprocal: 0.0 }) => {
-                self.report(span, "reciprocal is 0; expected the value of raw number 1");
+            Some(RawScale::Reciprocal { reciprocal: 0.0 }) => {
+                self.report_problem(span, "reciprocal is 0; expected the value of raw number 1");
             }
-            Some(Scale::ByObject { object: by, .. }) => self.reference(by, object, span, "scale"),
+            Some(RawScale::ByObject { object: by, .. }) => self.check_reference(by, object, span, "scale"),
             _ => {}
         }
         if let Some(of) = look.of {
-            self.reference(of, object, span, "of");
+            self.check_reference(of, object, span, "of");
         }
     }
 
-    fn when(&mut self, object: &Object, entry: &Entry, when: &ObjectCondition) {
-        self.reference(when.object, object, &entry.span, "when");
+    fn check_condition_keys(&mut self, object: &ObjectEntry, entry: &SubEntry, when: &ObjectCondition) {
+        self.check_reference(when.object, object, &entry.span, "when");
     }
 
     /// Checks that range and limits are in ascending order.
-    pub(super) fn ascends(&mut self, range: Option<[i64; 2]>, limits: Option<[f64; 2]>, span: &Range<usize>) {
+    pub(super) fn check_ascending(
+        &mut self,
+        range: Option<[i64; 2]>,
+        limits: Option<[f64; 2]>,
+        span: &Range<usize>,
+    ) {
         if let Some([least, most]) = range.filter(|[least, most]| least > most) {
-            self.report(span, format!("range {least} to {most}; expected the minimum first"));
+            self.report_problem(span, format!("range {least} to {most}; expected the minimum first"));
         }
         if let Some([least, most]) = limits.filter(|[least, most]| least > most) {
-            self.report(span, format!("limits {least} to {most}; expected the minimum first"));
+            self.report_problem(span, format!("limits {least} to {most}; expected the minimum first"));
         }
     }
 
-    pub(super) fn number(&mut self, number: i64, data_type: DataType, key: &str, span: &Range<usize>) {
-        if !fits(number, data_type) {
-            self.report(span, format!("{key} {number} does not fit {}", data_type.name()));
+    pub(super) fn check_number(&mut self, number: i64, data_type: DataType, key: &str, span: &Range<usize>) {
+        if !fits_type(number, data_type) {
+            self.report_problem(span, format!("{key} {number} does not fit {}", data_type.name()));
         }
     }
 
-    pub(super) fn names(
+    pub(super) fn check_names(
         &mut self,
-        names: Option<&Names>,
+        names: Option<&ValueNames>,
         data_type: DataType,
         key: &str,
         span: &Range<usize>,
     ) {
         for value in names.into_iter().flat_map(|names| names.0.keys()) {
-            self.number(*value, data_type, key, span);
+            self.check_number(*value, data_type, key, span);
         }
     }
 
-    fn bits(&mut self, bits: &BitNames, data_type: DataType, span: &Range<usize>) {
+    fn check_bits(&mut self, bits: &BitNames, data_type: DataType, span: &Range<usize>) {
         let width = u32::from(data_type.bits().unwrap_or(64));
         let mut taken: u64 = 0;
         for bit in &bits.list {
             let end = u32::from(bit.bit) + u32::from(bit.width);
             if bit.width == 0 || end > width {
                 let name = data_type.name();
-                self.report(span, format!("bits {} to {} do not fit {name}", bit.bit, end.saturating_sub(1)));
+                self.report_problem(
+                    span,
+                    format!("bits {} to {} do not fit {name}", bit.bit, end.saturating_sub(1)),
+                );
                 continue;
             }
             let mask = (u64::MAX >> (64 - u32::from(bit.width))) << bit.bit;
             if taken & mask != 0 {
-                self.report(span, format!("duplicate entry for bit {}", (taken & mask).trailing_zeros()));
+                self.report_problem(
+                    span,
+                    format!("duplicate entry for bit {}", (taken & mask).trailing_zeros()),
+                );
             }
             if bit.name.is_empty() && !bit.reserved {
-                self.report(span, format!("bit {} has no name; expected a name or reserved = true", bit.bit));
+                self.report_problem(
+                    span,
+                    format!("bit {} has no name; expected a name or reserved = true", bit.bit),
+                );
             } else if !bit.name.is_empty() && !is_kebab(&bit.name) {
                 let message = format!("invalid bit name '{}'; expected a-z, 0-9 and hyphens", bit.name);
-                self.report(span, message);
+                self.report_problem(span, message);
             }
             taken |= mask;
         }
     }
 
-    pub(super) fn duplicates(&mut self, objects: &[Object]) {
+    pub(super) fn check_duplicates(&mut self, objects: &[ObjectEntry]) {
         let mut seen = BTreeSet::new();
         for object in objects {
             for nth in 0..object.repeat.count {
@@ -179,7 +202,7 @@ impl Check<'_> {
                     for sub in entry.sub..=entry.to {
                         if !seen.insert((index, sub)) {
                             let address = ObjectAddress::new(index, sub);
-                            self.report(&entry.span, format!("duplicate entry for {address}"));
+                            self.report_problem(&entry.span, format!("duplicate entry for {address}"));
                         }
                     }
                 }
@@ -187,12 +210,12 @@ impl Check<'_> {
         }
     }
 
-    pub(super) fn cycles(&mut self, objects: &[Object]) {
+    pub(super) fn check_cycles(&mut self, objects: &[ObjectEntry]) {
         for object in objects {
             for entry in &object.entries {
                 let start = ObjectAddress::new(object.index, entry.sub);
                 if leads_back(&self.device.dictionary, start) {
-                    self.report(&entry.span, format!("the scale of {start} depends on itself"));
+                    self.report_problem(&entry.span, format!("the scale of {start} depends on itself"));
                 }
             }
         }
@@ -200,7 +223,7 @@ impl Check<'_> {
 }
 
 /// Whether a raw number fits the type; false for types without a fixed length, always true for floats.
-pub(super) fn fits(number: i64, data_type: DataType) -> bool {
+pub(super) fn fits_type(number: i64, data_type: DataType) -> bool {
     let Some(bits) = data_type.bits() else { return false };
     let number = i128::from(number);
     match data_type {
@@ -218,12 +241,12 @@ fn leads_back(dictionary: &Dictionary, start: ObjectAddress) -> bool {
     let mut open = vec![start];
     let mut seen = Vec::new();
     while let Some(address) = open.pop() {
-        let Some(found) = dictionary.find(address) else { continue };
+        let Some(found) = dictionary.find_object(address) else { continue };
         let Some(entry) = found.entry else { continue };
         let looks = std::iter::once(&entry.look).chain(entry.modes.iter().map(|(_, look)| look));
         for look in looks {
-            let Some(Scale::ByObject { object, .. }) = look.scale else { continue };
-            let next = found.shifted(object);
+            let Some(RawScale::ByObject { object, .. }) = look.scale else { continue };
+            let next = found.shift_reference(object);
             if next == start {
                 return true;
             }

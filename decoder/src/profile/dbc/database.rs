@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use foldhash::fast::RandomState;
 
-use super::{DatabaseFile, DatabaseMessage, Parameter};
+use super::{DatabaseFile, DatabaseMessage, SuspectParameter};
 use crate::frame::CanId;
-use crate::profile::{Owner, connection_set};
+use crate::profile::{IdentifierOwner, connection_set};
 use crate::wire::j1939::Pgn;
 
 /// Messages by identifier and by parameter group, and suspect parameters by number.
@@ -15,12 +15,12 @@ use crate::wire::j1939::Pgn;
 pub struct Database {
     frames: HashMap<CanId, Arc<DatabaseMessage>, RandomState>,
     groups: HashMap<Pgn, Arc<DatabaseMessage>, RandomState>,
-    parameters: HashMap<u32, Parameter, RandomState>,
+    parameters: HashMap<u32, SuspectParameter, RandomState>,
 }
 
 impl Database {
     /// Adds a file; definitions of earlier files take precedence.
-    pub fn add(&mut self, file: DatabaseFile) {
+    pub fn add_file(&mut self, file: DatabaseFile) {
         for known in file.messages {
             if let Some(id) = known.id {
                 self.frames.entry(id).or_insert_with(|| Arc::clone(&known.message));
@@ -40,7 +40,7 @@ impl Database {
     }
 
     /// Message with exactly this identifier.
-    pub fn frame(&self, id: CanId) -> Option<&Arc<DatabaseMessage>> {
+    pub fn message_by_id(&self, id: CanId) -> Option<&Arc<DatabaseMessage>> {
         self.frames.get(&id)
     }
 
@@ -55,7 +55,7 @@ impl Database {
     pub fn canopen_nodes(&self) -> Vec<u8> {
         let described = self.frames.iter().filter_map(|(id, message)| match id {
             CanId::Standard(id) => {
-                let owner = connection_set().owner(*id);
+                let owner = connection_set().owner_of(*id);
                 owner.node().filter(|_| names_service(owner, message))
             }
             CanId::Extended(_) => None,
@@ -67,24 +67,24 @@ impl Database {
     }
 
     /// Message of a parameter group, for any source and destination.
-    pub fn message(&self, pgn: Pgn) -> Option<&Arc<DatabaseMessage>> {
+    pub fn message_by_pgn(&self, pgn: Pgn) -> Option<&Arc<DatabaseMessage>> {
         self.groups.get(&pgn)
     }
 
     /// Name and unit of a suspect parameter.
-    pub fn parameter(&self, spn: u32) -> Option<&Parameter> {
+    pub fn parameter_by_spn(&self, spn: u32) -> Option<&SuspectParameter> {
         self.parameters.get(&spn)
     }
 }
 
 /// Whether the name of a message contains the name of its service.
-fn names_service(owner: Owner, message: &DatabaseMessage) -> bool {
+fn names_service(owner: IdentifierOwner, message: &DatabaseMessage) -> bool {
     let name = message.name.to_ascii_uppercase();
     let words: &[&str] = match owner {
-        Owner::Pdo(..) => &["PDO"],
-        Owner::Sdo(..) => &["SDO"],
-        Owner::Emcy(_) => &["EMCY", "EMERGENCY"],
-        Owner::ErrorControl(_) => &["HEARTBEAT", "ERRORCONTROL", "ERROR_CONTROL", "BOOTUP", "NMT"],
+        IdentifierOwner::Pdo(..) => &["PDO"],
+        IdentifierOwner::Sdo(..) => &["SDO"],
+        IdentifierOwner::Emcy(_) => &["EMCY", "EMERGENCY"],
+        IdentifierOwner::ErrorControl(_) => &["HEARTBEAT", "ERRORCONTROL", "ERROR_CONTROL", "BOOTUP", "NMT"],
         _ => &[],
     };
     words.iter().any(|word| name.contains(word))
@@ -92,7 +92,7 @@ fn names_service(owner: Owner, message: &DatabaseMessage) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::parse;
+    use super::super::parse_database;
     use super::*;
 
     #[test]
@@ -106,7 +106,7 @@ mod tests {
                     BO_ 2566844806 TPDO1_X: 8 N\n SG_ E : 0|8@1+ (1,0) [0|0] \"\" N\n";
         let mut database = Database::default();
         assert!(database.canopen_nodes().is_empty());
-        database.add(parse(text.as_bytes()).unwrap());
+        database.add_file(parse_database(text.as_bytes()).unwrap());
         assert_eq!(database.canopen_nodes(), [5, 6]);
         assert!(!database.is_j1939());
     }

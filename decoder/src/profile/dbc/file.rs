@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use super::problem::Problem;
+use super::problem::DbcProblem;
 use crate::frame::CanId;
-use crate::profile::layout::Layout;
+use crate::profile::layout::PayloadLayout;
 use crate::wire::j1939::Pgn;
 
 /// Definition of one message in a database.
@@ -16,12 +16,12 @@ pub struct DatabaseMessage {
     /// from a single frame.
     pub length: Option<u16>,
     /// Layout of the signals.
-    pub layout: Arc<Layout>,
+    pub layout: Arc<PayloadLayout>,
 }
 
 /// Name and unit of a suspect parameter, for events that carry only its number.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Parameter {
+pub struct SuspectParameter {
     /// Name of the parameter.
     pub name: String,
     /// Unit; empty if there is none.
@@ -34,9 +34,9 @@ pub struct DatabaseFile {
     /// Messages in file order; identifiers and parameter groups are unique.
     pub(super) messages: Vec<KnownMessage>,
     /// Suspect parameters by number; the first definition of each.
-    pub(super) parameters: Vec<(u32, Parameter)>,
+    pub(super) parameters: Vec<(u32, SuspectParameter)>,
     /// Problems in file order: skipped parts and assumptions.
-    pub problems: Vec<Problem>,
+    pub problems: Vec<DbcProblem>,
 }
 
 /// A message with its identifier and parameter group.

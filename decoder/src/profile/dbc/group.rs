@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use super::DatabaseMessage;
 use super::signal::largest_raw;
-use crate::profile::data_type::Value;
+use crate::profile::data_type::DecodedValue;
 use crate::profile::is_nmea2000_group;
-use crate::profile::layout::{Field, SignalId};
-use crate::profile::meaning::{IndicatorCoding, Indicators, Meaning};
+use crate::profile::layout::{SignalField, SignalId};
+use crate::profile::meaning::{IndicatorCoding, ObjectMeaning, ParameterIndicators};
 use crate::wire::j1939::Pgn;
 
 /// First group of data page 1, which NMEA 2000 uses.
@@ -26,11 +26,11 @@ pub(super) fn as_group(pgn: Pgn, message: &Arc<DatabaseMessage>) -> Arc<Database
     let mut changed = None;
     for (place, field) in message.layout.fields.iter().enumerate() {
         let Some(meaning) = field.meaning.as_deref() else { continue };
-        let found = indicators(pgn, field, meaning);
+        let found = signal_indicators(pgn, field, meaning);
         if found != meaning.indicators {
             let layout = changed.get_or_insert_with(|| (*message.layout).clone());
             if let Some(field) = layout.fields.get_mut(place) {
-                field.meaning = Some(Arc::new(Meaning { indicators: found, ..meaning.clone() }));
+                field.meaning = Some(Arc::new(ObjectMeaning { indicators: found, ..meaning.clone() }));
             }
         }
     }
@@ -43,20 +43,20 @@ pub(super) fn as_group(pgn: Pgn, message: &Arc<DatabaseMessage>) -> Arc<Database
 }
 
 /// Codes of a signal; `None` for floats and for bits that are not a number.
-fn indicators(pgn: Pgn, field: &Field, meaning: &Meaning) -> Option<Indicators> {
-    let is_signed = matches!(field.value(0), Value::Integer(_));
+fn signal_indicators(pgn: Pgn, field: &SignalField, meaning: &ObjectMeaning) -> Option<ParameterIndicators> {
+    let is_signed = matches!(field.convert_raw(0), DecodedValue::Integer(_));
     let has_spn = matches!(field.id, SignalId::Spn(_));
     let is_nmea2000 = is_nmea2000_group(pgn) || pgn.number() >= PAGE_1 && !has_spn;
     let is_quantity = meaning.scale.is_some() || !meaning.unit.is_empty();
     let coding = match (is_nmea2000, field.bits) {
-        _ if matches!(field.value(0), Value::Real(_)) => return None,
+        _ if matches!(field.convert_raw(0), DecodedValue::Real(_)) => return None,
         (true, ..=LONGEST_NUMBER) => IndicatorCoding::Nmea2000 { is_signed },
         (true, _) if is_quantity => IndicatorCoding::Nmea2000 { is_signed },
         (false, ..=LONGEST_NUMBER) if !is_signed => IndicatorCoding::J1939,
         _ => return None,
     };
-    let plain = Indicators { bits: field.bits, largest: 0, coding };
-    let all = plain.greatest()?;
+    let plain = ParameterIndicators { bits: field.bits, largest: 0, coding };
+    let all = plain.greatest_number()?;
     let stated = match meaning.limits {
         Some([_, most]) => {
             let (factor, offset) = meaning.scale.map_or((1.0, 0.0), |scale| (scale.factor, scale.offset));
@@ -70,12 +70,12 @@ fn indicators(pgn: Pgn, field: &Field, meaning: &Meaning) -> Option<Indicators> 
         (IndicatorCoding::J1939, 3..=7) => all.saturating_sub(1),
         _ => 0,
     };
-    Some(Indicators { largest: stated.unwrap_or(by_width), ..plain })
+    Some(ParameterIndicators { largest: stated.unwrap_or(by_width), ..plain })
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::profile::dbc::{Database, parse};
+    use crate::profile::dbc::{Database, parse_database};
     use crate::wire::j1939::Pgn;
 
     /// Labels of raw codes of the only signal of a group; `signal` is the part of `SG_` from the size on.
@@ -84,12 +84,12 @@ mod tests {
         let id = 0x9800_00FE_u32 | pgn << 8;
         let text = format!("BO_ {id} M: 8 N\n SG_ S : 0|{signal} N\n");
         let mut database = Database::default();
-        database.add(parse(text.as_bytes()).unwrap());
-        let layout = &database.message(Pgn::new(pgn)).unwrap().layout;
+        database.add_file(parse_database(text.as_bytes()).unwrap());
+        let layout = &database.message_by_pgn(Pgn::new(pgn)).unwrap().layout;
         let label = |code: &u64| {
             let field = &layout.fields[0];
-            let value = field.value(field.extract(&code.to_le_bytes())?);
-            field.meaning.as_deref()?.label(&value).map(str::to_owned)
+            let value = field.convert_raw(field.extract_bits(&code.to_le_bytes())?);
+            field.meaning.as_deref()?.value_label(&value).map(str::to_owned)
         };
         codes.iter().map(label).collect()
     }
@@ -154,10 +154,10 @@ mod tests {
     fn an_identifier_alone_says_nothing_about_the_protocol() {
         let text = "BO_ 2566844926 M: 8 N\n SG_ S : 0|8@1+ (1,0) [0|255] \"\" N\n";
         let mut database = Database::default();
-        database.add(parse(text.as_bytes()).unwrap());
+        database.add_file(parse_database(text.as_bytes()).unwrap());
         // 2566844926 is 98FEF1FE: the 29-bit identifier 18FEF1FE.
-        let id = crate::frame::CanId::extended(0x18FE_F1FE);
-        let field = &database.frame(id).unwrap().layout.fields[0];
+        let id = crate::frame::CanId::from_extended(0x18FE_F1FE);
+        let field = &database.message_by_id(id).unwrap().layout.fields[0];
         assert_eq!(field.meaning.as_deref().unwrap().indicators, None);
     }
 }

@@ -21,13 +21,13 @@ use serde_json::Value;
 
 use super::file::KnownMessage;
 use super::group::as_group;
-use super::problem::{Problem, Problems};
-use super::read::spn;
-use super::signal::Signal;
-use super::{DatabaseFile, DatabaseMessage, LONGEST_MESSAGE, MOST_MESSAGES, MOST_SIGNALS, Parameter};
-use crate::profile::layout::{BitOrder, Field, Layout, LayoutOrigin};
-use crate::profile::names::Names;
-use crate::profile::quoted::quote;
+use super::problem::{DbcProblem, DbcProblems};
+use super::read::valid_spn;
+use super::signal::DbcSignal;
+use super::{DatabaseFile, DatabaseMessage, LONGEST_MESSAGE, MOST_MESSAGES, MOST_SIGNALS, SuspectParameter};
+use crate::profile::layout::{BitOrder, LayoutOrigin, PayloadLayout, SignalField};
+use crate::profile::names::ValueNames;
+use crate::profile::quoted::quote_start;
 use crate::wire::j1939::Pgn;
 
 /// Origin of the layouts.
@@ -36,15 +36,15 @@ const ORIGIN: LayoutOrigin = LayoutOrigin::Json;
 #[derive(Debug, Deserialize)]
 struct PrettyJ1939File {
     #[serde(rename = "J1939PGNdb")]
-    groups: BTreeMap<String, Group>,
+    groups: BTreeMap<String, GroupEntry>,
     #[serde(rename = "J1939SPNdb", default)]
-    parameters: BTreeMap<String, Suspect>,
+    parameters: BTreeMap<String, SuspectEntry>,
     #[serde(rename = "J1939BitDecodings", default)]
     decodings: BTreeMap<String, BTreeMap<String, String>>,
 }
 
 #[derive(Debug, Deserialize)]
-struct Group {
+struct GroupEntry {
     #[serde(rename = "Label", default)]
     label: String,
     #[serde(rename = "Name", default)]
@@ -60,7 +60,7 @@ struct Group {
 }
 
 #[derive(Debug, Deserialize)]
-struct Suspect {
+struct SuspectEntry {
     #[serde(rename = "Name", default)]
     name: String,
     #[serde(rename = "Offset", default)]
@@ -81,45 +81,48 @@ struct Suspect {
 }
 
 /// Parses the JSON text.
-pub(super) fn parse(text: &str) -> Result<DatabaseFile, Problem> {
+pub(super) fn parse_json(text: &str) -> Result<DatabaseFile, DbcProblem> {
     let file: PrettyJ1939File = serde_json::from_str(text).map_err(|error| {
         // serde_json appends the position to its message.
         let words = error.to_string();
         let words = words.rsplit_once(" at line ").map_or(words.as_str(), |(words, _)| words);
-        Problem::new(error.line(), error.column(), &format!("not valid pretty_j1939 JSON: {words}"))
+        DbcProblem::new(error.line(), error.column(), &format!("not valid pretty_j1939 JSON: {words}"))
     })?;
-    let mut problems = Problems::of("");
-    let mut database = file.database(&mut problems);
+    let mut problems = DbcProblems::problems_in("");
+    let mut database = file.to_database(&mut problems);
     database.problems = problems.finish();
     Ok(database)
 }
 
 impl PrettyJ1939File {
-    fn database(&self, problems: &mut Problems<'_>) -> DatabaseFile {
+    fn to_database(&self, problems: &mut DbcProblems<'_>) -> DatabaseFile {
         let mut file = DatabaseFile::default();
         let mut known = BTreeSet::new();
         for (number, suspect) in &self.parameters {
-            match number.parse().ok().and_then(spn) {
+            match number.parse().ok().and_then(valid_spn) {
                 Some(spn) => {
                     known.insert(number.as_str());
-                    file.parameters.push((spn, suspect.parameter()));
+                    file.parameters.push((spn, suspect.to_parameter()));
                 }
                 None => {
-                    problems.add_of_file(&format!("parameter skipped: {} is not a valid SPN", quote(number)));
+                    problems.add_of_file(&format!(
+                        "parameter skipped: {} is not a valid SPN",
+                        quote_start(number)
+                    ));
                 }
             }
         }
         for (number, group) in &self.groups {
             // Extended data page, data page, PF and PS (SAE J1939-21 §5.2): 18 bits.
             let Some(pgn) = number.parse().ok().filter(|pgn| *pgn < 1_u32 << 18) else {
-                problems.add_of_file(&format!("group skipped: {} is not a valid PGN", quote(number)));
+                problems.add_of_file(&format!("group skipped: {} is not a valid PGN", quote_start(number)));
                 continue;
             };
             if file.messages.len() >= MOST_MESSAGES {
                 problems.add_of_file(&format!("groups from PGN {pgn} on skipped (max {MOST_MESSAGES})"));
                 break;
             }
-            let message = Arc::new(self.message(pgn, group, problems));
+            let message = Arc::new(self.convert_message(pgn, group, problems));
             let pgn = Pgn::new(pgn);
             file.messages.push(KnownMessage {
                 id: None,
@@ -130,9 +133,15 @@ impl PrettyJ1939File {
         file
     }
 
-    fn message(&self, pgn: u32, group: &Group, problems: &mut Problems<'_>) -> DatabaseMessage {
-        let length =
-            number(&group.length).and_then(|bits| whole(bits / 8.0)).filter(|it| *it <= LONGEST_MESSAGE);
+    fn convert_message(
+        &self,
+        pgn: u32,
+        group: &GroupEntry,
+        problems: &mut DbcProblems<'_>,
+    ) -> DatabaseMessage {
+        let length = parse_number(&group.length)
+            .and_then(|bits| parse_whole(bits / 8.0))
+            .filter(|it| *it <= LONGEST_MESSAGE);
         let mut fields = Vec::new();
         for (place, number) in group.spns.iter().enumerate() {
             if place >= MOST_SIGNALS {
@@ -142,25 +151,25 @@ impl PrettyJ1939File {
                 break;
             }
             let start = group.starts.get(place).unwrap_or(&Value::Null);
-            match self.field(*number, start, length) {
+            match self.convert_field(*number, start, length) {
                 Ok(field) => fields.push(field),
                 Err(reason) => problems.add_of_file(&format!("PGN {pgn}: SPN {number} skipped: {reason}")),
             }
         }
         fields.sort_by_key(|field| field.bit);
-        let bits = fields.iter().filter_map(Field::end).max().unwrap_or(0);
+        let bits = fields.iter().filter_map(SignalField::end).max().unwrap_or(0);
         let name = if group.label.is_empty() { &group.name } else { &group.label };
-        let layout = Layout { fields, bits, origin: ORIGIN, ..Layout::default() };
+        let layout = PayloadLayout { fields, bits, origin: ORIGIN, ..PayloadLayout::default() };
         DatabaseMessage { name: name.clone(), length, layout: Arc::new(layout) }
     }
 
-    fn field(&self, number: u64, start: &Value, length: Option<u16>) -> Result<Field, String> {
+    fn convert_field(&self, number: u64, start: &Value, length: Option<u16>) -> Result<SignalField, String> {
         let key = number.to_string();
-        let (Some(spn), Some(suspect)) = (spn(number), self.parameters.get(&key)) else {
+        let (Some(spn), Some(suspect)) = (valid_spn(number), self.parameters.get(&key)) else {
             return Err("not defined in J1939SPNdb".to_owned());
         };
-        let signal = suspect.signal(spn, start, self.names(&key))?;
-        let field = signal.field();
+        let signal = suspect.to_signal(spn, start, self.convert_names(&key))?;
+        let field = signal.to_field();
         let most = length.map_or(u32::from(u16::MAX), |length| u32::from(length) * 8);
         match field.end() {
             Some(end) if u32::from(end) <= most => Ok(field),
@@ -168,42 +177,47 @@ impl PrettyJ1939File {
         }
     }
 
-    fn names(&self, spn: &str) -> Option<Arc<Names>> {
+    fn convert_names(&self, spn: &str) -> Option<Arc<ValueNames>> {
         let decodings = self.decodings.get(spn)?;
         let names = decodings.iter().filter_map(|(code, text)| Some((code.parse().ok()?, text.clone())));
-        Some(Arc::new(Names(names.collect())))
+        Some(Arc::new(ValueNames(names.collect())))
     }
 }
 
-impl Suspect {
-    fn parameter(&self) -> Parameter {
-        Parameter { name: self.name.clone(), unit: self.unit().to_owned() }
+impl SuspectEntry {
+    fn to_parameter(&self) -> SuspectParameter {
+        SuspectParameter { name: self.name.clone(), unit: self.plain_unit().to_owned() }
     }
 
     /// Unit; empty for `bit` and `binary`, which are number formats.
-    fn unit(&self) -> &str {
+    fn plain_unit(&self) -> &str {
         if matches!(self.unit.as_str(), "bit" | "binary") { "" } else { &self.unit }
     }
 
-    fn signal(&self, spn: u32, start: &Value, values: Option<Arc<Names>>) -> Result<Signal, String> {
-        let bits = match number(&self.length).and_then(whole) {
+    fn to_signal(
+        &self,
+        spn: u32,
+        start: &Value,
+        values: Option<Arc<ValueNames>>,
+    ) -> Result<DbcSignal, String> {
+        let bits = match parse_number(&self.length).and_then(parse_whole) {
             Some(bits @ 1..=64) if self.unit != "ASCII" => bits,
             Some(_) if self.unit == "ASCII" => return Err("text is not supported".to_owned()),
             Some(bits) => return Err(format!("{bits} bits; expected 1 to 64")),
             None => return Err("variable length is not supported".to_owned()),
         };
-        let bit = self.place(start, bits)?;
+        let bit = self.start_bit(start, bits)?;
         // A resolution of 0 means that none is stated.
-        let factor = number(&self.resolution).filter(|factor| *factor > 0.0).unwrap_or(1.0);
-        let offset = number(&self.offset).unwrap_or(0.0);
+        let factor = parse_number(&self.resolution).filter(|factor| *factor > 0.0).unwrap_or(1.0);
+        let offset = parse_number(&self.offset).unwrap_or(0.0);
         #[expect(clippy::cast_precision_loss, reason = "compared with limits that have few digits")]
         let holds = (u64::MAX >> (64 - bits)) as f64 * factor + offset;
-        let limits = match (number(&self.low), number(&self.high)) {
+        let limits = match (parse_number(&self.low), parse_number(&self.high)) {
             // Limits that no code reaches, such as -1e12 and 1e12, are ignored.
             (Some(low), Some(high)) if low < high && high <= holds + factor / 2.0 => Some([low, high]),
             _ => None,
         };
-        Ok(Signal {
+        Ok(DbcSignal {
             name: self.name.clone(),
             spn: Some(spn),
             bit,
@@ -214,17 +228,19 @@ impl Suspect {
             factor,
             offset,
             limits,
-            unit: self.unit().to_owned(),
+            unit: self.plain_unit().to_owned(),
             values,
         })
     }
 
     /// Start bit. Parts are adjacent if each one after the first starts at a byte within the length.
-    fn place(&self, start: &Value, bits: u16) -> Result<u16, String> {
+    fn start_bit(&self, start: &Value, bits: u16) -> Result<u16, String> {
         let start = if start.is_null() { &self.start } else { start };
         let parts: Vec<_> = match start {
-            Value::Array(parts) => parts.iter().map(|part| number(part).and_then(whole)).collect(),
-            one => vec![number(one).and_then(whole)],
+            Value::Array(parts) => {
+                parts.iter().map(|part| parse_number(part).and_then(parse_whole)).collect()
+            }
+            one => vec![parse_number(one).and_then(parse_whole)],
         };
         let [Some(first), others @ ..] = parts.as_slice() else {
             return Err("start bit missing".to_owned());
@@ -237,7 +253,7 @@ impl Suspect {
 }
 
 /// A number, also if written as text.
-fn number(value: &Value) -> Option<f64> {
+fn parse_number(value: &Value) -> Option<f64> {
     match value {
         Value::Number(number) => number.as_f64(),
         Value::String(text) => text.trim().parse().ok().filter(|number: &f64| number.is_finite()),
@@ -246,7 +262,7 @@ fn number(value: &Value) -> Option<f64> {
 }
 
 /// A whole number of bits or bytes, max 65535.
-fn whole(number: f64) -> Option<u16> {
+fn parse_whole(number: f64) -> Option<u16> {
     let is_whole = (0.0..=f64::from(u16::MAX)).contains(&number) && number.fract() == 0.0;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked")]
     is_whole.then_some(number as u16)

@@ -3,15 +3,15 @@
 use std::fmt;
 
 use super::MOST_PROBLEMS;
-use crate::profile::quoted::printable;
-use crate::words::plural;
+use crate::profile::quoted::printable_char;
+use crate::words::count_noun;
 
 /// Max length of a reason, in characters.
 const LONGEST_REASON: usize = 300;
 
 /// A skipped part of a file, or an assumption about one.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub struct Problem {
+pub struct DbcProblem {
     /// Line, from 1; 0 for the whole file.
     pub line: usize,
     /// Column in characters, from 1; 0 for the whole line or file.
@@ -21,7 +21,7 @@ pub struct Problem {
 }
 
 /// `3:7: reason`, to be printed after the file name and a colon.
-impl fmt::Display for Problem {
+impl fmt::Display for DbcProblem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match (self.line, self.column) {
             (0, _) => write!(f, " {}", self.reason),
@@ -31,29 +31,29 @@ impl fmt::Display for Problem {
     }
 }
 
-impl Problem {
+impl DbcProblem {
     /// Problem at a line and column.
     pub(super) fn new(line: usize, column: usize, reason: &str) -> Self {
-        let reason = reason.chars().take(LONGEST_REASON).map(printable).collect();
+        let reason = reason.chars().take(LONGEST_REASON).map(printable_char).collect();
         Self { line, column, reason }
     }
 }
 
 /// Collects the problems of one text.
 #[derive(Debug)]
-pub(super) struct Problems<'a> {
+pub(super) struct DbcProblems<'a> {
     text: &'a str,
-    list: Vec<Problem>,
+    list: Vec<DbcProblem>,
     others: usize,
 }
 
-impl<'a> Problems<'a> {
-    pub(super) const fn of(text: &'a str) -> Self {
+impl<'a> DbcProblems<'a> {
+    pub(super) const fn problems_in(text: &'a str) -> Self {
         Self { text, list: Vec::new(), others: 0 }
     }
 
     /// Adds a problem at byte `at`. The reason may contain text from the file.
-    pub(super) fn add(&mut self, at: usize, reason: &str) {
+    pub(super) fn add_problem(&mut self, at: usize, reason: &str) {
         if self.list.len() >= MOST_PROBLEMS {
             self.others = self.others.saturating_add(1);
             return;
@@ -62,7 +62,7 @@ impl<'a> Problems<'a> {
         let start = before.rfind('\n').map_or(0, |end| end + 1);
         let line = before.matches('\n').count() + 1;
         let column = before.get(start..).map_or(0, |before| before.chars().count()) + 1;
-        self.list.push(Problem::new(line, column, reason));
+        self.list.push(DbcProblem::new(line, column, reason));
     }
 
     /// Adds a problem of the whole file.
@@ -70,15 +70,15 @@ impl<'a> Problems<'a> {
         if self.list.len() >= MOST_PROBLEMS {
             self.others = self.others.saturating_add(1);
         } else {
-            self.list.push(Problem::new(0, 0, reason));
+            self.list.push(DbcProblem::new(0, 0, reason));
         }
     }
 
     /// All problems by position; the last one states the number of omitted ones.
-    pub(super) fn finish(mut self) -> Vec<Problem> {
+    pub(super) fn finish(mut self) -> Vec<DbcProblem> {
         self.list.sort_by_key(|problem| (problem.line, problem.column));
         if self.others > 0 {
-            self.list.push(Problem::new(0, 0, &plural(self.others, "more problem")));
+            self.list.push(DbcProblem::new(0, 0, &count_noun(self.others, "more problem")));
         }
         self.list
     }
@@ -91,12 +91,12 @@ mod tests {
     #[test]
     fn the_first_problems_are_listed_and_all_are_counted() {
         let text = "a\n  ä\u{1b}x\n";
-        let mut problems = Problems::of(text);
-        problems.add(text.find('x').unwrap(), "b\u{1b}");
-        problems.add(0, "a");
-        problems.add(text.len() + 1, "end");
+        let mut problems = DbcProblems::problems_in(text);
+        problems.add_problem(text.find('x').unwrap(), "b\u{1b}");
+        problems.add_problem(0, "a");
+        problems.add_problem(text.len() + 1, "end");
         for _ in 0..MOST_PROBLEMS {
-            problems.add(0, "z");
+            problems.add_problem(0, "z");
         }
         let list = problems.finish();
         assert_eq!(list.len(), MOST_PROBLEMS + 1);

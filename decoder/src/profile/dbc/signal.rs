@@ -3,16 +3,16 @@
 use std::sync::Arc;
 
 use crate::profile::data_type::DataType;
-use crate::profile::layout::{BitOrder, Field, SignalId};
-use crate::profile::meaning::{Factor, IndicatorCoding, Indicators, Meaning};
-use crate::profile::names::Names;
+use crate::profile::layout::{BitOrder, SignalField, SignalId};
+use crate::profile::meaning::{IndicatorCoding, ObjectMeaning, ParameterIndicators, RawConversion};
+use crate::profile::names::ValueNames;
 
 /// A signal from either file format, with a checked position.
 #[derive(Debug)]
-pub(super) struct Signal {
+pub(super) struct DbcSignal {
     pub(super) name: String,
     pub(super) spn: Option<u32>,
-    /// First bit, as in [`Field::bit`].
+    /// First bit, as in [`SignalField::bit`].
     pub(super) bit: u16,
     /// Length in bits, 1..=64; 32 or 64 for a float.
     pub(super) bits: u16,
@@ -24,24 +24,28 @@ pub(super) struct Signal {
     /// Minimum and maximum in its unit, if stated.
     pub(super) limits: Option<[f64; 2]>,
     pub(super) unit: String,
-    pub(super) values: Option<Arc<Names>>,
+    pub(super) values: Option<Arc<ValueNames>>,
 }
 
-impl Signal {
+impl DbcSignal {
     /// Converts the signal; never fails.
-    pub(super) fn field(self) -> Field {
+    pub(super) fn to_field(self) -> SignalField {
         let data_type = match (self.is_float, self.is_signed, self.bits) {
             (true, _, 33..) => DataType::Real64,
             (true, _, _) => DataType::Real32,
-            (false, true, bits) => DataType::signed(bits),
-            (false, false, bits) => DataType::unsigned(bits),
+            (false, true, bits) => DataType::signed_of(bits),
+            (false, false, bits) => DataType::unsigned_of(bits),
         };
-        let indicators = self.indicators();
+        let indicators = self.indicator_codes();
         let is_scaled = (self.factor - 1.0).abs() > 0.0 || self.offset.abs() > 0.0;
-        let scale =
-            Factor { factor: self.factor, offset: self.offset, full_scale: None, is_reciprocal: false };
+        let scale = RawConversion {
+            factor: self.factor,
+            offset: self.offset,
+            full_scale: None,
+            is_reciprocal: false,
+        };
         let digits = fraction_digits(self.factor).max(fraction_digits(self.offset));
-        let meaning = Meaning {
+        let meaning = ObjectMeaning {
             name: self.name,
             data_type: Some(data_type),
             unit: self.unit,
@@ -51,9 +55,9 @@ impl Signal {
             limits: self.limits,
             values: self.values,
             indicators,
-            ..Meaning::default()
+            ..ObjectMeaning::default()
         };
-        Field {
+        SignalField {
             id: self.spn.map_or(SignalId::Name, SignalId::Spn),
             meaning: Some(Arc::new(meaning)),
             bit: self.bit,
@@ -67,13 +71,13 @@ impl Signal {
 
     /// J1939 indicator codes above the maximum value; only unsigned suspect parameters have them. Without a
     /// maximum, the code alone decides.
-    fn indicators(&self) -> Option<Indicators> {
+    fn indicator_codes(&self) -> Option<ParameterIndicators> {
         if self.spn.is_none() || self.is_signed || self.is_float {
             return None;
         }
-        let indicators = Indicators { bits: self.bits, largest: 0, coding: IndicatorCoding::J1939 };
+        let indicators = ParameterIndicators { bits: self.bits, largest: 0, coding: IndicatorCoding::J1939 };
         let Some([_, most]) = self.limits else { return Some(indicators) };
-        Some(Indicators { largest: largest_raw(most, self.factor, self.offset)?, ..indicators })
+        Some(ParameterIndicators { largest: largest_raw(most, self.factor, self.offset)?, ..indicators })
     }
 }
 

@@ -15,7 +15,7 @@ use super::{LONGEST_STRING, MOST_PROBLEMS};
 
 /// Kind of a statement, by its first keyword.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum StatementKind {
     /// `BO_` with its `SG_`.
     Message,
     /// `VAL_TABLE_`.
@@ -37,43 +37,43 @@ pub(super) enum Kind {
 }
 
 /// Keywords at the start of a line.
-const KEYWORDS: &[(&str, Kind)] = &[
-    ("BO_", Kind::Message),
-    ("VAL_TABLE_", Kind::ValueTable),
-    ("VAL_", Kind::Values),
-    ("SIG_VALTYPE_", Kind::FloatType),
-    ("SG_MUL_VAL_", Kind::Multiplexed),
-    ("BA_", Kind::Attribute),
-    ("VERSION", Kind::Line),
-    ("BS_", Kind::Line),
-    ("BU_", Kind::Line),
-    ("NS_", Kind::Symbols),
-    ("CM_", Kind::Other),
-    ("BA_DEF_", Kind::Other),
-    ("BA_DEF_DEF_", Kind::Other),
-    ("BA_DEF_REL_", Kind::Other),
-    ("BA_REL_", Kind::Other),
-    ("BA_DEF_DEF_REL_", Kind::Other),
-    ("BA_DEF_SGTYPE_", Kind::Other),
-    ("BA_SGTYPE_", Kind::Other),
-    ("BO_TX_BU_", Kind::Other),
-    ("SIG_GROUP_", Kind::Other),
-    ("SIG_TYPE_REF_", Kind::Other),
-    ("SIGTYPE_VALTYPE_", Kind::Other),
-    ("SGTYPE_", Kind::Other),
-    ("SGTYPE_VAL_", Kind::Other),
-    ("EV_", Kind::Other),
-    ("EV_DATA_", Kind::Other),
-    ("ENVVAR_DATA_", Kind::Other),
-    ("CAT_DEF_", Kind::Other),
-    ("CAT_", Kind::Other),
-    ("FILTER", Kind::Other),
+const KEYWORDS: &[(&str, StatementKind)] = &[
+    ("BO_", StatementKind::Message),
+    ("VAL_TABLE_", StatementKind::ValueTable),
+    ("VAL_", StatementKind::Values),
+    ("SIG_VALTYPE_", StatementKind::FloatType),
+    ("SG_MUL_VAL_", StatementKind::Multiplexed),
+    ("BA_", StatementKind::Attribute),
+    ("VERSION", StatementKind::Line),
+    ("BS_", StatementKind::Line),
+    ("BU_", StatementKind::Line),
+    ("NS_", StatementKind::Symbols),
+    ("CM_", StatementKind::Other),
+    ("BA_DEF_", StatementKind::Other),
+    ("BA_DEF_DEF_", StatementKind::Other),
+    ("BA_DEF_REL_", StatementKind::Other),
+    ("BA_REL_", StatementKind::Other),
+    ("BA_DEF_DEF_REL_", StatementKind::Other),
+    ("BA_DEF_SGTYPE_", StatementKind::Other),
+    ("BA_SGTYPE_", StatementKind::Other),
+    ("BO_TX_BU_", StatementKind::Other),
+    ("SIG_GROUP_", StatementKind::Other),
+    ("SIG_TYPE_REF_", StatementKind::Other),
+    ("SIGTYPE_VALTYPE_", StatementKind::Other),
+    ("SGTYPE_", StatementKind::Other),
+    ("SGTYPE_VAL_", StatementKind::Other),
+    ("EV_", StatementKind::Other),
+    ("EV_DATA_", StatementKind::Other),
+    ("ENVVAR_DATA_", StatementKind::Other),
+    ("CAT_DEF_", StatementKind::Other),
+    ("CAT_", StatementKind::Other),
+    ("FILTER", StatementKind::Other),
 ];
 
 /// Kind and position of a statement.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Statement {
-    pub(super) kind: Kind,
+pub(super) struct DbcStatement {
+    pub(super) kind: StatementKind,
     /// Range from its first word to its end, in bytes.
     pub(super) at: Range<usize>,
 }
@@ -86,7 +86,7 @@ pub(super) struct SyntaxError {
 }
 
 /// Iterator over the statements of a text, in file order.
-pub(super) struct Statements<'a> {
+pub(super) struct DbcStatements<'a> {
     text: &'a str,
     at: usize,
     /// Whether text up to the next keyword is ignored: after an error, or the rest of `BU_`.
@@ -95,13 +95,13 @@ pub(super) struct Statements<'a> {
     open_strings: usize,
 }
 
-impl<'a> Statements<'a> {
-    pub(super) const fn of(text: &'a str) -> Self {
+impl<'a> DbcStatements<'a> {
+    pub(super) const fn statements_in(text: &'a str) -> Self {
         Self { text, at: 0, recovering: false, open_strings: 0 }
     }
 
     /// Line at `at`, and start of the next one.
-    fn line(&self, at: usize) -> (&'a str, usize) {
+    fn line_at(&self, at: usize) -> (&'a str, usize) {
         let rest = self.text.get(at..).unwrap_or_default();
         let end = memchr::memchr(b'\n', rest.as_bytes()).unwrap_or(rest.len());
         (rest.get(..end).unwrap_or_default(), at + end + 1)
@@ -111,7 +111,7 @@ impl<'a> Statements<'a> {
     ///
     /// # Errors
     /// Position of an unclosed string.
-    fn end(&self, start: usize) -> Result<usize, usize> {
+    fn statement_end(&self, start: usize) -> Result<usize, usize> {
         let bytes = self.text.as_bytes();
         let mut string = None;
         let mut at = start;
@@ -125,8 +125,8 @@ impl<'a> Statements<'a> {
                 }
                 (None, b'"') => string = Some(at),
                 (None, b';') => return Ok(at + 1),
-                (None, b'\n') if keyword(self.line(at + 1).0).is_some() => return Ok(at),
-                (None, b'/') if next == Some(&b'/') => at = self.line(at).1 - 2,
+                (None, b'\n') if statement_keyword(self.line_at(at + 1).0).is_some() => return Ok(at),
+                (None, b'/') if next == Some(&b'/') => at = self.line_at(at).1 - 2,
                 _ => {}
             }
             at += 1;
@@ -136,7 +136,7 @@ impl<'a> Statements<'a> {
 
     /// Whether the line at `at` is the first one of a message, independent of its context.
     fn is_message(&self, at: usize) -> bool {
-        let Some(rest) = self.line(at).0.trim_start().strip_prefix("BO_ ") else { return false };
+        let Some(rest) = self.line_at(at).0.trim_start().strip_prefix("BO_ ") else { return false };
         let Some((head, size)) = rest.split_once(':') else { return false };
         let mut words = head.split_whitespace();
         let id = words.next().is_some_and(|id| id.bytes().all(|byte| byte.is_ascii_digit()));
@@ -148,10 +148,10 @@ impl<'a> Statements<'a> {
 
     /// End of the message at `start`: after its last signal.
     fn end_of_message(&self, start: usize) -> usize {
-        let (line, mut at) = self.line(start);
+        let (line, mut at) = self.line_at(start);
         let mut end = start + line.len();
         while at < self.text.len() {
-            let (line, next) = self.line(at);
+            let (line, next) = self.line_at(at);
             if is_signal(line) {
                 end = at + line.len();
             } else if !is_empty(line) {
@@ -164,9 +164,9 @@ impl<'a> Statements<'a> {
 
     /// End of the keyword list at `start`: entries are indented, or alone on their line.
     fn end_of_symbols(&self, start: usize) -> usize {
-        let mut at = self.line(start).1;
+        let mut at = self.line_at(start).1;
         while at < self.text.len() {
-            let (line, next) = self.line(at);
+            let (line, next) = self.line_at(at);
             let is_symbol = line.starts_with([' ', '\t']) || is_word(line.trim());
             if !is_symbol && !line.trim().is_empty() {
                 break;
@@ -177,8 +177,8 @@ impl<'a> Statements<'a> {
     }
 
     /// Parses the statement at `start` and advances past it; `None` if the line is ignored.
-    fn statement(&mut self, line: &str, start: usize) -> Option<Result<Statement, SyntaxError>> {
-        let Some(kind) = keyword(line) else {
+    fn parse_statement(&mut self, line: &str, start: usize) -> Option<Result<DbcStatement, SyntaxError>> {
+        let Some(kind) = statement_keyword(line) else {
             let reason = if is_signal(line) {
                 "signal outside a message; skipped"
             } else {
@@ -190,20 +190,20 @@ impl<'a> Statements<'a> {
         };
         self.recovering = false;
         let end = match kind {
-            Kind::Message => self.end_of_message(start),
-            Kind::Symbols => self.end_of_symbols(start),
-            Kind::Line => {
+            StatementKind::Message => self.end_of_message(start),
+            StatementKind::Symbols => self.end_of_symbols(start),
+            StatementKind::Line => {
                 // Node names may continue on indented lines.
                 self.recovering = true;
                 start + line.len()
             }
-            _ => match self.end(start) {
+            _ => match self.statement_end(start) {
                 Ok(end) => end,
                 Err(at) => return Some(Err(self.open_string(at))),
             },
         };
         self.at = end;
-        Some(Ok(Statement { kind, at: start..end }))
+        Some(Ok(DbcStatement { kind, at: start..end }))
     }
 
     /// Reports an unclosed string; parsing resumes on the line after its statement's first one.
@@ -218,19 +218,19 @@ impl<'a> Statements<'a> {
     }
 }
 
-impl Iterator for Statements<'_> {
-    type Item = Result<Statement, SyntaxError>;
+impl Iterator for DbcStatements<'_> {
+    type Item = Result<DbcStatement, SyntaxError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         while self.at < self.text.len() {
-            let (line, next) = self.line(self.at);
+            let (line, next) = self.line_at(self.at);
             let start = self.at + (line.len() - line.trim_start().len());
             self.at = next;
             // Text after a semicolon belongs to the statement before it.
             if is_empty(line) || line.trim() == ";" {
                 continue;
             }
-            if let Some(found) = self.statement(line.trim_start(), start) {
+            if let Some(found) = self.parse_statement(line.trim_start(), start) {
                 return Some(found);
             }
         }
@@ -239,7 +239,7 @@ impl Iterator for Statements<'_> {
 }
 
 /// Keyword at the start of a line with further text; a keyword alone is an entry of `NS_`.
-fn keyword(line: &str) -> Option<Kind> {
+fn statement_keyword(line: &str) -> Option<StatementKind> {
     let line = line.trim_start();
     let end = line.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).unwrap_or(line.len());
     let (word, rest) = line.split_at_checked(end)?;
@@ -264,14 +264,14 @@ fn is_word(text: &str) -> bool {
 mod tests {
     use super::*;
 
-    type Read<'a> = Result<(Kind, &'a str), (usize, &'static str)>;
+    type Read<'a> = Result<(StatementKind, &'a str), (usize, &'static str)>;
 
     fn read(text: &str) -> Vec<Read<'_>> {
-        let show = |it: Result<Statement, SyntaxError>| match it {
+        let show = |it: Result<DbcStatement, SyntaxError>| match it {
             Ok(statement) => Ok((statement.kind, &text[statement.at])),
             Err(broken) => Err((broken.at, broken.reason)),
         };
-        Statements::of(text).map(show).collect()
+        DbcStatements::statements_in(text).map(show).collect()
     }
 
     #[test]
@@ -279,15 +279,15 @@ mod tests {
         let text = "VERSION \"\"\nNS_ :\n\tCM_\n\tBA_\nBS_:\nBU_: A\n B\n\nBO_ 1 M: 8 A\n\n SG_ a\n// SG_ x\n\tSG_ b\n\n\
                     CM_ \"BO_ \\\" ;\nVAL_ \";\nVAL_ 1 a 0 \"x;\"\n 1 \"y\" ;\nBA_ \"n\" 1\nBO_ 2 N: 8 A";
         let expected = [
-            (Kind::Line, "VERSION \"\""),
-            (Kind::Symbols, "NS_ :\n\tCM_\n\tBA_\n"),
-            (Kind::Line, "BS_:"),
-            (Kind::Line, "BU_: A"),
-            (Kind::Message, "BO_ 1 M: 8 A\n\n SG_ a\n// SG_ x\n\tSG_ b"),
-            (Kind::Other, "CM_ \"BO_ \\\" ;\nVAL_ \";"),
-            (Kind::Values, "VAL_ 1 a 0 \"x;\"\n 1 \"y\" ;"),
-            (Kind::Attribute, "BA_ \"n\" 1"),
-            (Kind::Message, "BO_ 2 N: 8 A"),
+            (StatementKind::Line, "VERSION \"\""),
+            (StatementKind::Symbols, "NS_ :\n\tCM_\n\tBA_\n"),
+            (StatementKind::Line, "BS_:"),
+            (StatementKind::Line, "BU_: A"),
+            (StatementKind::Message, "BO_ 1 M: 8 A\n\n SG_ a\n// SG_ x\n\tSG_ b"),
+            (StatementKind::Other, "CM_ \"BO_ \\\" ;\nVAL_ \";"),
+            (StatementKind::Values, "VAL_ 1 a 0 \"x;\"\n 1 \"y\" ;"),
+            (StatementKind::Attribute, "BA_ \"n\" 1"),
+            (StatementKind::Message, "BO_ 2 N: 8 A"),
         ];
         assert_eq!(read(text), expected.map(Ok));
     }
@@ -297,9 +297,9 @@ mod tests {
         let text = "hello there\nworld\nBO_ 1 M: 8 A\nCM_ \"open\nBO_ 2 N: 8 A\n SG_ a \"unit\" X\n\n; \nVAL_ 1 a 1 \"x\n";
         let expected = [
             Err((0, "unknown statement; skipped")),
-            Ok((Kind::Message, "BO_ 1 M: 8 A")),
+            Ok((StatementKind::Message, "BO_ 1 M: 8 A")),
             Err((text.find("\"open").unwrap(), "missing closing quote of this string; statement skipped")),
-            Ok((Kind::Message, "BO_ 2 N: 8 A\n SG_ a \"unit\" X")),
+            Ok((StatementKind::Message, "BO_ 2 N: 8 A\n SG_ a \"unit\" X")),
             Err((text.find("\"x").unwrap(), "missing closing quote of this string; statement skipped")),
         ];
         assert_eq!(read(text), expected);

@@ -4,31 +4,31 @@ use serde::Deserialize;
 
 use super::network::NmtName;
 use crate::profile::layout::PdoName;
-use crate::profile::object::Numbers;
-use crate::profile::one_or_many::{OneOrMany, tables};
-use crate::profile::reference::{BitReference, ObjectRange, Reference};
+use crate::profile::object::NumberList;
+use crate::profile::one_or_many::{OneOrMany, deserialize_tables};
+use crate::profile::reference::{BitReference, ObjectRange, ObjectReference};
 
 /// Condition on a device or its bus.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(try_from = "ConditionKeys")]
-pub enum Condition {
+pub enum DeviceCondition {
     /// NMT state of the node.
     Nmt(NmtName),
     /// The raw value of an object, reduced by a mask, is (or is not) one of several values.
     Object {
         /// Object to compare.
-        object: Reference,
+        object: ObjectReference,
         /// Bits to compare.
         mask: u64,
         /// Values to compare with.
-        values: Numbers,
+        values: NumberList,
         /// Whether the value must differ from all `values`.
         negated: bool,
     },
     /// The raw value of an object is within a range, limits included.
     Inside {
         /// Object to compare.
-        object: Reference,
+        object: ObjectReference,
         /// Minimum and maximum.
         range: [i64; 2],
     },
@@ -46,7 +46,7 @@ pub enum Condition {
     Invisible,
     /// At least one other node on the bus with the same profile, in any variant, meets all of these; in rules
     /// only. Fails if no such node exists or each one is proven not to meet them; otherwise unknown.
-    Other(Conditions),
+    Other(DeviceConditions),
     /// No other CANopen node on the bus has sent a boot-up, heartbeat, guarding response, EMCY, SDO response
     /// or TPDO within the last ten seconds; in rules only. Never unknown.
     Alone,
@@ -56,9 +56,9 @@ pub enum Condition {
 #[serde(deny_unknown_fields)]
 struct ConditionKeys {
     nmt: Option<NmtName>,
-    object: Option<Reference>,
-    equals: Option<Numbers>,
-    not: Option<Numbers>,
+    object: Option<ObjectReference>,
+    equals: Option<NumberList>,
+    not: Option<NumberList>,
     range: Option<[i64; 2]>,
     mask: Option<u64>,
     state: Option<OneOrMany<String>>,
@@ -67,11 +67,11 @@ struct ConditionKeys {
     no_procedure: Option<bool>,
     younger: Option<u32>,
     visible: Option<bool>,
-    other: Option<Conditions>,
+    other: Option<DeviceConditions>,
     alone: Option<bool>,
 }
 
-impl TryFrom<ConditionKeys> for Condition {
+impl TryFrom<ConditionKeys> for DeviceCondition {
     type Error = &'static str;
 
     fn try_from(keys: ConditionKeys) -> Result<Self, &'static str> {
@@ -114,13 +114,13 @@ impl TryFrom<ConditionKeys> for Condition {
 /// Conditions that must all hold.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(transparent)]
-pub struct Conditions(#[serde(deserialize_with = "tables")] pub Vec<Condition>);
+pub struct DeviceConditions(#[serde(deserialize_with = "deserialize_tables")] pub Vec<DeviceCondition>);
 
-impl Conditions {
+impl DeviceConditions {
     /// Copy with the references of repeat `nth`.
     #[must_use]
-    pub(crate) fn pinned(&self, nth: u16, stride: u16) -> Self {
-        Self(self.0.iter().map(|condition| condition.pinned(nth, stride)).collect())
+    pub(crate) fn pin_repeat(&self, nth: u16, stride: u16) -> Self {
+        Self(self.0.iter().map(|condition| condition.pin_repeat(nth, stride)).collect())
     }
 }
 
@@ -129,7 +129,7 @@ impl Conditions {
 #[serde(untagged, expecting = "expected a number, a list of numbers or a text such as \"save\"")]
 pub enum ExpectedValue {
     /// One or several raw numbers.
-    Numbers(Numbers),
+    Numbers(NumberList),
     /// Text, for example a signature.
     Text(String),
 }
@@ -137,11 +137,11 @@ pub enum ExpectedValue {
 /// Event that starts, ends or triggers something in a profile.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(try_from = "TriggerKeys")]
-pub enum Trigger {
+pub enum ProfileTrigger {
     /// Write to an object by SDO, optionally of certain values.
-    Write(Reference, Option<ExpectedValue>),
+    Write(ObjectReference, Option<ExpectedValue>),
     /// Read of an object by SDO, optionally of certain values.
-    Read(Reference, Option<ExpectedValue>),
+    Read(ObjectReference, Option<ExpectedValue>),
     /// Change of a bit to the given state.
     Bit(BitReference, bool),
     /// Reception of a PDO.
@@ -181,11 +181,11 @@ pub enum Trigger {
 #[derive(Debug, Clone, PartialEq)]
 pub struct SetTrigger {
     /// Object that is updated.
-    pub object: Reference,
+    pub object: ObjectReference,
     /// Bits to compare.
     pub mask: u64,
     /// Raw values, reduced by the mask; `None` for any value.
-    pub values: Option<Numbers>,
+    pub values: Option<NumberList>,
     /// Whether the value must differ from all `values`.
     pub negated: bool,
     /// Whether the previous value must be known and different.
@@ -200,19 +200,19 @@ pub struct LssTrigger {
     /// Whether it is the response of the slave rather than the request of the master.
     pub answer: bool,
     /// Byte after the command specifier: mode, node-ID or result code; `None` for any.
-    pub values: Option<Numbers>,
+    pub values: Option<NumberList>,
 }
 
 /// Alternative triggers; one is sufficient.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(transparent)]
-pub struct Triggers(#[serde(deserialize_with = "tables")] pub Vec<Trigger>);
+pub struct ProfileTriggers(#[serde(deserialize_with = "deserialize_tables")] pub Vec<ProfileTrigger>);
 
-impl Triggers {
+impl ProfileTriggers {
     /// Copy with the references of repeat `nth`.
     #[must_use]
-    pub(crate) fn pinned(&self, nth: u16, stride: u16) -> Self {
-        Self(self.0.iter().map(|trigger| trigger.pinned(nth, stride)).collect())
+    pub(crate) fn pin_repeat(&self, nth: u16, stride: u16) -> Self {
+        Self(self.0.iter().map(|trigger| trigger.pin_repeat(nth, stride)).collect())
     }
 }
 
@@ -227,7 +227,7 @@ pub struct MessageTrigger {
     pub times: u8,
     /// Conditions that must hold each time.
     #[serde(default)]
-    pub when: Conditions,
+    pub when: DeviceConditions,
 }
 
 const fn once() -> u8 {
@@ -242,7 +242,7 @@ enum DtcKey {
 }
 
 impl DtcKey {
-    fn read(self) -> Result<Option<(u32, u8)>, &'static str> {
+    fn read_key(self) -> Result<Option<(u32, u8)>, &'static str> {
         let text = match self {
             Self::Any(true) => return Ok(None),
             Self::Any(false) => return Err("expected true, or a fault such as \"298985/19\" (SPN/FMI)"),
@@ -262,10 +262,10 @@ enum BootKey {
 }
 
 impl BootKey {
-    fn read(self) -> Result<Trigger, &'static str> {
+    fn read_key(self) -> Result<ProfileTrigger, &'static str> {
         match self {
-            Self::Any(true) => Ok(Trigger::Boot),
-            Self::One(text) if text == "power-on" => Ok(Trigger::PowerOn),
+            Self::Any(true) => Ok(ProfileTrigger::Boot),
+            Self::One(text) if text == "power-on" => Ok(ProfileTrigger::PowerOn),
             Self::Any(false) | Self::One(_) => Err("expected boot = true or boot = \"power-on\""),
         }
     }
@@ -274,8 +274,8 @@ impl BootKey {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct TriggerKeys {
-    write: Option<Reference>,
-    read: Option<Reference>,
+    write: Option<ObjectReference>,
+    read: Option<ObjectReference>,
     equals: Option<ExpectedValue>,
     bit: Option<BitReference>,
     becomes: Option<u8>,
@@ -287,26 +287,26 @@ struct TriggerKeys {
     sync: Option<bool>,
     emcy: Option<u16>,
     boot: Option<BootKey>,
-    set: Option<Reference>,
-    not: Option<Numbers>,
+    set: Option<ObjectReference>,
+    not: Option<NumberList>,
     mask: Option<u64>,
     changed: Option<bool>,
     writes: Option<ObjectRange>,
     lss: Option<String>,
     answer: Option<bool>,
     guard: Option<bool>,
-    shows: Option<Reference>,
+    shows: Option<ObjectReference>,
     reports: Option<OneOrMany<String>>,
 }
 
 impl TriggerKeys {
     /// Trigger from the key `set` or `shows`.
-    fn value(&self) -> Result<Option<SetTrigger>, &'static str> {
+    fn read_set_trigger(&self) -> Result<Option<SetTrigger>, &'static str> {
         let Some(object) = self.set.or(self.shows) else {
             let more = self.not.is_some() || self.mask.is_some() || self.changed.is_some();
             return if more { Err("not, mask and changed require set or shows") } else { Ok(None) };
         };
-        let (values, negated) = match (self.numbers()?, &self.not) {
+        let (values, negated) = match (self.read_numbers()?, &self.not) {
             (Some(_), Some(_)) => return Err("equals and not; expected only one of them"),
             (None, Some(values)) => (Some(values.clone()), true),
             (values, None) => (values, false),
@@ -319,14 +319,14 @@ impl TriggerKeys {
     }
 
     /// Trigger from the key `lss`.
-    fn lss(&self) -> Result<Option<LssTrigger>, &'static str> {
+    fn read_lss_trigger(&self) -> Result<Option<LssTrigger>, &'static str> {
         let Some(service) = self.lss.clone() else {
             return if self.answer.is_some() { Err("answer requires lss") } else { Ok(None) };
         };
-        Ok(Some(LssTrigger { service, answer: self.answer == Some(true), values: self.numbers()? }))
+        Ok(Some(LssTrigger { service, answer: self.answer == Some(true), values: self.read_numbers()? }))
     }
 
-    fn numbers(&self) -> Result<Option<Numbers>, &'static str> {
+    fn read_numbers(&self) -> Result<Option<NumberList>, &'static str> {
         match &self.equals {
             None => Ok(None),
             Some(ExpectedValue::Numbers(numbers)) => Ok(Some(numbers.clone())),
@@ -335,7 +335,7 @@ impl TriggerKeys {
     }
 }
 
-impl TryFrom<TriggerKeys> for Trigger {
+impl TryFrom<TriggerKeys> for ProfileTrigger {
     type Error = &'static str;
 
     fn try_from(keys: TriggerKeys) -> Result<Self, &'static str> {
@@ -347,7 +347,7 @@ impl TryFrom<TriggerKeys> for Trigger {
         if keys.bit.is_some() != keys.becomes.is_some() || keys.becomes.is_some_and(|value| value > 1) {
             return Err("expected bit together with becomes = 0 or 1");
         }
-        let (value, lss) = (keys.value()?, keys.lss()?);
+        let (value, lss) = (keys.read_set_trigger()?, keys.read_lss_trigger()?);
         let (set, shows) =
             (keys.set.and(value.clone()).map(Self::Set), keys.shows.and(value).map(Self::Shows));
         let all = [
@@ -356,12 +356,12 @@ impl TryFrom<TriggerKeys> for Trigger {
             keys.bit.map(|bit| Self::Bit(bit, keys.becomes == Some(1))),
             keys.pdo.map(Self::Pdo),
             keys.message.map(Self::Message),
-            keys.dtc.map(DtcKey::read).transpose()?.map(Self::Dtc),
+            keys.dtc.map(DtcKey::read_key).transpose()?.map(Self::Dtc),
             keys.nmt.map(Self::Nmt),
             keys.state.map(|states| Self::State(states.into_vec())),
             keys.sync.map(|_| Self::Sync),
             keys.emcy.map(Self::Emcy),
-            keys.boot.map(BootKey::read).transpose()?,
+            keys.boot.map(BootKey::read_key).transpose()?,
             set,
             shows,
             keys.reports.map(|states| Self::Reports(states.into_vec())),
@@ -379,14 +379,14 @@ impl TryFrom<TriggerKeys> for Trigger {
     }
 }
 
-impl Trigger {
+impl ProfileTrigger {
     /// Conditions that must hold when the trigger occurs.
-    pub fn when(&self) -> &[Condition] {
+    pub fn trigger_conditions(&self) -> &[DeviceCondition] {
         if let Self::Message(message) = self { &message.when.0 } else { &[] }
     }
 
     /// Number of consecutive occurrences required.
-    pub fn times(&self) -> u8 {
+    pub fn occurrence_count(&self) -> u8 {
         if let Self::Message(message) = self { message.times } else { 1 }
     }
 
@@ -406,31 +406,31 @@ impl Trigger {
 
     /// Copy with the references of repeat `nth`.
     #[must_use]
-    pub(crate) fn pinned(&self, nth: u16, stride: u16) -> Self {
+    pub(crate) fn pin_repeat(&self, nth: u16, stride: u16) -> Self {
         match self.clone() {
-            Self::Write(object, wanted) => Self::Write(object.pinned(nth, stride), wanted),
-            Self::Read(object, wanted) => Self::Read(object.pinned(nth, stride), wanted),
+            Self::Write(object, wanted) => Self::Write(object.pin_repeat(nth, stride), wanted),
+            Self::Read(object, wanted) => Self::Read(object.pin_repeat(nth, stride), wanted),
             Self::Bit(bit, becomes) => {
-                Self::Bit(BitReference { object: bit.object.pinned(nth, stride), ..bit }, becomes)
+                Self::Bit(BitReference { object: bit.object.pin_repeat(nth, stride), ..bit }, becomes)
             }
-            Self::Set(set) => Self::Set(SetTrigger { object: set.object.pinned(nth, stride), ..set }),
-            Self::Shows(set) => Self::Shows(SetTrigger { object: set.object.pinned(nth, stride), ..set }),
-            Self::Writes(range) => Self::Writes(range.pinned(nth, stride)),
+            Self::Set(set) => Self::Set(SetTrigger { object: set.object.pin_repeat(nth, stride), ..set }),
+            Self::Shows(set) => Self::Shows(SetTrigger { object: set.object.pin_repeat(nth, stride), ..set }),
+            Self::Writes(range) => Self::Writes(range.pin_repeat(nth, stride)),
             other => other,
         }
     }
 }
 
-impl Condition {
+impl DeviceCondition {
     /// Copy with the references of repeat `nth`.
     #[must_use]
-    pub(crate) fn pinned(&self, nth: u16, stride: u16) -> Self {
+    pub(crate) fn pin_repeat(&self, nth: u16, stride: u16) -> Self {
         match self.clone() {
             Self::Object { object, mask, values, negated } => {
-                Self::Object { object: object.pinned(nth, stride), mask, values, negated }
+                Self::Object { object: object.pin_repeat(nth, stride), mask, values, negated }
             }
-            Self::Inside { object, range } => Self::Inside { object: object.pinned(nth, stride), range },
-            Self::Other(all) => Self::Other(all.pinned(nth, stride)),
+            Self::Inside { object, range } => Self::Inside { object: object.pin_repeat(nth, stride), range },
+            Self::Other(all) => Self::Other(all.pin_repeat(nth, stride)),
             other => other,
         }
     }

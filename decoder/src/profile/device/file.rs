@@ -8,14 +8,15 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::{
-    AbortText, Area, Device, DeviceRule, EmcySpec, Gate, Hint, Identity, IdentityChange, J1939Spec, Machine,
-    MessageSpec, Monitoring, NmtSpec, PdoSpec, Procedure, Sample, StatusCodes, UdsSpec, Variant, Waiver,
+    AbortText, DeviceIdentity, DeviceProcedure, DeviceProfile, DeviceRule, DeviceVariant, EmcySpec, Gate,
+    IdentityChange, J1939Spec, MessageSpec, Monitoring, NmtSpec, PdoArea, PdoSpec, ProfileHint,
+    ProfileSample, RuleWaiver, StateMachine, StatusCodes, UdsSpec,
 };
-use crate::profile::authored::{self, AuthoredEntry, Tables, TextProblem};
+use crate::profile::authored::{self, AuthoredEntry, SharedTables, TextProblem};
 use crate::profile::compiled;
-use crate::profile::entry::Object;
-use crate::profile::layer::{Layer, OBJECTS};
-use crate::profile::names::{BitNames, Names};
+use crate::profile::entry::ObjectEntry;
+use crate::profile::layer::{DocumentLayer, OBJECTS};
+use crate::profile::names::{BitNames, ValueNames};
 use crate::profile::position::TextError;
 
 /// Max repeats expanded per machine, gate, procedure or rule; above the total that `check` accepts.
@@ -32,15 +33,15 @@ struct RawProfileFile {
     source: String,
     note: String,
     extends: Vec<Spanned<String>>,
-    variant: Vec<Variant>,
-    identity: Vec<Identity>,
-    hint: Vec<Hint>,
+    variant: Vec<DeviceVariant>,
+    identity: Vec<DeviceIdentity>,
+    hint: Vec<ProfileHint>,
     object: Vec<Spanned<AuthoredEntry>>,
-    values: BTreeMap<String, Names>,
+    values: BTreeMap<String, ValueNames>,
     bits: BTreeMap<String, BitNames>,
     codes: BTreeMap<String, StatusCodes>,
     pdo: Vec<Spanned<PdoSpec>>,
-    area: Vec<Area>,
+    area: Vec<PdoArea>,
     j1939: J1939Spec,
     message: Vec<Spanned<MessageSpec>>,
     emcy: EmcySpec,
@@ -49,20 +50,20 @@ struct RawProfileFile {
     monitoring: Monitoring,
     identity_change: IdentityChange,
     uds: UdsSpec,
-    machine: Vec<Spanned<Machine>>,
+    machine: Vec<Spanned<StateMachine>>,
     gate: Vec<Spanned<Gate>>,
-    procedure: Vec<Spanned<Procedure>>,
+    procedure: Vec<Spanned<DeviceProcedure>>,
     rule: Vec<Spanned<DeviceRule>>,
-    waiver: Vec<Waiver>,
-    sample: Vec<Spanned<Sample>>,
+    waiver: Vec<RuleWaiver>,
+    sample: Vec<Spanned<ProfileSample>>,
 }
 
 impl RawProfileFile {
     /// Tables that objects refer to by name.
-    fn take_tables(&mut self) -> Tables {
+    fn take_tables(&mut self) -> SharedTables {
         let values = std::mem::take(&mut self.values).into_iter();
         let bits = std::mem::take(&mut self.bits).into_iter();
-        Tables {
+        SharedTables {
             values: values.map(|(name, it)| (name, Arc::new(it))).collect(),
             bits: bits.map(|(name, it)| (name, Arc::new(it))).collect(),
         }
@@ -73,7 +74,7 @@ impl RawProfileFile {
 #[derive(Debug)]
 pub struct ProfileFile {
     file: RawProfileFile,
-    objects: Arc<Layer>,
+    objects: Arc<DocumentLayer>,
 }
 
 impl ProfileFile {
@@ -83,31 +84,34 @@ impl ProfileFile {
     /// Invalid TOML, unknown keys or invalid values, with line and column; all errors in objects at once.
     pub fn parse(text: &str) -> Result<Self, Vec<TextError>> {
         let file = toml::from_str(text).map_err(|error| vec![TextError::of_toml(text, &error)])?;
-        Self::of(file, text)
+        Self::from_raw(file, text)
     }
 
     /// Loads a built-in profile that the build script compiled from `text`.
     ///
     /// # Errors
     /// Same as [`Self::parse`]; a test proves that none occur.
-    pub(in crate::profile) fn compiled(compiled: &'static str, text: &str) -> Result<Self, Vec<TextError>> {
+    pub(in crate::profile) fn from_compiled(
+        compiled: &'static str,
+        text: &str,
+    ) -> Result<Self, Vec<TextError>> {
         let wrong = |error: toml::de::Error| vec![TextError::of_toml(text, &error)];
         let mut file: RawProfileFile = compiled::read_without(compiled, OBJECTS).map_err(wrong)?;
-        let objects = Layer::compiled(compiled, file.take_tables()).map_err(wrong)?;
+        let objects = DocumentLayer::from_compiled(compiled, file.take_tables()).map_err(wrong)?;
         Ok(Self { file, objects: Arc::new(objects) })
     }
 
-    fn of(mut file: RawProfileFile, text: &str) -> Result<Self, Vec<TextError>> {
+    fn from_raw(mut file: RawProfileFile, text: &str) -> Result<Self, Vec<TextError>> {
         let tables = file.take_tables();
         let mut wrong: Vec<TextProblem> = Vec::new();
-        let objects = authored::objects(std::mem::take(&mut file.object), &tables, &mut wrong);
+        let objects = authored::convert_objects(std::mem::take(&mut file.object), &tables, &mut wrong);
         if !wrong.is_empty() {
             return Err(wrong
                 .into_iter()
-                .map(|(span, message)| TextError::at(text, span, message))
+                .map(|(span, message)| TextError::at_place(text, span, message))
                 .collect());
         }
-        Ok(Self { file, objects: Arc::new(Layer::new(objects)) })
+        Ok(Self { file, objects: Arc::new(DocumentLayer::new(objects)) })
     }
 
     /// Profile id, as used in options.
@@ -116,17 +120,17 @@ impl ProfileFile {
     }
 
     /// Standards that the profile extends, with their position in the text.
-    pub fn extends(&self) -> impl DoubleEndedIterator<Item = (&str, Range<usize>)> {
+    pub fn extended_standards(&self) -> impl DoubleEndedIterator<Item = (&str, Range<usize>)> {
         self.file.extends.iter().map(|name| (name.get_ref().as_str(), name.span()))
     }
 
     /// Variants of the device; the first is the default.
-    pub fn variants(&self) -> &[Variant] {
+    pub fn variants(&self) -> &[DeviceVariant] {
         &self.file.variant
     }
 
     /// Rules that waivers of any variant name, with their position in the text.
-    pub fn waived(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
+    pub fn waived_rules(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
         self.file.waiver.iter().map(|waiver| (waiver.rule.get_ref().as_str(), waiver.rule.span()))
     }
 
@@ -142,19 +146,19 @@ impl ProfileFile {
     }
 
     /// Objects of all variants.
-    pub fn objects(&self) -> &[Object] {
+    pub fn objects(&self) -> &[ObjectEntry] {
         self.objects.objects()
     }
 
     /// Builds one variant of the device on top of the standards that it extends, in order of precedence.
-    pub fn device(&self, variant: Option<&str>, standards: &[Arc<Device>]) -> Device {
+    pub fn build_device(&self, variant: Option<&str>, standards: &[Arc<DeviceProfile>]) -> DeviceProfile {
         let file = &self.file;
         let chosen = match variant {
             Some(id) => file.variant.iter().find(|known| known.id == id),
             None => file.variant.first(),
         };
         let id = chosen.map_or("", |variant| variant.id.as_str());
-        let mut device = Device {
+        let mut device = DeviceProfile {
             id: file.id.clone(),
             full_id: chosen.map_or_else(|| file.id.clone(), |variant| format!("{}:{}", file.id, variant.id)),
             variant: chosen.map(|variant| variant.id.clone()),
@@ -166,7 +170,7 @@ impl ProfileFile {
             description: file.description.clone(),
             source: file.source.clone(),
             note: file.note.clone(),
-            extends: self.extends().map(|(name, _)| name.to_owned()).collect(),
+            extends: self.extended_standards().map(|(name, _)| name.to_owned()).collect(),
             variants: file.variant.clone(),
             identities: file.identity.clone(),
             hints: file.hint.clone(),
@@ -178,57 +182,58 @@ impl ProfileFile {
             identity_change: file.identity_change.clone(),
             uds: file.uds.of_variant(id),
             codes: file.codes.clone(),
-            ..Device::default()
+            ..DeviceProfile::default()
         };
         device.dictionary.layers.push(self.objects.of_variant(id));
-        device.emcy.code.retain(|code| code.only.allows(id));
-        device.j1939.dtc.retain(|dtc| dtc.only.allows(id));
-        device.aborts = file.abort.iter().filter(|abort| abort.only.allows(id)).cloned().collect();
-        device.waivers = file.waiver.iter().filter(|waiver| waiver.only.allows(id)).cloned().collect();
+        device.emcy.code.retain(|code| code.only.allows_variant(id));
+        device.j1939.dtc.retain(|dtc| dtc.only.allows_variant(id));
+        device.aborts = file.abort.iter().filter(|abort| abort.only.allows_variant(id)).cloned().collect();
+        device.waivers =
+            file.waiver.iter().filter(|waiver| waiver.only.allows_variant(id)).cloned().collect();
         self.add_behaviour(&mut device, id);
         for standard in standards.iter().rev() {
-            device.extend(standard);
+            device.extend_by(standard);
         }
         device.deciding = device.deciding_objects();
         device.share_error_texts();
         device
     }
 
-    fn add_behaviour(&self, device: &mut Device, variant: &str) {
+    fn add_behaviour(&self, device: &mut DeviceProfile, variant: &str) {
         let file = &self.file;
-        for pdo in file.pdo.iter().filter(|pdo| pdo.get_ref().only.allows(variant)) {
+        for pdo in file.pdo.iter().filter(|pdo| pdo.get_ref().only.allows_variant(variant)) {
             device.places.pdos.push(pdo.span());
             device.pdos.push(pdo.get_ref().clone());
         }
-        for message in file.message.iter().filter(|it| it.get_ref().only.allows(variant)) {
+        for message in file.message.iter().filter(|it| it.get_ref().only.allows_variant(variant)) {
             device.places.messages.push(message.span());
             device.messages.push(message.get_ref().clone());
         }
-        for machine in file.machine.iter().filter(|it| it.get_ref().only.allows(variant)) {
+        for machine in file.machine.iter().filter(|it| it.get_ref().only.allows_variant(variant)) {
             for nth in 0..machine.get_ref().repeat.count.min(MOST_COPIES) {
                 device.places.machines.push(machine.span());
-                device.machines.push(machine.get_ref().pinned(nth));
+                device.machines.push(machine.get_ref().pin_repeat(nth));
             }
         }
-        for gate in file.gate.iter().filter(|gate| gate.get_ref().only.allows(variant)) {
+        for gate in file.gate.iter().filter(|gate| gate.get_ref().only.allows_variant(variant)) {
             for nth in 0..gate.get_ref().repeat.count.min(MOST_COPIES) {
                 device.places.gates.push(gate.span());
-                device.gates.push(gate.get_ref().pinned(nth));
+                device.gates.push(gate.get_ref().pin_repeat(nth));
             }
         }
-        for procedure in file.procedure.iter().filter(|it| it.get_ref().only.allows(variant)) {
+        for procedure in file.procedure.iter().filter(|it| it.get_ref().only.allows_variant(variant)) {
             for nth in 0..procedure.get_ref().repeat.count.min(MOST_COPIES) {
                 device.places.procedures.push(procedure.span());
-                device.procedures.push(procedure.get_ref().pinned(nth));
+                device.procedures.push(procedure.get_ref().pin_repeat(nth));
             }
         }
-        for rule in file.rule.iter().filter(|rule| rule.get_ref().only.allows(variant)) {
+        for rule in file.rule.iter().filter(|rule| rule.get_ref().only.allows_variant(variant)) {
             for nth in 0..rule.get_ref().repeat.count.min(MOST_COPIES) {
                 device.places.rules.push(rule.span());
-                device.rules.push(rule.get_ref().pinned(nth));
+                device.rules.push(rule.get_ref().pin_repeat(nth));
             }
         }
-        let samples = file.sample.iter().filter(|sample| sample.get_ref().only.allows(variant));
+        let samples = file.sample.iter().filter(|sample| sample.get_ref().only.allows_variant(variant));
         device.samples = samples.map(|sample| (sample.span(), sample.get_ref().clone())).collect();
     }
 }

@@ -2,10 +2,10 @@
 
 use serde::Deserialize;
 
-use super::condition::Conditions;
+use super::condition::DeviceConditions;
 use crate::profile::layout::PdoName;
-use crate::profile::object::{ONCE, Repeat, VariantFilter};
-use crate::profile::reference::Reference;
+use crate::profile::object::{EntryRepetition, ONCE, VariantFilter};
+use crate::profile::reference::ObjectReference;
 
 /// Condition for set points to take effect.
 #[derive(Debug, Clone, Deserialize)]
@@ -13,14 +13,14 @@ use crate::profile::reference::Reference;
 pub struct Gate {
     /// Set points it applies to; all if empty.
     #[serde(default, rename = "for")]
-    pub of: Vec<Reference>,
+    pub of: Vec<ObjectReference>,
     /// Repeats, one per channel.
     #[serde(default)]
-    pub repeat: Repeat,
+    pub repeat: EntryRepetition,
     /// Name printed while the gate is closed.
     pub name: String,
     /// Conditions under which it is open.
-    pub open: Conditions,
+    pub open: DeviceConditions,
     /// Explanation of a closed gate for the user.
     #[serde(default)]
     pub text: String,
@@ -35,7 +35,7 @@ pub struct Gate {
     pub otherwise: GateFallback,
     /// Set points that the gate closes, if not all those in `of`.
     #[serde(default)]
-    pub closes: Vec<Reference>,
+    pub closes: Vec<ObjectReference>,
     /// Variants it applies to; all if empty.
     #[serde(default)]
     pub only: VariantFilter,
@@ -63,7 +63,7 @@ pub enum GateFallback {
 
 impl Gate {
     /// Whether the gate applies to a set point.
-    pub fn concerns(&self, set_point: crate::wire::canopen::ObjectAddress, channel: Option<u8>) -> bool {
+    pub fn is_for(&self, set_point: crate::wire::canopen::ObjectAddress, channel: Option<u8>) -> bool {
         if !self.closes.is_empty() {
             return self.closes.iter().any(|of| of.object == set_point);
         }
@@ -73,14 +73,14 @@ impl Gate {
         self.channel.is_none() || self.channel == channel
     }
 
-    pub(super) fn pinned(&self, nth: u16) -> Self {
+    pub(super) fn pin_repeat(&self, nth: u16) -> Self {
         let stride = self.repeat.stride;
-        let all = |list: &[Reference]| list.iter().map(|of| of.pinned(nth, stride)).collect();
+        let all = |list: &[ObjectReference]| list.iter().map(|of| of.pin_repeat(nth, stride)).collect();
         Self {
             of: all(&self.of),
             closes: all(&self.closes),
-            open: Conditions(self.open.0.iter().map(|open| open.pinned(nth, stride)).collect()),
-            channel: self.repeat.number(nth),
+            open: DeviceConditions(self.open.0.iter().map(|open| open.pin_repeat(nth, stride)).collect()),
+            channel: self.repeat.channel_number(nth),
             repeat: ONCE,
             ..self.clone()
         }

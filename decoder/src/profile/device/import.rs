@@ -6,7 +6,7 @@ use crate::profile::device_file::DeviceFile;
 
 /// Device file that describes a device completely or in part.
 #[derive(Debug, Clone)]
-pub struct Import {
+pub struct DescriptionImport {
     /// The parsed file.
     pub file: Arc<DeviceFile>,
     /// Index of its layer in the dictionary; 0 if only the file describes the device.

@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::pdo::PdoField;
-use crate::profile::formula::formula;
+use crate::profile::formula::evaluate_formula;
 use crate::profile::layout::PdoDirection;
 use crate::profile::object::VariantFilter;
 use crate::wire::j1939::{Pgn, SpnConversion};
@@ -19,9 +19,9 @@ pub struct J1939Spec {
     /// Period of DM1 while a fault is active, in ms; 0 if the manual does not state it.
     pub dm1_period: u32,
     /// SPN conversion method (version 1, 2 or 3) if the conversion method bit is set.
-    pub spn_conversion: Option<Conversion>,
+    pub spn_conversion: Option<ConversionMethod>,
     /// Diagnostic trouble codes of the device.
-    pub dtc: Vec<TroubleCode>,
+    pub dtc: Vec<DeviceTroubleCode>,
     /// Assumption or defect of the manual.
     pub note: String,
     /// Section of the manual.
@@ -31,9 +31,9 @@ pub struct J1939Spec {
 /// SPN conversion method as written in files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "u8")]
-pub struct Conversion(pub SpnConversion);
+pub struct ConversionMethod(pub SpnConversion);
 
-impl TryFrom<u8> for Conversion {
+impl TryFrom<u8> for ConversionMethod {
     type Error = &'static str;
 
     fn try_from(version: u8) -> Result<Self, Self::Error> {
@@ -44,7 +44,7 @@ impl TryFrom<u8> for Conversion {
 /// Diagnostic trouble code of a device.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct TroubleCode {
+pub struct DeviceTroubleCode {
     /// Suspect parameter number, 19 bits.
     pub spn: u32,
     /// Failure mode identifier.
@@ -98,7 +98,7 @@ pub struct MessageSpec {
     #[serde(default)]
     pub number: Option<String>,
     /// Direction, as seen from the device.
-    pub direction: Direction,
+    pub direction: MessageDirection,
     /// Contents, from bit 0 of byte 0.
     #[serde(default)]
     pub fields: Vec<PdoField>,
@@ -126,18 +126,18 @@ const fn one() -> u16 {
 /// Direction of a message, as seen from the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Direction {
+pub enum MessageDirection {
     /// The device sends the message.
     Transmit,
     /// The device receives the message.
     Receive,
 }
 
-impl From<Direction> for PdoDirection {
-    fn from(direction: Direction) -> Self {
+impl From<MessageDirection> for PdoDirection {
+    fn from(direction: MessageDirection) -> Self {
         match direction {
-            Direction::Transmit => Self::Transmit,
-            Direction::Receive => Self::Receive,
+            MessageDirection::Transmit => Self::Transmit,
+            MessageDirection::Receive => Self::Receive,
         }
     }
 }
@@ -150,11 +150,11 @@ impl MessageSpec {
     }
 
     /// Whether the message with this PGN is for a device at `address`.
-    pub fn concerns(&self, pgn: Pgn, address: u8) -> bool {
+    pub fn is_for(&self, pgn: Pgn, address: u8) -> bool {
         let Some(number) = self.number_of(pgn) else { return false };
         match &self.number {
             None => true,
-            Some(text) => formula(text, Some(address)) == Some(u64::from(number)),
+            Some(text) => evaluate_formula(text, Some(address)) == Some(u64::from(number)),
         }
     }
 

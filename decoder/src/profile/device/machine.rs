@@ -4,27 +4,27 @@ use serde::Deserialize;
 use strum::IntoStaticStr;
 
 use super::network::TextList;
-use crate::profile::object::{ONCE, Repeat, VariantFilter};
-use crate::profile::reference::Reference;
+use crate::profile::object::{EntryRepetition, ONCE, VariantFilter};
+use crate::profile::reference::ObjectReference;
 
 /// State machine of a device, or of one of its channels.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Machine {
+pub struct StateMachine {
     /// Name in output and in conditions.
     pub name: String,
     /// Repeats, one per channel.
     #[serde(default)]
-    pub repeat: Repeat,
+    pub repeat: EntryRepetition,
     /// Status word that reports the state.
-    pub status: Masked,
+    pub status: MaskedWord,
     /// Control word that commands the state.
-    pub control: Masked,
+    pub control: MaskedWord,
     /// All states of the machine.
-    pub states: Vec<State>,
+    pub states: Vec<StateDefinition>,
     /// Transitions caused by the control word.
     #[serde(default)]
-    pub transitions: Vec<Transition>,
+    pub transitions: Vec<StateTransition>,
     /// A control word causes at most one transition.
     #[serde(default)]
     pub single_step: bool,
@@ -48,9 +48,9 @@ pub struct Machine {
 /// Selected bits of a word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Masked {
+pub struct MaskedWord {
     /// Object that contains the word.
-    pub object: Reference,
+    pub object: ObjectReference,
     /// Bits to compare.
     pub mask: u64,
 }
@@ -58,7 +58,7 @@ pub struct Masked {
 /// State of a machine.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct State {
+pub struct StateDefinition {
     /// Name in output and in transitions.
     pub name: String,
     /// Value of the status word, reduced by the mask.
@@ -77,7 +77,7 @@ pub struct State {
 /// Transition caused by the control word.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Transition {
+pub struct StateTransition {
     /// Possible start states.
     pub from: TextList,
     /// Target state.
@@ -158,9 +158,9 @@ impl EmcyCodes {
     }
 }
 
-impl Machine {
+impl StateMachine {
     /// State that a status word reports.
-    pub fn state(&self, status: u64) -> Option<&State> {
+    pub fn reported_state(&self, status: u64) -> Option<&StateDefinition> {
         self.states.iter().find(|state| {
             let mask = state.mask.unwrap_or(self.status.mask);
             status & mask == state.value & mask
@@ -168,20 +168,20 @@ impl Machine {
     }
 
     /// Copy for repeat `nth`.
-    pub(super) fn pinned(&self, nth: u16) -> Self {
+    pub(super) fn pin_repeat(&self, nth: u16) -> Self {
         let mut machine = self.clone();
         let stride = self.repeat.stride;
-        machine.status.object = self.status.object.pinned(nth, stride);
-        machine.control.object = self.control.object.pinned(nth, stride);
-        machine.channel = self.repeat.number(nth);
+        machine.status.object = self.status.object.pin_repeat(nth, stride);
+        machine.control.object = self.control.object.pin_repeat(nth, stride);
+        machine.channel = self.repeat.channel_number(nth);
         machine.repeat = ONCE;
         machine
     }
 }
 
-impl Repeat {
+impl EntryRepetition {
     /// Channel number of repeat `nth`; `None` if the repeats are not channels.
-    pub fn number(&self, nth: u16) -> Option<u8> {
+    pub fn channel_number(&self, nth: u16) -> Option<u8> {
         self.channel.then(|| u8::try_from(self.first.saturating_add(nth)).ok()).flatten()
     }
 }

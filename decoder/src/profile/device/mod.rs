@@ -23,7 +23,8 @@ use std::ops::Range;
 use serde::Deserialize;
 
 pub use condition::{
-    Condition, Conditions, ExpectedValue, LssTrigger, MessageTrigger, SetTrigger, Trigger, Triggers,
+    DeviceCondition, DeviceConditions, ExpectedValue, LssTrigger, MessageTrigger, ProfileTrigger,
+    ProfileTriggers, SetTrigger,
 };
 pub use evaluate::GateStatus;
 pub(crate) use evaluate::{
@@ -31,32 +32,36 @@ pub(crate) use evaluate::{
 };
 pub use file::ProfileFile;
 pub use gate::{Gate, GateFallback};
-pub use import::Import;
-pub use j1939::{Direction, J1939Spec, MessageSpec, TroubleCode};
-pub use machine::{EmcyCodes, ForcedTransition, ForcingEvent, Machine, Masked, State, Transition};
+pub use import::DescriptionImport;
+pub use j1939::{DeviceTroubleCode, J1939Spec, MessageDirection, MessageSpec};
+pub use machine::{
+    EmcyCodes, ForcedTransition, ForcingEvent, MaskedWord, StateDefinition, StateMachine, StateTransition,
+};
 pub use network::{
-    AbortText, Area, AtBoot, Boot, ClearMeaning, EmcySpec, ErrorCode, GuardingSpec, HeartbeatSpec, Hint,
-    Identity, IdentityChange, Monitoring, MonitoringMethod, NmtName, NmtSpec, Order, OrderName, Sign,
-    TextList, VendorField,
+    AbortText, AtBoot, BootSign, ClearMeaning, DeviceErrorCode, DeviceIdentity, EmcySpec, ErrorCodeOrder,
+    GuardingSpec, HeartbeatSpec, HintSign, IdentityChange, Monitoring, MonitoringMethod, NmtName, NmtSpec,
+    OrderName, PdoArea, ProfileHint, TextList, VendorField,
 };
-pub use pdo::{Mapping, PdoEffect, PdoField, PdoSpec, PdoTrigger};
+pub use pdo::{MappingSource, PdoEffect, PdoField, PdoSpec, PdoTrigger};
 pub use procedure::{
-    Fallback, Procedure, ProcedureStatus, ProcedureStep, StatusCode, StatusCodes, StatusSpec,
+    DeviceProcedure, FallbackValue, ProcedureStatus, ProcedureStep, StatusCode, StatusCodes, StatusSpec,
 };
-pub use rule::{CountWindow, DeviceRule, RuleKind, RuleTolerance, Severity, Shape, VariableWindow, Waiver};
-pub use sample::Sample;
+pub use rule::{
+    CountWindow, DeviceRule, FrameForm, RuleKind, RuleTolerance, RuleWaiver, Severity, VariableWindow,
+};
+pub use sample::ProfileSample;
 pub use uds::{UdsIdentifier, UdsNrc, UdsSpec};
 
 use super::deciding::DecidingObjects;
 use super::dictionary::Dictionary;
-use super::entry::Object;
+use super::entry::ObjectEntry;
 use super::error_texts::{self, ErrorTexts};
 use crate::wire::canopen::ObjectAddress;
 
 /// One of several products in the same manual.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Variant {
+pub struct DeviceVariant {
     /// Part after the colon of an assignment.
     pub id: String,
     /// Title in output.
@@ -69,7 +74,7 @@ pub struct Variant {
 
 /// One variant of a device, including the standards that it extends.
 #[derive(Debug, Clone, Default)]
-pub struct Device {
+pub struct DeviceProfile {
     /// Profile id, such as `rexroth-sydfec`.
     pub id: String,
     /// Profile id with variant, such as `wandfluh-md2:controller`.
@@ -89,17 +94,17 @@ pub struct Device {
     /// Ids of the standards it extends.
     pub extends: Vec<String>,
     /// All variants in the profile.
-    pub variants: Vec<Variant>,
+    pub variants: Vec<DeviceVariant>,
     /// Identity data that assign the profile automatically.
-    pub identities: Vec<Identity>,
+    pub identities: Vec<DeviceIdentity>,
     /// Behaviour that suggests the profile.
-    pub hints: Vec<Hint>,
+    pub hints: Vec<ProfileHint>,
     /// Object dictionary.
     pub dictionary: Dictionary,
     /// PDOs with their contents.
     pub pdos: Vec<PdoSpec>,
     /// PDO areas that are configured in the manufacturer's tool.
-    pub areas: Vec<Area>,
+    pub areas: Vec<PdoArea>,
     /// Properties as a J1939 node.
     pub j1939: J1939Spec,
     /// J1939 messages.
@@ -117,30 +122,30 @@ pub struct Device {
     /// UDS identifiers and negative responses.
     pub uds: UdsSpec,
     /// State machines, one per channel.
-    pub machines: Vec<Machine>,
+    pub machines: Vec<StateMachine>,
     /// Gates, one per channel.
     pub gates: Vec<Gate>,
     /// Procedures with start and end.
-    pub procedures: Vec<Procedure>,
+    pub procedures: Vec<DeviceProcedure>,
     /// Tables `[codes.NAME]`: meanings of status numbers.
     pub codes: BTreeMap<String, StatusCodes>,
     /// Rules derived from the manual.
     pub rules: Vec<DeviceRule>,
     /// General rules that do not apply to the device.
-    pub waivers: Vec<Waiver>,
+    pub waivers: Vec<RuleWaiver>,
     /// Objects that decide the meaning of other objects or PDOs.
     pub deciding: DecidingObjects,
     /// Device file that it originates from, completely or in part.
-    pub file: Option<Import>,
+    pub file: Option<DescriptionImport>,
     /// Samples with their position in the profile.
-    pub samples: Vec<(Range<usize>, Sample)>,
+    pub samples: Vec<(Range<usize>, ProfileSample)>,
     /// Positions of PDOs, machines, gates and others in the profile, for checks.
-    pub(super) places: Places,
+    pub(super) places: TablePositions,
 }
 
 /// Positions of tables in the profile, in bytes.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Places {
+pub(super) struct TablePositions {
     pub(super) pdos: Vec<Range<usize>>,
     pub(super) messages: Vec<Range<usize>>,
     pub(super) procedures: Vec<Range<usize>>,
@@ -149,7 +154,7 @@ pub(super) struct Places {
     pub(super) machines: Vec<Range<usize>>,
 }
 
-impl Device {
+impl DeviceProfile {
     /// Objects that modes, scales and PDO layouts depend on.
     pub(super) fn deciding_objects(&self) -> DecidingObjects {
         let of_pdos = self.pdos.iter().filter_map(|pdo| pdo.when.as_ref());
@@ -159,11 +164,11 @@ impl Device {
     /// Makes the texts of the error codes available to the meanings of objects.
     fn share_error_texts(&mut self) {
         let codes = self.emcy.code.iter().map(|error| (error.code, error.text.clone()));
-        self.dictionary.errors = ErrorTexts::of(codes);
+        self.dictionary.errors = ErrorTexts::from_codes(codes);
     }
 
     /// Adds the parts of a standard that the device does not define itself.
-    fn extend(&mut self, standard: &Device) {
+    fn extend_by(&mut self, standard: &DeviceProfile) {
         self.dictionary.layers.extend(standard.dictionary.layers.iter().cloned());
         if self.machines.is_empty() {
             self.machines.clone_from(&standard.machines);
@@ -180,7 +185,7 @@ impl Device {
     }
 
     /// Reference to a section of the manual: `RE 30027-Z/11.06 §9`; to the whole manual if it is empty.
-    pub(crate) fn cite(&self, section: &str) -> String {
+    pub(crate) fn cite_section(&self, section: &str) -> String {
         let manual = if self.source.is_empty() { &self.title } else { &self.source };
         match section.as_bytes().first() {
             None => manual.clone(),
@@ -190,25 +195,25 @@ impl Device {
     }
 
     /// Device-specific entry for an error code.
-    pub fn error(&self, code: u16) -> Option<&ErrorCode> {
+    pub fn error_entry(&self, code: u16) -> Option<&DeviceErrorCode> {
         self.emcy.code.iter().find(|error| error.code == code)
     }
 
     /// Meaning of an error code, from the manual, otherwise from CiA 301.
     pub fn error_text(&self, code: u16) -> &str {
-        match self.error(code) {
+        match self.error_entry(code) {
             Some(error) => &error.text,
-            None => error_texts::standard(code),
+            None => error_texts::standard_text(code),
         }
     }
 
     /// Device-specific entry for a trouble code.
-    pub fn dtc(&self, spn: u32, fmi: u8) -> Option<&TroubleCode> {
+    pub fn trouble_code_entry(&self, spn: u32, fmi: u8) -> Option<&DeviceTroubleCode> {
         self.j1939.dtc.iter().find(|dtc| (dtc.spn, dtc.fmi) == (spn, fmi))
     }
 
     /// Device-specific meaning of an abort code; an entry for this object takes precedence.
-    pub fn abort(&self, code: u32, object: Option<ObjectAddress>) -> Option<&AbortText> {
+    pub fn abort_entry(&self, code: u32, object: Option<ObjectAddress>) -> Option<&AbortText> {
         let matching = || self.aborts.iter().filter(|abort| abort.code == code);
         let special = object.and_then(|object| {
             matching().find(|abort| abort.objects.iter().any(|range| range.covers(object, 0, 0)))
@@ -218,6 +223,6 @@ impl Device {
 
     /// Number of entries in its own profile, including repeats.
     pub fn object_count(&self) -> usize {
-        self.dictionary.own().iter().map(Object::count).sum()
+        self.dictionary.own_objects().iter().map(ObjectEntry::entry_count).sum()
     }
 }

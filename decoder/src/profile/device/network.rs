@@ -8,14 +8,14 @@ use strum::IntoStaticStr;
 use crate::profile::data_type::little_endian;
 use crate::profile::object::VariantFilter;
 use crate::profile::one_or_many::OneOrMany;
-use crate::profile::reference::{ObjectRange, Reference};
-use crate::wire::canopen::emcy::ByteOrder;
+use crate::profile::reference::{ObjectRange, ObjectReference};
+use crate::wire::canopen::emcy::EmcyByteOrder;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
 /// Identity data that assign the profile automatically; all keys must match.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Identity {
+pub struct DeviceIdentity {
     /// Vendor-ID, object 1018:01.
     pub vendor_id: Option<u32>,
     /// Product code, object 1018:02.
@@ -35,11 +35,11 @@ pub struct Identity {
 /// Behaviour that suggests a device.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Hint {
+pub struct ProfileHint {
     /// Explanation for the user.
     pub text: String,
     /// Kind of behaviour.
-    pub sign: Sign,
+    pub sign: HintSign,
     /// PDO for sign `pdo`.
     #[serde(default)]
     pub pdo: Option<String>,
@@ -66,7 +66,7 @@ pub struct Hint {
 /// Kind of behaviour that suggests a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Sign {
+pub enum HintSign {
     /// EMCY message without data.
     ReadyTelegram,
     /// PDO of a certain length.
@@ -79,7 +79,7 @@ pub enum Sign {
     Emcy,
 }
 
-impl Sign {
+impl HintSign {
     /// Whether other devices may share the behaviour by chance, so that it suggests a device only together with another
     /// hint, or in detailed output.
     pub const fn is_weak(self) -> bool {
@@ -92,7 +92,7 @@ impl Sign {
 #[serde(deny_unknown_fields, default)]
 pub struct EmcySpec {
     /// Byte order of the error code; CiA 301 order if `None`.
-    pub byte_order: Option<Order>,
+    pub byte_order: Option<ErrorCodeOrder>,
     /// Meaning of code 0000.
     pub cleared: ClearMeaning,
     /// EMCY that a node without error sends at start.
@@ -100,7 +100,7 @@ pub struct EmcySpec {
     /// Fields in bytes 3 to 7.
     pub vendor: Vec<VendorField>,
     /// Error codes.
-    pub code: Vec<ErrorCode>,
+    pub code: Vec<DeviceErrorCode>,
     /// Section of the manual.
     pub source: String,
 }
@@ -108,13 +108,13 @@ pub struct EmcySpec {
 /// Byte order of the error code, fixed or by an object.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(untagged, expecting = "expected \"lsb-first\", \"msb-first\" or { object, equals, default }")]
-pub enum Order {
+pub enum ErrorCodeOrder {
     /// Fixed order.
     Fixed(OrderName),
     /// Order selected by an object.
     ByObject {
         /// Object that selects the order.
-        object: Reference,
+        object: ObjectReference,
         /// Orders by raw value of the object.
         equals: BTreeMap<String, OrderName>,
         /// Factory default.
@@ -134,15 +134,15 @@ pub enum OrderName {
 
 impl OrderName {
     /// Corresponding byte order of the decoder.
-    pub const fn order(self) -> ByteOrder {
+    pub const fn order(self) -> EmcyByteOrder {
         match self {
-            Self::LsbFirst => ByteOrder::LsbFirst,
-            Self::MsbFirst => ByteOrder::MsbFirst,
+            Self::LsbFirst => EmcyByteOrder::LsbFirst,
+            Self::MsbFirst => EmcyByteOrder::MsbFirst,
         }
     }
 }
 
-impl Order {
+impl ErrorCodeOrder {
     /// Object that selects the order, if any.
     pub const fn object(&self) -> Option<ObjectAddress> {
         match self {
@@ -152,7 +152,7 @@ impl Order {
     }
 
     /// Order for a known value of the object; the default if `None`.
-    pub fn of(&self, value: Option<i64>) -> ByteOrder {
+    pub fn order_for(&self, value: Option<i64>) -> EmcyByteOrder {
         match self {
             Self::Fixed(order) => order.order(),
             Self::ByObject { equals, default, .. } => {
@@ -201,7 +201,7 @@ pub struct VendorField {
 
 impl VendorField {
     /// Number in the manufacturer-specific bytes; `None` if the message is too short.
-    pub fn value(&self, vendor: &[u8]) -> Option<u64> {
+    pub fn vendor_number(&self, vendor: &[u8]) -> Option<u64> {
         /// Bytes before the manufacturer-specific field (CiA 301 §7.2.7.1).
         const BEFORE: usize = 3;
         let first = usize::from(self.byte).checked_sub(BEFORE)?;
@@ -213,7 +213,7 @@ impl VendorField {
 /// Error code of a device.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct ErrorCode {
+pub struct DeviceErrorCode {
     /// EMCY error code.
     pub code: u16,
     /// Bits expected in the error register.
@@ -298,7 +298,7 @@ pub struct NmtSpec {
     /// Supported NMT commands; all if empty.
     pub commands: Vec<String>,
     /// Boot sign of the device.
-    pub boot: Boot,
+    pub boot: BootSign,
     /// Assumption or defect of the manual.
     pub note: String,
     /// Section of the manual.
@@ -308,7 +308,7 @@ pub struct NmtSpec {
 /// Boot sign: boot-up message, or the message that the device sends in its place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Boot {
+pub enum BootSign {
     /// Boot-up message after every start (CiA 301).
     #[default]
     BootUp,
@@ -403,7 +403,7 @@ pub struct IdentityChange {
 /// Area that the manufacturer's tool divides into PDOs.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Area {
+pub struct PdoArea {
     /// Key of the list in the bus file.
     pub name: String,
     /// PDOs that carry the area, in order.

@@ -5,7 +5,7 @@ use strum::{IntoStaticStr, VariantArray};
 
 use crate::profile::layout::PdoName;
 use crate::profile::object::{ObjectCondition, VariantFilter};
-use crate::profile::reference::Reference;
+use crate::profile::reference::ObjectReference;
 
 /// PDO of a device with its contents.
 #[derive(Debug, Clone, Deserialize)]
@@ -14,7 +14,7 @@ pub struct PdoSpec {
     /// Name, such as TPDO1.
     pub pdo: PdoName,
     /// Source of the mapping.
-    pub mapping: Mapping,
+    pub mapping: MappingSource,
     /// Name of the trigger that makes the device send it; a check reports unknown ones.
     #[serde(default)]
     pub trigger: Option<String>,
@@ -74,7 +74,7 @@ impl PdoTrigger {
 /// Source of a PDO mapping.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Mapping {
+pub enum MappingSource {
     /// Fixed in the device.
     Fixed,
     /// Factory default; replaced by a mapping seen on the bus.
@@ -102,7 +102,7 @@ pub enum PdoEffect {
 pub struct PdoField {
     /// Mapped object; `None` for a gap.
     #[serde(default)]
-    pub object: Option<Reference>,
+    pub object: Option<ObjectReference>,
     /// Length in bits.
     pub bits: u16,
     /// Fixed content of a gap.

@@ -2,14 +2,14 @@
 
 use serde::Deserialize;
 
-use super::condition::{Condition, Trigger};
-use crate::profile::object::{Effect, ONCE, Repeat, VariantFilter};
-use crate::profile::reference::{ObjectRange, Reference};
+use super::condition::{DeviceCondition, ProfileTrigger};
+use crate::profile::object::{EntryRepetition, ONCE, VariantFilter, WriteEffect};
+use crate::profile::reference::{ObjectRange, ObjectReference};
 
 /// Device function with a start and an end.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Procedure {
+pub struct DeviceProcedure {
     /// Name; `{n}` is replaced by the repeat number.
     pub name: String,
     /// KIND column of its event lines.
@@ -17,15 +17,15 @@ pub struct Procedure {
     pub word: Option<String>,
     /// Repeats with consecutive objects.
     #[serde(default)]
-    pub repeat: Repeat,
+    pub repeat: EntryRepetition,
     /// Trigger that starts it.
-    pub start: Trigger,
+    pub start: ProfileTrigger,
     /// Source of its status.
     #[serde(default)]
     pub status: Option<StatusSpec>,
     /// Object that contains the result.
     #[serde(default)]
-    pub result: Option<Reference>,
+    pub result: Option<ObjectReference>,
     /// Nominal duration in s.
     #[serde(default)]
     pub seconds: Option<f64>,
@@ -34,13 +34,13 @@ pub struct Procedure {
     pub takes_over: bool,
     /// Trigger that stops it.
     #[serde(default)]
-    pub stop: Option<Trigger>,
+    pub stop: Option<ProfileTrigger>,
     /// Trigger that ends it with an unknown outcome.
     #[serde(default)]
-    pub also_end: Option<Trigger>,
+    pub also_end: Option<ProfileTrigger>,
     /// Trigger that ends it with success.
     #[serde(default)]
-    pub end: Option<Trigger>,
+    pub end: Option<ProfileTrigger>,
     /// Intermediate steps.
     #[serde(default)]
     pub steps: Vec<ProcedureStep>,
@@ -49,16 +49,16 @@ pub struct Procedure {
     pub instant: bool,
     /// Restart at which the result takes effect; until then it is unknown.
     #[serde(default)]
-    pub effect: Effect,
+    pub effect: WriteEffect,
     /// Objects whose values it changes.
     #[serde(default)]
     pub invalidates: Vec<ObjectRange>,
     /// Values that the device restores after a failure.
     #[serde(default)]
-    pub on_error: Vec<Fallback>,
+    pub on_error: Vec<FallbackValue>,
     /// Preconditions that are visible on the bus.
     #[serde(default)]
-    pub needs: Vec<Condition>,
+    pub needs: Vec<DeviceCondition>,
     /// Preconditions that are not visible on the bus.
     #[serde(default)]
     pub checks: Vec<String>,
@@ -78,7 +78,7 @@ pub struct Procedure {
 #[serde(deny_unknown_fields)]
 pub struct StatusSpec {
     /// Status object.
-    pub object: Reference,
+    pub object: ObjectReference,
     /// Name of a `[codes.NAME]` table.
     pub codes: String,
 }
@@ -88,7 +88,7 @@ pub struct StatusSpec {
 #[serde(deny_unknown_fields)]
 pub struct ProcedureStep {
     /// Trigger of the step.
-    pub on: Trigger,
+    pub on: ProfileTrigger,
     /// Name of the step in output.
     pub step: String,
 }
@@ -96,9 +96,9 @@ pub struct ProcedureStep {
 /// Value that an object is reset to.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Fallback {
+pub struct FallbackValue {
     /// Object that changes.
-    pub object: Reference,
+    pub object: ObjectReference,
     /// New raw value.
     pub becomes: i64,
 }
@@ -165,45 +165,49 @@ impl ProcedureStatus {
 
 impl StatusCodes {
     /// First code that matches a status number.
-    pub fn find(&self, number: u64) -> Option<&StatusCode> {
+    pub fn find_code(&self, number: u64) -> Option<&StatusCode> {
         self.list.iter().find(|code| number & code.mask == code.code & code.mask)
     }
 }
 
-impl Procedure {
+impl DeviceProcedure {
     /// All triggers of the procedure.
-    pub(crate) fn triggers(&self) -> impl Iterator<Item = &Trigger> {
+    pub(crate) fn all_triggers(&self) -> impl Iterator<Item = &ProfileTrigger> {
         let ends = [Some(&self.start), self.stop.as_ref(), self.end.as_ref(), self.also_end.as_ref()];
         ends.into_iter().flatten().chain(self.steps.iter().map(|step| &step.on))
     }
 
-    pub(super) fn pinned(&self, nth: u16) -> Self {
+    pub(super) fn pin_repeat(&self, nth: u16) -> Self {
         let stride = self.repeat.stride;
-        let trigger = |trigger: &Option<Trigger>| trigger.as_ref().map(|it| it.pinned(nth, stride));
+        let trigger =
+            |trigger: &Option<ProfileTrigger>| trigger.as_ref().map(|it| it.pin_repeat(nth, stride));
         let number = self.repeat.first.saturating_add(nth).to_string();
         Self {
             name: self.name.replace("{n}", &number),
-            start: self.start.pinned(nth, stride),
+            start: self.start.pin_repeat(nth, stride),
             stop: trigger(&self.stop),
             end: trigger(&self.end),
             also_end: trigger(&self.also_end),
             status: self.status.as_ref().map(|status| StatusSpec {
-                object: status.object.pinned(nth, stride),
+                object: status.object.pin_repeat(nth, stride),
                 codes: status.codes.clone(),
             }),
-            result: self.result.map(|result| result.pinned(nth, stride)),
+            result: self.result.map(|result| result.pin_repeat(nth, stride)),
             steps: self
                 .steps
                 .iter()
-                .map(|step| ProcedureStep { on: step.on.pinned(nth, stride), step: step.step.clone() })
+                .map(|step| ProcedureStep { on: step.on.pin_repeat(nth, stride), step: step.step.clone() })
                 .collect(),
-            invalidates: self.invalidates.iter().map(|range| range.pinned(nth, stride)).collect(),
+            invalidates: self.invalidates.iter().map(|range| range.pin_repeat(nth, stride)).collect(),
             on_error: self
                 .on_error
                 .iter()
-                .map(|fall| Fallback { object: fall.object.pinned(nth, stride), becomes: fall.becomes })
+                .map(|fall| FallbackValue {
+                    object: fall.object.pin_repeat(nth, stride),
+                    becomes: fall.becomes,
+                })
                 .collect(),
-            needs: self.needs.iter().map(|need| need.pinned(nth, stride)).collect(),
+            needs: self.needs.iter().map(|need| need.pin_repeat(nth, stride)).collect(),
             repeat: ONCE,
             ..self.clone()
         }

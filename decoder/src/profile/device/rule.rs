@@ -19,9 +19,9 @@ use std::borrow::Cow;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::condition::{Conditions, Trigger, Triggers};
-use crate::profile::object::{Numbers, ONCE, Repeat, VariantFilter};
-use crate::profile::reference::{ObjectRange, Reference};
+use super::condition::{DeviceConditions, ProfileTrigger, ProfileTriggers};
+use crate::profile::object::{EntryRepetition, NumberList, ONCE, VariantFilter};
+use crate::profile::reference::{ObjectRange, ObjectReference};
 
 /// Requirement of the manual that a capture can violate.
 #[derive(Debug, Clone, Deserialize)]
@@ -32,7 +32,7 @@ pub struct DeviceRule {
     /// Repeats, for example one per channel; references move along. With `channel` a state is that of the
     /// channel.
     #[serde(default)]
-    pub repeat: Repeat,
+    pub repeat: EntryRepetition,
     /// Severity of its findings.
     pub severity: Severity,
     /// Kind of requirement; it determines the other keys.
@@ -44,32 +44,32 @@ pub struct DeviceRule {
     pub next: String,
     /// Triggers that start a check.
     #[serde(default)]
-    pub on: Triggers,
+    pub on: ProfileTriggers,
     /// Triggers that must follow.
     #[serde(default)]
-    pub then: Triggers,
+    pub then: ProfileTriggers,
     /// Triggers that must have occurred before.
     #[serde(default)]
-    pub before: Triggers,
+    pub before: ProfileTriggers,
     /// Triggers that invalidate an earlier `before`; the start of the node if empty. For the kinds about
     /// values and events: the rule applies only after one of them.
     #[serde(default)]
-    pub since: Triggers,
+    pub since: ProfileTriggers,
     /// Triggers after which the rule no longer applies.
     #[serde(default)]
-    pub until: Triggers,
+    pub until: ProfileTriggers,
     /// Triggers of the steps of a sequence, in their order.
     #[serde(default)]
-    pub steps: Vec<Triggers>,
+    pub steps: Vec<ProfileTriggers>,
     /// Start of `ms`, if different from the previous `on`.
     #[serde(default)]
-    pub after: Triggers,
+    pub after: ProfileTriggers,
     /// Object of a limit.
     #[serde(default)]
-    pub object: Option<Reference>,
+    pub object: Option<ObjectReference>,
     /// Objects of a limit, or with ascending values.
     #[serde(default)]
-    pub objects: Vec<Reference>,
+    pub objects: Vec<ObjectReference>,
     /// Permitted raw values: minimum and maximum.
     #[serde(default)]
     pub range: Option<[i64; 2]>,
@@ -78,10 +78,10 @@ pub struct DeviceRule {
     pub limits: Option<[f64; 2]>,
     /// Object whose scaled value is the maximum of the magnitude.
     #[serde(default)]
-    pub within: Option<Reference>,
+    pub within: Option<ObjectReference>,
     /// Forbidden or permitted raw values.
     #[serde(default)]
-    pub values: Option<Numbers>,
+    pub values: Option<NumberList>,
     /// Permitted raw values are multiples of this step.
     #[serde(default)]
     pub step: Option<u32>,
@@ -93,7 +93,7 @@ pub struct DeviceRule {
     pub ms: Option<f64>,
     /// Object whose scaled value is the limit in ms; not checked if 0 or unknown.
     #[serde(default)]
-    pub ms_of: Option<Reference>,
+    pub ms_of: Option<ObjectReference>,
     /// Factor for the value of `ms_of`.
     #[serde(default = "one_time")]
     pub times: f64,
@@ -105,10 +105,10 @@ pub struct DeviceRule {
     pub per: Option<CountWindow>,
     /// Conditions that must hold.
     #[serde(default)]
-    pub needs: Conditions,
+    pub needs: DeviceConditions,
     /// Conditions under which the rule applies (`while`).
     #[serde(default, rename = "while")]
-    pub during: Conditions,
+    pub during: DeviceConditions,
     /// Length of a message in bytes.
     #[serde(default)]
     pub bytes: Option<u8>,
@@ -120,7 +120,7 @@ pub struct DeviceRule {
     pub ids: Option<[u32; 2]>,
     /// Permitted form of frames on `ids`.
     #[serde(default)]
-    pub shape: Option<Shape>,
+    pub shape: Option<FrameForm>,
     /// Objects that are exempt.
     #[serde(default)]
     pub except: Vec<ObjectRange>,
@@ -165,7 +165,7 @@ pub enum Severity {
 impl Severity {
     /// Next lower severity.
     #[must_use]
-    pub(crate) const fn lowered(self) -> Self {
+    pub(crate) const fn next_lower(self) -> Self {
         match self {
             Self::Error => Self::Warning,
             Self::Warning | Self::Note => Self::Note,
@@ -279,7 +279,7 @@ pub enum VariableWindow {
 /// Permitted form of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Shape {
+pub enum FrameForm {
     /// Eight bytes that start with an SDO command specifier.
     Sdo,
 }
@@ -299,9 +299,9 @@ pub struct RuleTolerance {
 
 impl DeviceRule {
     /// Keys that the kind of rule requires and that are missing.
-    pub fn missing(&self) -> Option<&'static str> {
+    pub fn missing_keys(&self) -> Option<&'static str> {
         let on = !self.on.0.is_empty();
-        let object = self.subjects().next().is_some();
+        let object = self.rule_objects().next().is_some();
         let time = self.ms.is_some() != self.ms_of.is_some();
         let (there, what) = match self.kind {
             RuleKind::Limit => {
@@ -338,7 +338,8 @@ impl DeviceRule {
 
     /// Whether a rule about a list, range or content has its keys, and these keys.
     fn required_of_lists(&self) -> (bool, &'static str) {
-        let on = |is_right: fn(&Trigger) -> bool| !self.on.0.is_empty() && self.on.0.iter().all(is_right);
+        let on =
+            |is_right: fn(&ProfileTrigger) -> bool| !self.on.0.is_empty() && self.on.0.iter().all(is_right);
         match self.kind {
             RuleKind::NodeId | RuleKind::SourceAddress => (self.range.is_some(), "range"),
             RuleKind::UdsServices => (self.values.is_some(), "values"),
@@ -346,9 +347,9 @@ impl DeviceRule {
                 let has_time = self.ms.is_some() != self.ms_of.is_some();
                 (!self.groups.is_empty() && has_time, "groups, and ms or ms_of")
             }
-            RuleKind::Constant => (on(|it| matches!(it, Trigger::Pdo(_))), "on with PDOs only"),
+            RuleKind::Constant => (on(|it| matches!(it, ProfileTrigger::Pdo(_))), "on with PDOs only"),
             RuleKind::MessageLength => {
-                let are_messages = on(|it| matches!(it, Trigger::Message(_)));
+                let are_messages = on(|it| matches!(it, ProfileTrigger::Message(_)));
                 (are_messages && self.bytes.is_some(), "on with messages only, and bytes")
             }
             _ => (true, ""),
@@ -359,7 +360,7 @@ impl DeviceRule {
     pub fn tolerances(&self) -> impl Iterator<Item = RuleTolerance> {
         let tolerance = |key, value, unit, text| RuleTolerance { key, value, unit, text };
         let ms = self.ms.map(|ms| tolerance("ms", ms, "ms", self.time_text().to_owned()));
-        let of = |of: Reference| format!("factor for the time in {}", of.object);
+        let of = |of: ObjectReference| format!("factor for the time in {}", of.object);
         let times = self.ms_of.map(|it| tolerance("times", self.times, "", of(it)));
         let count =
             self.count.map(|count| tolerance("count", f64::from(count), "", self.count_text().into_owned()));
@@ -414,29 +415,29 @@ impl DeviceRule {
     }
 
     /// Objects in `object` and `objects`.
-    pub(crate) fn subjects(&self) -> impl Iterator<Item = Reference> {
+    pub(crate) fn rule_objects(&self) -> impl Iterator<Item = ObjectReference> {
         self.object.iter().chain(&self.objects).copied()
     }
 
     /// Copy for repeat `nth`.
-    pub(super) fn pinned(&self, nth: u16) -> Self {
+    pub(super) fn pin_repeat(&self, nth: u16) -> Self {
         let stride = self.repeat.stride;
         Self {
-            on: self.on.pinned(nth, stride),
-            then: self.then.pinned(nth, stride),
-            before: self.before.pinned(nth, stride),
-            since: self.since.pinned(nth, stride),
-            until: self.until.pinned(nth, stride),
-            steps: self.steps.iter().map(|step| step.pinned(nth, stride)).collect(),
-            after: self.after.pinned(nth, stride),
-            object: self.object.map(|it| it.pinned(nth, stride)),
-            objects: self.objects.iter().map(|it| it.pinned(nth, stride)).collect(),
-            within: self.within.map(|it| it.pinned(nth, stride)),
-            ms_of: self.ms_of.map(|it| it.pinned(nth, stride)),
-            needs: self.needs.pinned(nth, stride),
-            during: self.during.pinned(nth, stride),
-            except: self.except.iter().map(|it| it.pinned(nth, stride)).collect(),
-            channel: self.repeat.number(nth),
+            on: self.on.pin_repeat(nth, stride),
+            then: self.then.pin_repeat(nth, stride),
+            before: self.before.pin_repeat(nth, stride),
+            since: self.since.pin_repeat(nth, stride),
+            until: self.until.pin_repeat(nth, stride),
+            steps: self.steps.iter().map(|step| step.pin_repeat(nth, stride)).collect(),
+            after: self.after.pin_repeat(nth, stride),
+            object: self.object.map(|it| it.pin_repeat(nth, stride)),
+            objects: self.objects.iter().map(|it| it.pin_repeat(nth, stride)).collect(),
+            within: self.within.map(|it| it.pin_repeat(nth, stride)),
+            ms_of: self.ms_of.map(|it| it.pin_repeat(nth, stride)),
+            needs: self.needs.pin_repeat(nth, stride),
+            during: self.during.pin_repeat(nth, stride),
+            except: self.except.iter().map(|it| it.pin_repeat(nth, stride)).collect(),
+            channel: self.repeat.channel_number(nth),
             repeat: ONCE,
             ..self.clone()
         }
@@ -446,7 +447,7 @@ impl DeviceRule {
 /// General rule that does not apply to the device.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Waiver {
+pub struct RuleWaiver {
     /// Rule slug, with its position in the profile.
     pub rule: Spanned<String>,
     /// Reason of the waiver.

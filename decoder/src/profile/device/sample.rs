@@ -13,7 +13,7 @@ use crate::wire::NodeId;
 /// Frames, and the expected result of the last one.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Sample {
+pub struct ProfileSample {
     /// Purpose of the sample.
     #[serde(default)]
     pub about: String,
@@ -21,7 +21,7 @@ pub struct Sample {
     #[serde(default)]
     pub source: String,
     /// Node of the device: `32`, `"sa:0x80"`.
-    #[serde(default = "first", deserialize_with = "node")]
+    #[serde(default = "first_node", deserialize_with = "deserialize_node")]
     pub node: NodeId,
     /// Variants it applies to; all if empty.
     #[serde(default)]
@@ -93,21 +93,21 @@ pub struct Sample {
     pub gate: Option<String>,
 }
 
-const fn first() -> NodeId {
+const fn first_node() -> NodeId {
     NodeId::Canopen(1)
 }
 
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "expected a node-ID, or a J1939 address such as \"sa:0x80\"")]
-enum Number {
+enum SampleNumber {
     Id(u8),
     Text(String),
 }
 
-fn node<'de, D: Deserializer<'de>>(deserializer: D) -> Result<NodeId, D::Error> {
-    match Number::deserialize(deserializer)? {
-        Number::Id(id) => id.to_string().parse(),
-        Number::Text(text) => text.parse(),
+fn deserialize_node<'de, D: Deserializer<'de>>(deserializer: D) -> Result<NodeId, D::Error> {
+    match SampleNumber::deserialize(deserializer)? {
+        SampleNumber::Id(id) => id.to_string().parse(),
+        SampleNumber::Text(text) => text.parse(),
     }
     .map_err(D::Error::custom)
 }

@@ -7,10 +7,10 @@ use toml::Spanned;
 
 use super::network::OrderName;
 use crate::profile::data_type::DataType;
-use crate::profile::meaning::Meaning;
-use crate::profile::names::Names;
-use crate::profile::object::{Access, Effect, Role, VariantFilter};
-use crate::wire::canopen::emcy::ByteOrder;
+use crate::profile::meaning::ObjectMeaning;
+use crate::profile::names::ValueNames;
+use crate::profile::object::{ObjectRole, SdoAccess, VariantFilter, WriteEffect};
+use crate::wire::canopen::emcy::EmcyByteOrder;
 
 /// UDS properties of a device.
 #[derive(Debug, Clone, Default, Deserialize)]
@@ -38,7 +38,7 @@ pub struct UdsIdentifier {
     pub name: String,
     /// Access rights.
     #[serde(default)]
-    pub access: Option<Access>,
+    pub access: Option<SdoAccess>,
     /// Data type; raw bytes if `None`.
     #[serde(default, rename = "type")]
     pub data_type: Option<DataType>,
@@ -53,13 +53,13 @@ pub struct UdsIdentifier {
     pub default: Option<i64>,
     /// Names of values.
     #[serde(default)]
-    pub values: Option<Names>,
+    pub values: Option<ValueNames>,
     /// Function of the value in the device.
     #[serde(default)]
-    pub role: Option<Role>,
+    pub role: Option<ObjectRole>,
     /// Time at which a write takes effect.
     #[serde(default)]
-    pub effect: Effect,
+    pub effect: WriteEffect,
     /// Variants it applies to; all if empty.
     #[serde(default)]
     pub only: VariantFilter,
@@ -98,8 +98,8 @@ pub struct UdsNrc {
 
 impl UdsSpec {
     /// Byte order of identifiers and numbers.
-    pub fn order(&self) -> ByteOrder {
-        self.identifier_order.map_or(ByteOrder::MsbFirst, OrderName::order)
+    pub fn order(&self) -> EmcyByteOrder {
+        self.identifier_order.map_or(EmcyByteOrder::MsbFirst, OrderName::order)
     }
 
     /// Device-specific identifier.
@@ -108,7 +108,7 @@ impl UdsSpec {
     }
 
     /// Device-specific negative response; the most specific entry takes precedence.
-    pub fn nrc(&self, code: u8, service: u8, identifier: Option<u16>) -> Option<&UdsNrc> {
+    pub fn response_code_entry(&self, code: u8, service: u8, identifier: Option<u16>) -> Option<&UdsNrc> {
         let fits = |entry: &&UdsNrc| {
             entry.code == code
                 && (entry.services.is_empty() || entry.services.contains(&service))
@@ -129,23 +129,23 @@ impl UdsSpec {
     /// UDS properties of one variant.
     pub(super) fn of_variant(&self, variant: &str) -> Self {
         let mut own = self.clone();
-        own.identifier.retain(|entry| entry.get_ref().only.allows(variant));
-        own.nrc.retain(|entry| entry.only.allows(variant));
+        own.identifier.retain(|entry| entry.get_ref().only.allows_variant(variant));
+        own.nrc.retain(|entry| entry.only.allows_variant(variant));
         own
     }
 }
 
 impl UdsIdentifier {
     /// Decoding of the identifier's value.
-    pub fn meaning(&self) -> Meaning {
-        Meaning {
+    pub fn meaning(&self) -> ObjectMeaning {
+        ObjectMeaning {
             name: self.name.clone(),
             data_type: self.data_type,
             unit: self.unit.clone(),
             range: self.range,
             values: self.values.clone().map(Arc::new),
             role: self.role,
-            ..Meaning::default()
+            ..ObjectMeaning::default()
         }
     }
 }
@@ -176,10 +176,10 @@ mod tests {
     #[test]
     fn an_identifier_has_a_meaning() {
         let spec: UdsSpec = toml::from_str(TEXT).unwrap();
-        assert_eq!(spec.order(), ByteOrder::LsbFirst);
-        assert_eq!(UdsSpec::default().order(), ByteOrder::MsbFirst);
+        assert_eq!(spec.order(), EmcyByteOrder::LsbFirst);
+        assert_eq!(UdsSpec::default().order(), EmcyByteOrder::MsbFirst);
         let meaning = spec.identifier(0x1001).unwrap().meaning();
-        assert_eq!((meaning.name.as_str(), meaning.role), ("node-ID", Some(Role::NodeId)));
+        assert_eq!((meaning.name.as_str(), meaning.role), ("node-ID", Some(ObjectRole::NodeId)));
         assert!(meaning.is_outside(&meaning.decode(&[0])) && !meaning.is_outside(&meaning.decode(&[127])));
         assert!(spec.identifier(0x0110).is_none());
     }
@@ -187,10 +187,12 @@ mod tests {
     #[test]
     fn the_most_specific_text_of_a_code_is_used() {
         let spec: UdsSpec = toml::from_str(TEXT).unwrap();
-        let text = |service, identifier| spec.nrc(0x31, service, identifier).map(|nrc| nrc.text.as_str());
+        let text = |service, identifier| {
+            spec.response_code_entry(0x31, service, identifier).map(|nrc| nrc.text.as_str())
+        };
         assert_eq!(text(0x2E, Some(0x1001)), Some("outside 1 to 127"));
         assert_eq!(text(0x22, Some(0x1001)), Some("unknown identifier"));
         assert_eq!(text(0x2E, None), Some("unknown identifier"));
-        assert!(spec.nrc(0x72, 0x2E, None).is_none());
+        assert!(spec.response_code_entry(0x72, 0x2E, None).is_none());
     }
 }

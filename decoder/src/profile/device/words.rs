@@ -2,20 +2,22 @@
 
 use std::fmt;
 
-use super::condition::{Condition, Conditions, ExpectedValue, SetTrigger, Trigger, Triggers};
-use crate::profile::object::Numbers;
+use super::condition::{
+    DeviceCondition, DeviceConditions, ExpectedValue, ProfileTrigger, ProfileTriggers, SetTrigger,
+};
+use crate::profile::object::NumberList;
 
-impl fmt::Display for Numbers {
+impl fmt::Display for NumberList {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::One(one) => write!(f, "{one}"),
-            Self::Any(any) => f.write_str(&alternatives(any)),
+            Self::Any(any) => f.write_str(&join_alternatives(any)),
         }
     }
 }
 
 /// `1, 2 or 3`.
-fn alternatives(all: &[impl fmt::Display]) -> String {
+fn join_alternatives(all: &[impl fmt::Display]) -> String {
     let mut text = String::new();
     for (place, one) in all.iter().enumerate() {
         let joint = match place {
@@ -30,23 +32,23 @@ fn alternatives(all: &[impl fmt::Display]) -> String {
 }
 
 /// `5B00:00 = 1`, with a mask `5B00:00 & Fh = 1`.
-fn comparison(object: &dyn fmt::Display, mask: u64, values: &Numbers, negated: bool) -> String {
+fn comparison_text(object: &dyn fmt::Display, mask: u64, values: &NumberList, negated: bool) -> String {
     let masked = if mask == u64::MAX { String::new() } else { format!(" & {mask:X}h") };
     let sign = if negated { "not" } else { "=" };
     format!("{object}{masked} {sign} {values}")
 }
 
-impl fmt::Display for Condition {
+impl fmt::Display for DeviceCondition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Nmt(name) => write!(f, "NMT state {}", name.state().name()),
             Self::Object { object, mask, values, negated } => {
-                f.write_str(&comparison(&object.object, *mask, values, *negated))
+                f.write_str(&comparison_text(&object.object, *mask, values, *negated))
             }
             Self::Inside { object, range: [least, most] } => {
                 write!(f, "{} = {least} to {most}", object.object)
             }
-            Self::State(states) => write!(f, "state {}", alternatives(states)),
+            Self::State(states) => write!(f, "state {}", join_alternatives(states)),
             Self::Sync => f.write_str("SYNC of the node"),
             Self::NoError => f.write_str("no active error"),
             Self::NoProcedure => f.write_str("no running procedure"),
@@ -58,7 +60,7 @@ impl fmt::Display for Condition {
     }
 }
 
-impl fmt::Display for Conditions {
+impl fmt::Display for DeviceConditions {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let all: Vec<_> = self.0.iter().map(ToString::to_string).collect();
         f.write_str(&all.join(", "))
@@ -77,13 +79,15 @@ impl fmt::Display for ExpectedValue {
 impl fmt::Display for SetTrigger {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.values {
-            Some(values) => f.write_str(&comparison(&self.object.object, self.mask, values, self.negated)),
+            Some(values) => {
+                f.write_str(&comparison_text(&self.object.object, self.mask, values, self.negated))
+            }
             None => write!(f, "a value of {}", self.object.object),
         }
     }
 }
 
-impl fmt::Display for Trigger {
+impl fmt::Display for ProfileTrigger {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Write(of, None) => write!(f, "a write to {}", of.object),
@@ -104,7 +108,7 @@ impl fmt::Display for Trigger {
             Self::Dtc(None) => f.write_str("a fault in DM1"),
             Self::Dtc(Some((spn, fmi))) => write!(f, "SPN {spn} FMI {fmi} in DM1"),
             Self::Nmt(command) => write!(f, "NMT {command}"),
-            Self::State(states) => write!(f, "state {}", alternatives(states)),
+            Self::State(states) => write!(f, "state {}", join_alternatives(states)),
             Self::Sync => f.write_str("SYNC of the node"),
             Self::Emcy(code) => write!(f, "EMCY {code:04X}"),
             Self::Boot => f.write_str("a start of the node"),
@@ -114,14 +118,16 @@ impl fmt::Display for Trigger {
             Self::Writes(range) => write!(f, "a write to {range}"),
             Self::Lss(lss) => write!(f, "LSS {}", lss.service),
             Self::Guard => f.write_str("a guarding request"),
-            Self::Reports(states) => write!(f, "a heartbeat or guarding response {}", alternatives(states)),
+            Self::Reports(states) => {
+                write!(f, "a heartbeat or guarding response {}", join_alternatives(states))
+            }
         }
     }
 }
 
-impl fmt::Display for Triggers {
+impl fmt::Display for ProfileTriggers {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&alternatives(&self.0))
+        f.write_str(&join_alternatives(&self.0))
     }
 }
 
@@ -133,9 +139,9 @@ mod tests {
 
     #[derive(Deserialize)]
     struct Both {
-        on: Triggers,
+        on: ProfileTriggers,
         #[serde(rename = "while")]
-        during: Conditions,
+        during: DeviceConditions,
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::profile::DataType;
 
 /// Access type of an entry (CiA 306-1 §4.6.3, CiA 301 table 43).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Access {
+pub enum EntryAccess {
     /// `ro`: read only.
     Ro,
     /// `wo`: write only.
@@ -19,7 +19,7 @@ pub enum Access {
     Const,
 }
 
-impl Access {
+impl EntryAccess {
     /// Keyword in an EDS: `ro`, `rww`, `const`.
     pub const fn name(self) -> &'static str {
         match self {
@@ -33,7 +33,7 @@ impl Access {
     }
 
     /// Parses a keyword in any letter case.
-    pub(super) fn of(word: &str) -> Option<Self> {
+    pub(super) fn from_keyword(word: &str) -> Option<Self> {
         let all = [Self::Ro, Self::Wo, Self::Rw, Self::Rwr, Self::Rww, Self::Const];
         all.into_iter().find(|access| access.name().eq_ignore_ascii_case(word))
     }
@@ -70,7 +70,7 @@ pub(super) enum ObjectType {
 }
 
 impl ObjectType {
-    pub(super) const fn of(code: i128) -> Option<Self> {
+    pub(super) const fn from_code(code: i128) -> Option<Self> {
         Some(match code {
             0 => Self::Null,
             2 => Self::Domain,
@@ -147,10 +147,10 @@ mod tests {
 
     #[test]
     fn words_of_any_case_are_an_access() {
-        assert_eq!(Access::of("RW"), Some(Access::Rw));
-        assert_eq!(Access::of("Const"), Some(Access::Const));
-        assert_eq!(Access::of("UNKNOWN"), None);
-        assert_eq!(Access::of_parameter("readWriteOutput"), Some(Access::Rww));
+        assert_eq!(EntryAccess::from_keyword("RW"), Some(EntryAccess::Rw));
+        assert_eq!(EntryAccess::from_keyword("Const"), Some(EntryAccess::Const));
+        assert_eq!(EntryAccess::from_keyword("UNKNOWN"), None);
+        assert_eq!(EntryAccess::of_parameter("readWriteOutput"), Some(EntryAccess::Rww));
     }
 
     #[test]

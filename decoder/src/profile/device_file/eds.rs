@@ -3,14 +3,14 @@
 use std::collections::BTreeSet;
 use std::collections::btree_map::{BTreeMap, Entry};
 
-use super::ini::{Ini, Section};
-use super::number::integer;
-use super::object::{Context, Sections};
-use super::problem::Problems;
+use super::ini::{IniFile, IniSection};
+use super::number::parse_integer;
+use super::object::{IndexSections, ObjectFile};
+use super::problem::DescriptionProblems;
 use super::section::SectionName;
-use super::value::uncommented;
-use super::{DeviceDescriptionError, DeviceFile, DeviceObject, Kind, MOST_ENTRIES};
-use crate::profile::quoted::quote;
+use super::value::strip_comment;
+use super::{DescriptionKind, DeviceDescriptionError, DeviceFile, DeviceObject, MOST_ENTRIES};
+use crate::profile::quoted::quote_start;
 
 /// Sections that list the objects (CiA 306-1 §4.6.2).
 const LISTS: [&str; 3] = ["mandatoryobjects", "optionalobjects", "manufacturerobjects"];
@@ -22,28 +22,29 @@ const COMMISSIONING: [&str; 2] = ["devicecomissioning", "devicecommissioning"];
 const BIT_RATES: [u32; 8] = [10, 20, 50, 125, 250, 500, 800, 1000];
 
 /// Parses an EDS or DCF.
-pub(super) fn parse(text: &str) -> Result<DeviceFile, DeviceDescriptionError> {
-    let mut problems = Problems::default();
-    let ini = Ini::parse(text, &mut problems);
-    let mut context = Context { ini: &ini, problems: &mut problems };
-    let objects = sort(&mut context);
+pub(super) fn parse_eds(text: &str) -> Result<DeviceFile, DeviceDescriptionError> {
+    let mut problems = DescriptionProblems::default();
+    let ini = IniFile::parse(text, &mut problems);
+    let mut context = ObjectFile { ini: &ini, problems: &mut problems };
+    let objects = sort_sections(&mut context);
     let is_known =
-        ["deviceinfo", "fileinfo"].iter().chain(&COMMISSIONING).any(|key| ini.section(key).is_some());
+        ["deviceinfo", "fileinfo"].iter().chain(&COMMISSIONING).any(|key| ini.parse_section(key).is_some());
     if objects.is_empty() && !is_known {
         return Err(DeviceDescriptionError::NoSection);
     }
-    let mut file = DeviceFile::new(kind(&ini));
+    let mut file = DeviceFile::new(file_kind(&ini));
     device_info(&mut context, &mut file);
-    commissioning(&mut context, &mut file);
+    parse_commissioning(&mut context, &mut file);
     check_lists(&mut context, &objects);
     for (index, sections) in &objects {
-        let mut entries = context.object(*index, sections);
+        let mut entries = context.parse_object(*index, sections);
         let room = MOST_ENTRIES.saturating_sub(file.objects.len());
         if entries.len() > room {
             let line = entries.get(room).map_or(0, |entry| entry.line);
-            context
-                .problems
-                .add(line, format!("objects from {index:04X} on skipped (max {MOST_ENTRIES} entries)"));
+            context.problems.add_problem(
+                line,
+                format!("objects from {index:04X} on skipped (max {MOST_ENTRIES} entries)"),
+            );
             entries.truncate(room);
             file.objects.extend(entries);
             break;
@@ -58,32 +59,34 @@ pub(super) fn parse(text: &str) -> Result<DeviceFile, DeviceDescriptionError> {
 
 /// Sections by index. The first of duplicate sections is used, like in the Windows functions for which this
 /// file format was designed.
-fn sort(context: &mut Context<'_, '_>) -> BTreeMap<u16, Sections> {
-    let mut objects = BTreeMap::<u16, Sections>::new();
+fn sort_sections(context: &mut ObjectFile<'_, '_>) -> BTreeMap<u16, IndexSections> {
+    let mut objects = BTreeMap::<u16, IndexSections>::new();
     let mut of_modules = Vec::new();
     for (at, section) in context.ini.sections.iter().enumerate() {
-        let is_new = match SectionName::of(&section.key) {
-            SectionName::Object(index) => take(&mut objects.entry(index).or_default().main, at),
+        let is_new = match SectionName::parse_name(&section.key) {
+            SectionName::Object(index) => take_place(&mut objects.entry(index).or_default().main, at),
             SectionName::Sub(index, sub) => match objects.entry(index).or_default().subs.entry(sub) {
                 Entry::Vacant(vacant) => *vacant.insert(at) == at,
                 Entry::Occupied(_) => false,
             },
-            SectionName::Names(index) => take(&mut objects.entry(index).or_default().names, at),
-            SectionName::Values(index) => take(&mut objects.entry(index).or_default().values, at),
-            SectionName::Denotations(index) => take(&mut objects.entry(index).or_default().denotations, at),
+            SectionName::Names(index) => take_place(&mut objects.entry(index).or_default().names, at),
+            SectionName::Values(index) => take_place(&mut objects.entry(index).or_default().values, at),
+            SectionName::Denotations(index) => {
+                take_place(&mut objects.entry(index).or_default().denotations, at)
+            }
             SectionName::ModuleFixed(index, sub) => {
                 of_modules.push((at, index, sub));
                 true
             }
             SectionName::ModuleExtension => {
-                context.problems.add(
+                context.problems.add_problem(
                     section.line,
                     format!("[{}] skipped: its sub-indices depend on the installed modules", section.name),
                 );
                 true
             }
             SectionName::Strange => {
-                context.problems.add(
+                context.problems.add_problem(
                     section.line,
                     format!("[{}] skipped: not a valid section name of an object", section.name),
                 );
@@ -92,9 +95,10 @@ fn sort(context: &mut Context<'_, '_>) -> BTreeMap<u16, Sections> {
             SectionName::Other => context.ini.is_first(at),
         };
         if !is_new {
-            context
-                .problems
-                .add(section.line, format!("duplicate section [{}]; the first one is used", section.name));
+            context.problems.add_problem(
+                section.line,
+                format!("duplicate section [{}]; the first one is used", section.name),
+            );
         }
     }
     place_modules(context, &of_modules, &mut objects);
@@ -104,9 +108,9 @@ fn sort(context: &mut Context<'_, '_>) -> BTreeMap<u16, Sections> {
 /// Adds the objects of modules, whose addresses do not depend on the slot. Objects of the device itself take
 /// precedence, then those of the first module.
 fn place_modules(
-    context: &mut Context<'_, '_>,
+    context: &mut ObjectFile<'_, '_>,
     of_modules: &[(usize, u16, Option<u8>)],
-    objects: &mut BTreeMap<u16, Sections>,
+    objects: &mut BTreeMap<u16, IndexSections>,
 ) {
     for (at, index, sub) in of_modules.iter().copied() {
         let sections = objects.entry(index).or_default();
@@ -118,80 +122,85 @@ fn place_modules(
             (first == at, context.ini.sections.get(at), context.ini.sections.get(first))
         {
             let reason = format!("[{}] skipped: same address as [{}]", section.name, first.name);
-            context.problems.add(section.line, reason);
+            context.problems.add_problem(section.line, reason);
         }
     }
 }
 
-fn take(place: &mut Option<usize>, at: usize) -> bool {
+fn take_place(place: &mut Option<usize>, at: usize) -> bool {
     *place.get_or_insert(at) == at
 }
 
 /// DCF if the file contains configured values of a device, otherwise EDS.
-fn kind(ini: &Ini<'_>) -> Kind {
-    let is_dcf = COMMISSIONING.iter().any(|key| ini.section(key).is_some())
-        || ini.section("connectedmodules").is_some()
+fn file_kind(ini: &IniFile<'_>) -> DescriptionKind {
+    let is_dcf = COMMISSIONING.iter().any(|key| ini.parse_section(key).is_some())
+        || ini.parse_section("connectedmodules").is_some()
         || ini.sections.iter().any(|section| section.value("parametervalue").is_some());
-    if is_dcf { Kind::Dcf } else { Kind::Eds }
+    if is_dcf { DescriptionKind::Dcf } else { DescriptionKind::Eds }
 }
 
 /// `[DeviceInfo]` (CiA 306-1 §4.5).
-fn device_info(context: &mut Context<'_, '_>, file: &mut DeviceFile) {
-    let Some(section) = context.ini.section("deviceinfo") else {
+fn device_info(context: &mut ObjectFile<'_, '_>, file: &mut DeviceFile) {
+    let Some(section) = context.ini.parse_section("deviceinfo") else {
         context
             .problems
-            .add(0, "section [DeviceInfo] is missing; vendor and product are taken from object 1018");
+            .add_problem(0, "section [DeviceInfo] is missing; vendor and product are taken from object 1018");
         return;
     };
-    let text = |context: &mut Context<'_, '_>, key| section.entry(key).and_then(|entry| context.text(entry));
+    let text = |context: &mut ObjectFile<'_, '_>, key| {
+        section.entry(key).and_then(|entry| context.parse_text(entry))
+    };
     file.vendor_name = text(context, "vendorname").unwrap_or_default();
     file.product_name = text(context, "productname").unwrap_or_default();
-    file.vendor_id = ranged(context, section, "vendornumber");
-    file.product_code = ranged(context, section, "productnumber");
-    file.revision = ranged(context, section, "revisionnumber");
+    file.vendor_id = parse_ranged(context, section, "vendornumber");
+    file.product_code = parse_ranged(context, section, "productnumber");
+    file.revision = parse_ranged(context, section, "revisionnumber");
     for rate in BIT_RATES {
-        if context.number(section, &format!("baudrate_{rate}")).is_some_and(|number| number != 0) {
+        if context.parse_number(section, &format!("baudrate_{rate}")).is_some_and(|number| number != 0) {
             file.bit_rates.push(rate.saturating_mul(1000));
         }
     }
 }
 
 /// `[DeviceComissioning]` (CiA 306-1 §4.7.1).
-fn commissioning(context: &mut Context<'_, '_>, file: &mut DeviceFile) {
-    let Some(section) = COMMISSIONING.iter().find_map(|key| context.ini.section(key)) else { return };
-    file.node_name = section.entry("nodename").and_then(|entry| context.text(entry)).unwrap_or_default();
-    let node_id: Option<u32> = ranged(context, section, "nodeid");
+fn parse_commissioning(context: &mut ObjectFile<'_, '_>, file: &mut DeviceFile) {
+    let Some(section) = COMMISSIONING.iter().find_map(|key| context.ini.parse_section(key)) else { return };
+    file.node_name =
+        section.entry("nodename").and_then(|entry| context.parse_text(entry)).unwrap_or_default();
+    let node_id: Option<u32> = parse_ranged(context, section, "nodeid");
     file.node_id = node_id.and_then(|id| u8::try_from(id).ok()).filter(|id| (1..=127).contains(id));
     if let Some(id) = node_id.filter(|_| file.node_id.is_none()) {
         let line = section.entry("nodeid").map_or(section.line, |entry| entry.line);
-        context.problems.add(line, format!("NodeID {id}: expected 1 to 127"));
+        context.problems.add_problem(line, format!("NodeID {id}: expected 1 to 127"));
     }
     // In kbit/s; 0 means unknown.
-    let rate: Option<u32> = ranged(context, section, "baudrate");
+    let rate: Option<u32> = parse_ranged(context, section, "baudrate");
     file.bit_rate = rate.and_then(|rate| rate.checked_mul(1000)).filter(|rate| *rate != 0);
 }
 
 /// Parses a 32-bit number; reports an invalid one.
-fn ranged(context: &mut Context<'_, '_>, section: &Section<'_>, key: &str) -> Option<u32> {
+fn parse_ranged(context: &mut ObjectFile<'_, '_>, section: &IniSection<'_>, key: &str) -> Option<u32> {
     let entry = section.entry(key)?;
-    let found = integer(uncommented(entry.value));
+    let found = parse_integer(strip_comment(entry.value));
     let number = found.and_then(|found| u32::try_from(found.value).ok());
     let doubt = match found {
-        _ if uncommented(entry.value).is_empty() => return None,
+        _ if strip_comment(entry.value).is_empty() => return None,
         Some(found) if number.is_some() => found.doubt,
         _ => Some("expected a 32-bit number"),
     };
     if let Some(doubt) = doubt {
-        context.problems.add(entry.line, format!("{} {}: {doubt}", entry.name, quote(entry.value)));
+        context
+            .problems
+            .add_problem(entry.line, format!("{} {}: {doubt}", entry.name, quote_start(entry.value)));
     }
     number
 }
 
 /// Checks that every object from 1000 on is in a list.
-fn check_lists(context: &mut Context<'_, '_>, objects: &BTreeMap<u16, Sections>) {
-    let lists: Vec<_> = LISTS.iter().filter_map(|key| context.ini.section(key)).collect();
+fn check_lists(context: &mut ObjectFile<'_, '_>, objects: &BTreeMap<u16, IndexSections>) {
+    let lists: Vec<_> = LISTS.iter().filter_map(|key| context.ini.parse_section(key)).collect();
     if lists.is_empty() {
-        context.problems.add(0, "no list of objects; expected [MandatoryObjects]");
+        context.problems.add_problem(0, "no list of objects; expected [MandatoryObjects]");
         return;
     }
     let mut listed = BTreeSet::new();
@@ -203,50 +212,55 @@ fn check_lists(context: &mut Context<'_, '_>, objects: &BTreeMap<u16, Sections>)
         // Objects of modules have separate lists.
         if let Some(section) = section.filter(|section| !section.key.starts_with('m')) {
             let reason = format!("[{}] is not in a list of objects; used anyway", section.name);
-            context.problems.add(section.line, reason);
+            context.problems.add_problem(section.line, reason);
         }
     }
 }
 
 /// Checks that every listed object has a section.
 fn check_list<'a>(
-    context: &mut Context<'a, '_>,
-    section: &Section<'a>,
-    objects: &BTreeMap<u16, Sections>,
+    context: &mut ObjectFile<'a, '_>,
+    section: &IniSection<'a>,
+    objects: &BTreeMap<u16, IndexSections>,
     listed: &mut BTreeSet<u16>,
 ) {
     let mut count = 0_i128;
-    for (_, entry) in section.numbered() {
+    for (_, entry) in section.numbered_entries() {
         count = count.saturating_add(1);
-        let number = integer(uncommented(entry.value)).and_then(|found| u16::try_from(found.value).ok());
+        let number =
+            parse_integer(strip_comment(entry.value)).and_then(|found| u16::try_from(found.value).ok());
         let Some(index) = number else {
-            context.problems.add(entry.line, format!("{}: expected an index", quote(entry.value)));
+            context
+                .problems
+                .add_problem(entry.line, format!("{}: expected an index", quote_start(entry.value)));
             continue;
         };
         listed.insert(index);
         if objects.get(&index).is_none_or(|sections| sections.main.is_none()) {
             let reason = format!("{index:04X} is listed, but section [{index:04X}] is missing");
-            context.problems.add(entry.line, reason);
+            context.problems.add_problem(entry.line, reason);
         }
     }
-    let announced = context.number(section, "supportedobjects");
+    let announced = context.parse_number(section, "supportedobjects");
     if let Some(announced) = announced.filter(|announced| *announced != count) {
         let reason = format!("SupportedObjects {announced} in [{}], but {count} listed", section.name);
-        context.problems.add(section.line, reason);
+        context.problems.add_problem(section.line, reason);
     }
 }
 
 /// Reports limits that exclude all values.
-fn check_limits(context: &mut Context<'_, '_>, entries: &[DeviceObject]) {
+fn check_limits(context: &mut ObjectFile<'_, '_>, entries: &[DeviceObject]) {
     for entry in entries {
         let limits = (
-            entry.low.as_ref().and_then(|low| low.number(0)),
-            entry.high.as_ref().and_then(|high| high.number(0)),
+            entry.low.as_ref().and_then(|low| low.number_for(0)),
+            entry.high.as_ref().and_then(|high| high.number_for(0)),
         );
         if let (Some(low), Some(high)) = limits
             && low > high
         {
-            context.problems.add(entry.line, format!("{}: LowLimit {low} > HighLimit {high}", entry.address));
+            context
+                .problems
+                .add_problem(entry.line, format!("{}: LowLimit {low} > HighLimit {high}", entry.address));
         }
     }
 }
@@ -256,7 +270,7 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> DeviceFile {
-        parse(text).unwrap()
+        parse_eds(text).unwrap()
     }
 
     #[test]

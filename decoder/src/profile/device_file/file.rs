@@ -1,14 +1,14 @@
 //! Contents of a device file: a device type or a configured device, with its objects.
 
-use super::code::Access;
-use super::problem::{Problem, Problems};
+use super::code::EntryAccess;
+use super::problem::{DescriptionProblem, DescriptionProblems};
 use super::value::EntryValue;
 use crate::profile::data_type::DataType;
 use crate::wire::canopen::ObjectAddress;
 
 /// Kind of device file by content, independent of the file name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Kind {
+pub enum DescriptionKind {
     /// Electronic data sheet (CiA 306-1): a device type.
     Eds,
     /// Device configuration file (CiA 306-1): one device in a network, recognised by `[DeviceComissioning]`,
@@ -24,7 +24,7 @@ pub enum Kind {
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeviceFile {
     /// Kind of file, determined by its content.
-    pub kind: Kind,
+    pub kind: DescriptionKind,
     /// `VendorName`; empty if missing.
     pub vendor_name: String,
     /// `VendorNumber`, otherwise the default of 1018:01; `None` if both are 0 or missing.
@@ -46,7 +46,7 @@ pub struct DeviceFile {
     /// Entries in ascending order of their unique addresses.
     pub objects: Vec<DeviceObject>,
     /// Problems by line: skipped parts and assumptions.
-    pub problems: Vec<Problem>,
+    pub problems: Vec<DescriptionProblem>,
 }
 
 /// Entry with a value: a variable, or a sub-index of an array or record.
@@ -63,7 +63,7 @@ pub struct DeviceObject {
     /// Data type, if defined in CiA 301 table 44.
     pub data_type: Option<DataType>,
     /// Access type, if stated.
-    pub access: Option<Access>,
+    pub access: Option<EntryAccess>,
     /// `DefaultValue`: value after "restore default parameters".
     pub default: Option<EntryValue>,
     /// `LowLimit`: minimum.
@@ -95,7 +95,7 @@ pub enum DeviceDescriptionError {
 
 impl DeviceFile {
     /// Empty file of a kind.
-    pub(super) fn new(kind: Kind) -> Self {
+    pub(super) fn new(kind: DescriptionKind) -> Self {
         Self {
             kind,
             vendor_name: String::new(),
@@ -113,17 +113,17 @@ impl DeviceFile {
     }
 
     /// Entry at an address.
-    pub fn find(&self, address: ObjectAddress) -> Option<&DeviceObject> {
+    pub fn find_object(&self, address: ObjectAddress) -> Option<&DeviceObject> {
         let at = self.objects.binary_search_by_key(&address, |object| object.address).ok()?;
         self.objects.get(at)
     }
 
     /// Completes the identity from the defaults of object 1018 (CiA 301 §7.5.2.21), which the device responds
     /// with. If they differ, the numbers of the device description take precedence.
-    pub(super) fn complete_identity(&mut self, problems: &mut Problems) {
+    pub(super) fn complete_identity(&mut self, problems: &mut DescriptionProblems) {
         let default = |sub| {
-            let entry = self.find(ObjectAddress::new(0x1018, sub))?;
-            match entry.default.as_ref()?.number(0).map(u32::try_from) {
+            let entry = self.find_object(ObjectAddress::new(0x1018, sub))?;
+            match entry.default.as_ref()?.number_for(0).map(u32::try_from) {
                 Some(Ok(number)) if number != 0 => Some((number, entry.line)),
                 _ => None,
             }
@@ -136,7 +136,7 @@ impl DeviceFile {
             let Some((default, line)) = default else { continue };
             match *number {
                 None => *number = Some(default),
-                Some(other) if other != default => problems.add(
+                Some(other) if other != default => problems.add_problem(
                     line,
                     format!("{name} {default:#X} in object 1018, but {other:#X} in the description (used)"),
                 ),

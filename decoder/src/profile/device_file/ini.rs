@@ -6,20 +6,20 @@ use foldhash::fast::RandomState;
 use memchr::memchr2;
 
 use super::LONGEST_VALUE;
-use super::problem::Problems;
-use crate::profile::quoted::quote;
+use super::problem::DescriptionProblems;
+use crate::profile::quoted::quote_start;
 
 /// Sections of a file in their order.
 #[derive(Debug, Default)]
-pub(super) struct Ini<'a> {
+pub(super) struct IniFile<'a> {
     /// All sections, including those with a duplicate name.
-    pub(super) sections: Vec<Section<'a>>,
+    pub(super) sections: Vec<IniSection<'a>>,
     by_name: HashMap<String, usize, RandomState>,
 }
 
 /// Section `[name]` with its keywords.
 #[derive(Debug)]
-pub(super) struct Section<'a> {
+pub(super) struct IniSection<'a> {
     /// Name as written.
     pub(super) name: &'a str,
     /// Name in lower case without spaces.
@@ -27,12 +27,12 @@ pub(super) struct Section<'a> {
     /// Line, from 1.
     pub(super) line: usize,
     /// Keywords in file order; keys are unique.
-    pub(super) entries: Vec<Entry<'a>>,
+    pub(super) entries: Vec<IniEntry<'a>>,
 }
 
 /// Entry `keyword=value`.
 #[derive(Debug)]
-pub(super) struct Entry<'a> {
+pub(super) struct IniEntry<'a> {
     /// Keyword as written.
     pub(super) name: &'a str,
     /// Keyword in lower case without spaces, because some editors write `Supported Objects`.
@@ -43,37 +43,41 @@ pub(super) struct Entry<'a> {
     pub(super) line: usize,
 }
 
-impl<'a> Ini<'a> {
+impl<'a> IniFile<'a> {
     /// Parses all lines; reports those that are neither section, keyword nor comment.
-    pub(super) fn parse(text: &'a str, problems: &mut Problems) -> Self {
+    pub(super) fn parse(text: &'a str, problems: &mut DescriptionProblems) -> Self {
         let mut ini = Self::default();
         let mut keys = HashSet::<String, RandomState>::default();
-        for (line, text) in lines(text) {
+        for (line, text) in split_lines(text) {
             let text = text.trim();
             if text.is_empty() || text.starts_with([';', '#']) {
                 continue;
             }
             if let Some(name) = text.strip_prefix('[') {
-                ini.sections.push(section(name, line, problems));
+                ini.sections.push(parse_section(name, line, problems));
                 // A new set, because clearing a large one takes time in proportion to its capacity.
                 keys = HashSet::default();
                 continue;
             }
             let Some((name, value)) = text.split_once('=') else {
-                problems.add(line, format!("{}: expected keyword=value", quote(text)));
+                problems.add_problem(line, format!("{}: expected keyword=value", quote_start(text)));
                 continue;
             };
             let Some(section) = ini.sections.last_mut() else {
-                problems.add(line, format!("{} precedes the first section; skipped", quote(text)));
+                problems
+                    .add_problem(line, format!("{} precedes the first section; skipped", quote_start(text)));
                 continue;
             };
-            let (key, name, value) = (normalised(name), name.trim(), value.trim());
+            let (key, name, value) = (normalise_name(name), name.trim(), value.trim());
             if keys.insert(key.clone()) {
-                section.entries.push(Entry { name, key, value, line });
+                section.entries.push(IniEntry { name, key, value, line });
             } else {
-                problems.add(
+                problems.add_problem(
                     line,
-                    format!("{}: duplicate keyword in this section; the first one is used", quote(text)),
+                    format!(
+                        "{}: duplicate keyword in this section; the first one is used",
+                        quote_start(text)
+                    ),
                 );
             }
         }
@@ -84,7 +88,7 @@ impl<'a> Ini<'a> {
     }
 
     /// First section with a name, given in lower case.
-    pub(super) fn section(&self, key: &str) -> Option<&Section<'a>> {
+    pub(super) fn parse_section(&self, key: &str) -> Option<&IniSection<'a>> {
         self.sections.get(*self.by_name.get(key)?)
     }
 
@@ -94,9 +98,9 @@ impl<'a> Ini<'a> {
     }
 }
 
-impl<'a> Section<'a> {
+impl<'a> IniSection<'a> {
     /// Entry with a keyword, given in lower case.
-    pub(super) fn entry(&self, key: &str) -> Option<&Entry<'a>> {
+    pub(super) fn entry(&self, key: &str) -> Option<&IniEntry<'a>> {
         self.entries.iter().find(|entry| entry.key == key)
     }
 
@@ -106,13 +110,13 @@ impl<'a> Section<'a> {
     }
 
     /// Entries with a number as keyword, as in lists.
-    pub(super) fn numbered(&self) -> impl Iterator<Item = (u64, &Entry<'a>)> {
+    pub(super) fn numbered_entries(&self) -> impl Iterator<Item = (u64, &IniEntry<'a>)> {
         self.entries.iter().filter_map(|entry| Some((entry.key.parse().ok()?, entry)))
     }
 }
 
 /// Lines with their numbers; line ends are LF, CR LF or CR.
-fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+fn split_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let mut rest = Some(text);
     let mut number = 0_usize;
     std::iter::from_fn(move || {
@@ -129,21 +133,21 @@ fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
 }
 
 /// Parses the text after `[`. Without a closing bracket, the name extends to the end of the line.
-fn section<'a>(text: &'a str, line: usize, problems: &mut Problems) -> Section<'a> {
+fn parse_section<'a>(text: &'a str, line: usize, problems: &mut DescriptionProblems) -> IniSection<'a> {
     let (name, rest) = text.split_once(']').unwrap_or_else(|| {
-        problems.add(line, format!("{}: expected ] after the section name", quote(text)));
+        problems.add_problem(line, format!("{}: expected ] after the section name", quote_start(text)));
         (text, "")
     });
     let rest = rest.trim();
     if !rest.is_empty() && !rest.starts_with([';', '#']) {
-        problems.add(line, format!("{} after the section name; ignored", quote(rest)));
+        problems.add_problem(line, format!("{} after the section name; ignored", quote_start(rest)));
     }
     let name = name.trim();
     let name = name.char_indices().nth(LONGEST_VALUE).map_or(name, |(at, _)| name.split_at(at).0);
-    Section { name, key: normalised(name), line, entries: Vec::new() }
+    IniSection { name, key: normalise_name(name), line, entries: Vec::new() }
 }
 
-fn normalised(name: &str) -> String {
+fn normalise_name(name: &str) -> String {
     name.chars().filter(|letter| !letter.is_whitespace()).map(|letter| letter.to_ascii_lowercase()).collect()
 }
 
@@ -151,17 +155,17 @@ fn normalised(name: &str) -> String {
 mod tests {
     use super::*;
 
-    fn parse(text: &str) -> (Ini<'_>, Vec<String>) {
-        let mut problems = Problems::default();
-        let ini = Ini::parse(text, &mut problems);
+    fn parse(text: &str) -> (IniFile<'_>, Vec<String>) {
+        let mut problems = DescriptionProblems::default();
+        let ini = IniFile::parse(text, &mut problems);
         (ini, problems.finish().iter().map(ToString::to_string).collect())
     }
 
     #[test]
     fn every_line_end_counts_one_line() {
-        let found: Vec<_> = lines("a\r\nb\rc\n\nd").collect();
+        let found: Vec<_> = split_lines("a\r\nb\rc\n\nd").collect();
         assert_eq!(found, [(1, "a"), (2, "b"), (3, "c"), (4, ""), (5, "d")]);
-        assert_eq!(lines("").count(), 1);
+        assert_eq!(split_lines("").count(), 1);
     }
 
     #[test]
@@ -169,9 +173,9 @@ mod tests {
         let (ini, problems) =
             parse("; c\n[Device Info] # c\n Vendor Name = ACME = 1 \n# c\n[1003SUB0a]\nx=\n");
         assert!(problems.is_empty(), "{problems:?}");
-        let section = ini.section("deviceinfo").unwrap();
+        let section = ini.parse_section("deviceinfo").unwrap();
         assert_eq!((section.line, section.value("vendorname")), (2, Some("ACME = 1")));
-        let section = ini.section("1003sub0a").unwrap();
+        let section = ini.parse_section("1003sub0a").unwrap();
         assert_eq!((section.value("x"), section.entry("x").map(|entry| entry.line)), (None, Some(6)));
     }
 
@@ -188,7 +192,7 @@ mod tests {
                 "line 6: \"what\" after the section name; ignored",
             ]
         );
-        assert_eq!(ini.section("a").unwrap().value("x"), Some("1"));
+        assert_eq!(ini.parse_section("a").unwrap().value("x"), Some("1"));
         assert_eq!((ini.is_first(0), ini.is_first(2), ini.is_first(9)), (true, false, false));
     }
 }

@@ -6,7 +6,7 @@
 
 /// A number with its notation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Integer {
+pub(super) struct NotedInteger {
     /// Value from -(2^64 - 1) to 2^64 - 1.
     pub(super) value: i128,
     /// Whether it is hexadecimal; with a signed type it can be the bits of a negative number.
@@ -16,21 +16,21 @@ pub(super) struct Integer {
 }
 
 /// Parses a number; `None` for other text or more than 64 bits.
-pub(super) fn integer(text: &str) -> Option<Integer> {
+pub(super) fn parse_integer(text: &str) -> Option<NotedInteger> {
     let text = text.trim();
     let (is_negative, unsigned) = match text.strip_prefix('-') {
         Some(rest) => (true, rest),
         None => (false, text.strip_prefix('+').unwrap_or(text)),
     };
-    let (radix, digits, doubt) = notation(unsigned);
+    let (radix, digits, doubt) = split_notation(unsigned);
     if digits.is_empty() || !digits.chars().all(|digit| digit.is_digit(radix)) {
         return None;
     }
     let value = i128::from(u64::from_str_radix(digits, radix).ok()?);
-    Some(Integer { value: if is_negative { -value } else { value }, is_hex: radix == 16, doubt })
+    Some(NotedInteger { value: if is_negative { -value } else { value }, is_hex: radix == 16, doubt })
 }
 
-fn notation(text: &str) -> (u32, &str, Option<&'static str>) {
+fn split_notation(text: &str) -> (u32, &str, Option<&'static str>) {
     if let Some(digits) = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         return (16, digits, None);
     }
@@ -47,14 +47,14 @@ fn notation(text: &str) -> (u32, &str, Option<&'static str>) {
 
 /// Offset of a `$NODEID` formula; `None` for other text. Accepts one `$NODEID` in any letter case and any
 /// number of summands, in any order.
-pub(super) fn formula(text: &str) -> Option<u64> {
+pub(super) fn parse_formula(text: &str) -> Option<u64> {
     let mut offset = 0_u64;
     let mut node_ids = 0_usize;
     for summand in text.split('+').map(str::trim) {
         if summand.eq_ignore_ascii_case("$NODEID") {
             node_ids = node_ids.saturating_add(1);
         } else {
-            offset = offset.checked_add(u64::try_from(integer(summand)?.value).ok()?)?;
+            offset = offset.checked_add(u64::try_from(parse_integer(summand)?.value).ok()?)?;
         }
     }
     (node_ids == 1).then_some(offset)
@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     fn value(text: &str) -> Option<i128> {
-        integer(text).map(|integer| integer.value)
+        parse_integer(text).map(|integer| integer.value)
     }
 
     #[test]
@@ -85,7 +85,7 @@ mod tests {
         for text in
             ["", "-", "+", "0x", "0x+1", "1 2", "1.5", "h", "Ah", "0xG", "--1", "10000000000000000000000"]
         {
-            assert_eq!(integer(text), None, "{text}");
+            assert_eq!(parse_integer(text), None, "{text}");
         }
     }
 
@@ -94,7 +94,7 @@ mod tests {
         for (text, expected, doubted) in
             [("001", 1, false), ("08", 8, false), ("0", 0, false), ("00", 0, false), ("010", 10, true)]
         {
-            let integer = integer(text).unwrap();
+            let integer = parse_integer(text).unwrap();
             assert_eq!((integer.value, integer.doubt.is_some()), (expected, doubted), "{text}");
         }
     }
@@ -104,13 +104,13 @@ mod tests {
         for text in
             ["$NODEID+0x180", "$NodeID + 0x180", "0x180+$NODEID", "384 + $nodeid", "$NODEID+0x100+0x80"]
         {
-            assert_eq!(formula(text), Some(0x180), "{text}");
+            assert_eq!(parse_formula(text), Some(0x180), "{text}");
         }
-        assert_eq!(formula("$NODEID"), Some(0));
+        assert_eq!(parse_formula("$NODEID"), Some(0));
         for text in
             ["0x180", "$NODEID-1", "$NODEID+$NODEID", "$NODEID+", "$NODE+1", "$NODEID+0xFFFFFFFFFFFFFFFF+1"]
         {
-            assert_eq!(formula(text), None, "{text}");
+            assert_eq!(parse_formula(text), None, "{text}");
         }
     }
 }

@@ -2,19 +2,19 @@
 
 use std::collections::BTreeMap;
 
-use super::code::{Access, ObjectType, data_type};
-use super::ini::{Entry, Ini, Section};
-use super::number::integer;
-use super::problem::Problems;
-use super::value::{EntryValue, Reading, uncommented, uncommented_text};
+use super::code::{EntryAccess, ObjectType, data_type};
+use super::ini::{IniEntry, IniFile, IniSection};
+use super::number::parse_integer;
+use super::problem::DescriptionProblems;
+use super::value::{EntryValue, Reading, strip_comment, uncommented_text};
 use super::{DeviceObject, LONGEST_VALUE};
 use crate::profile::DataType;
-use crate::profile::quoted::quote;
+use crate::profile::quoted::quote_start;
 use crate::wire::canopen::ObjectAddress;
 
 /// Positions of the sections of one index in the list of sections.
 #[derive(Debug, Default)]
-pub(super) struct Sections {
+pub(super) struct IndexSections {
     /// Section `[1003]`.
     pub(super) main: Option<usize>,
     /// Sections `[1003sub1]` by sub-index.
@@ -28,39 +28,39 @@ pub(super) struct Sections {
 }
 
 /// File that contains the objects, and the problems found so far.
-pub(super) struct Context<'a, 'p> {
-    pub(super) ini: &'a Ini<'a>,
-    pub(super) problems: &'p mut Problems,
+pub(super) struct ObjectFile<'a, 'p> {
+    pub(super) ini: &'a IniFile<'a>,
+    pub(super) problems: &'p mut DescriptionProblems,
 }
 
 /// Keywords of a compact list by sub-index.
-type List<'a> = BTreeMap<u8, &'a Entry<'a>>;
+type List<'a> = BTreeMap<u8, &'a IniEntry<'a>>;
 
-impl<'a> Context<'a, '_> {
+impl<'a> ObjectFile<'a, '_> {
     /// Entries of an index in order of their sub-indices.
-    pub(super) fn object(&mut self, index: u16, sections: &Sections) -> Vec<DeviceObject> {
+    pub(super) fn parse_object(&mut self, index: u16, sections: &IndexSections) -> Vec<DeviceObject> {
         let main = sections.main.and_then(|at| self.ini.sections.get(at));
         let Some(main) = main else {
-            return self.orphans(index, sections);
+            return self.parse_orphans(index, sections);
         };
         let object_type = self.object_type(main);
         if object_type == ObjectType::Type || object_type == ObjectType::Null {
             return Vec::new();
         }
-        let entries = self.common(main, object_type);
-        let compact = self.compact(main);
+        let entries = self.common_properties(main, object_type);
+        let compact = self.compact_count(main);
         if compact == 0 {
             self.lists_without_use(index, sections);
         }
         if sections.subs.is_empty() && compact == 0 {
             if !object_type.has_entries() {
-                return vec![self.entry(ObjectAddress::new(index, 0), main, &entries, object_type)];
+                return vec![self.parse_entry(ObjectAddress::new(index, 0), main, &entries, object_type)];
             }
             let reason = format!(
                 "[{}] skipped: its ObjectType requires entries, but no section defines one",
                 main.name
             );
-            self.problems.add(main.line, reason);
+            self.problems.add_problem(main.line, reason);
             return Vec::new();
         }
         if !object_type.has_entries() {
@@ -68,9 +68,9 @@ impl<'a> Context<'a, '_> {
                 "[{}] has the ObjectType of a variable, but has entries; treated as a record",
                 main.name
             );
-            self.problems.add(main.line, reason);
+            self.problems.add_problem(main.line, reason);
         }
-        let mut found = self.subs(index, sections, &entries);
+        let mut found = self.parse_subs(index, sections, &entries);
         self.check_count(main, compact, &found);
         if compact > 0 {
             for entry in self.compact_entries(index, sections, main, compact, &entries) {
@@ -81,50 +81,57 @@ impl<'a> Context<'a, '_> {
     }
 
     /// Properties that the entries of an object inherit.
-    fn common(&mut self, main: &Section<'a>, object_type: ObjectType) -> Entries {
+    fn common_properties(&mut self, main: &IniSection<'a>, object_type: ObjectType) -> CommonProperties {
         let written = main.value("datatype").filter(|_| object_type == ObjectType::Array);
-        Entries {
-            object_name: self.name(main, "parametername").unwrap_or_default(),
-            data_type: written.and_then(|text| data_type(integer(uncommented(text))?.value)),
+        CommonProperties {
+            object_name: self.parse_name(main, "parametername").unwrap_or_default(),
+            data_type: written.and_then(|text| data_type(parse_integer(strip_comment(text))?.value)),
         }
     }
 
     /// Entries of an index without a main section.
-    fn orphans(&mut self, index: u16, sections: &Sections) -> Vec<DeviceObject> {
+    fn parse_orphans(&mut self, index: u16, sections: &IndexSections) -> Vec<DeviceObject> {
         if let Some(section) = sections.subs.values().next().and_then(|at| self.ini.sections.get(*at)) {
-            self.problems.add(section.line, format!("[{}] without a section [{index:04X}]", section.name));
+            self.problems
+                .add_problem(section.line, format!("[{}] without a section [{index:04X}]", section.name));
         }
         self.lists_without_use(index, sections);
-        self.subs(index, sections, &Entries::default()).into_values().collect()
+        self.parse_subs(index, sections, &CommonProperties::default()).into_values().collect()
     }
 
     /// Reports `[1003Name]` and similar sections of an object without `CompactSubObj`.
-    fn lists_without_use(&mut self, index: u16, sections: &Sections) {
+    fn lists_without_use(&mut self, index: u16, sections: &IndexSections) {
         for at in [sections.names, sections.values, sections.denotations].into_iter().flatten() {
             if let Some(section) = self.ini.sections.get(at) {
                 let reason = format!("[{}] skipped: [{index:04X}] has no CompactSubObj", section.name);
-                self.problems.add(section.line, reason);
+                self.problems.add_problem(section.line, reason);
             }
         }
     }
 
-    fn subs(&mut self, index: u16, sections: &Sections, entries: &Entries) -> BTreeMap<u8, DeviceObject> {
+    fn parse_subs(
+        &mut self,
+        index: u16,
+        sections: &IndexSections,
+        entries: &CommonProperties,
+    ) -> BTreeMap<u8, DeviceObject> {
         let mut found = BTreeMap::new();
         for (sub, at) in &sections.subs {
             let Some(section) = self.ini.sections.get(*at) else { continue };
-            let mut entry = self.entry(ObjectAddress::new(index, *sub), section, entries, ObjectType::Var);
-            entry.entry_name = self.name(section, "parametername");
+            let mut entry =
+                self.parse_entry(ObjectAddress::new(index, *sub), section, entries, ObjectType::Var);
+            entry.entry_name = self.parse_name(section, "parametername");
             found.insert(*sub, entry);
         }
         found
     }
 
     /// Entry from one section.
-    fn entry(
+    fn parse_entry(
         &mut self,
         address: ObjectAddress,
-        section: &Section<'a>,
-        entries: &Entries,
+        section: &IniSection<'a>,
+        entries: &CommonProperties,
         object_type: ObjectType,
     ) -> DeviceObject {
         let fallback = match object_type {
@@ -136,14 +143,14 @@ impl<'a> Context<'a, '_> {
             address,
             object_name: entries.object_name.clone(),
             entry_name: None,
-            denotation: section.value("denotation").and_then(|_| self.name(section, "denotation")),
+            denotation: section.value("denotation").and_then(|_| self.parse_name(section, "denotation")),
             data_type,
-            access: self.access(section),
-            default: self.given(section, "defaultvalue", data_type, EntryValue::read),
-            low: self.given(section, "lowlimit", data_type, EntryValue::read_limit),
-            high: self.given(section, "highlimit", data_type, EntryValue::read_limit),
-            value: self.given(section, "parametervalue", data_type, EntryValue::read),
-            mappable: self.number(section, "pdomapping").map(|number| number != 0),
+            access: self.parse_access(section),
+            default: self.parse_given(section, "defaultvalue", data_type, EntryValue::parse_value),
+            low: self.parse_given(section, "lowlimit", data_type, EntryValue::read_limit),
+            high: self.parse_given(section, "highlimit", data_type, EntryValue::read_limit),
+            value: self.parse_given(section, "parametervalue", data_type, EntryValue::parse_value),
+            mappable: self.parse_number(section, "pdomapping").map(|number| number != 0),
             line: section.line,
         }
     }
@@ -153,26 +160,28 @@ impl<'a> Context<'a, '_> {
     fn compact_entries(
         &mut self,
         index: u16,
-        sections: &Sections,
-        main: &Section<'a>,
+        sections: &IndexSections,
+        main: &IniSection<'a>,
         last: u8,
-        entries: &Entries,
+        entries: &CommonProperties,
     ) -> Vec<DeviceObject> {
-        let mut model = self.entry(ObjectAddress::new(index, 1), main, entries, ObjectType::Var);
+        let mut model = self.parse_entry(ObjectAddress::new(index, 1), main, entries, ObjectType::Var);
         model.value = None;
-        let names = self.list(sections.names, last);
-        let denotations = self.list(sections.denotations, last);
-        let values = self.list(sections.values, last);
+        let names = self.parse_list(sections.names, last);
+        let denotations = self.parse_list(sections.denotations, last);
+        let values = self.parse_list(sections.values, last);
         let mut found = vec![number_of_entries(&model, last)];
         for sub in 1..=last {
             let mut entry = model.clone();
             entry.address.sub = sub;
-            let name = names.get(&sub).and_then(|name| self.text(name));
+            let name = names.get(&sub).and_then(|name| self.parse_text(name));
             entry.entry_name = Some(name.unwrap_or_else(|| format!("{}{sub}", model.object_name)));
-            entry.denotation = denotations.get(&sub).and_then(|name| self.text(name));
+            entry.denotation = denotations.get(&sub).and_then(|name| self.parse_text(name));
             if let Some(value) = values.get(&sub) {
-                entry.value =
-                    self.reading(value, EntryValue::read(uncommented_text(value.value), model.data_type));
+                entry.value = self.take_reading(
+                    value,
+                    EntryValue::parse_value(uncommented_text(value.value), model.data_type),
+                );
             }
             found.push(entry);
         }
@@ -180,24 +189,24 @@ impl<'a> Context<'a, '_> {
     }
 
     /// Keywords of `[1003Name]` or a similar section, up to sub-index `last`.
-    fn list(&mut self, at: Option<usize>, last: u8) -> List<'a> {
+    fn parse_list(&mut self, at: Option<usize>, last: u8) -> List<'a> {
         let mut found = List::new();
         let Some(section) = at.and_then(|at| self.ini.sections.get(at)) else { return found };
-        for (number, entry) in section.numbered() {
+        for (number, entry) in section.numbered_entries() {
             match u8::try_from(number) {
                 Ok(sub) if (1..=last).contains(&sub) => _ = found.insert(sub, entry),
                 _ => self
                     .problems
-                    .add(entry.line, format!("sub-index {number} skipped: CompactSubObj is {last}")),
+                    .add_problem(entry.line, format!("sub-index {number} skipped: CompactSubObj is {last}")),
             }
         }
         found
     }
 
     /// Compares `SubNumber` with the number of sub-indices (CiA 306-1 §4.6.3).
-    fn check_count(&mut self, main: &Section<'a>, compact: u8, found: &BTreeMap<u8, DeviceObject>) {
+    fn check_count(&mut self, main: &IniSection<'a>, compact: u8, found: &BTreeMap<u8, DeviceObject>) {
         let Some(entry) = main.entry("subnumber").filter(|_| compact == 0) else { return };
-        let announced = self.number(main, "subnumber");
+        let announced = self.parse_number(main, "subnumber");
         if announced.is_some_and(|announced| i128::try_from(found.len()) != Ok(announced)) {
             let reason = format!(
                 "SubNumber {} in [{}], but {} sub-index sections",
@@ -205,43 +214,45 @@ impl<'a> Context<'a, '_> {
                 main.name,
                 found.len()
             );
-            self.problems.add(entry.line, reason);
+            self.problems.add_problem(entry.line, reason);
         }
     }
 
     /// Object type; 7 (VAR) if `ObjectType` is missing (CiA 306-1 §4.6.3.2).
-    fn object_type(&mut self, section: &Section<'a>) -> ObjectType {
-        let Some(code) = self.number(section, "objecttype") else { return ObjectType::Var };
-        ObjectType::of(code).unwrap_or_else(|| {
+    fn object_type(&mut self, section: &IniSection<'a>) -> ObjectType {
+        let Some(code) = self.parse_number(section, "objecttype") else { return ObjectType::Var };
+        ObjectType::from_code(code).unwrap_or_else(|| {
             let line = section.entry("objecttype").map_or(section.line, |entry| entry.line);
-            self.problems
-                .add(line, format!("ObjectType {code} is undefined in CiA 301; treated as a variable"));
+            self.problems.add_problem(
+                line,
+                format!("ObjectType {code} is undefined in CiA 301; treated as a variable"),
+            );
             ObjectType::Var
         })
     }
 
     /// `CompactSubObj`: the last sub-index. 255 is reserved for the structure of the object.
-    fn compact(&mut self, section: &Section<'a>) -> u8 {
-        let Some(number) = self.number(section, "compactsubobj") else { return 0 };
+    fn compact_count(&mut self, section: &IniSection<'a>) -> u8 {
+        let Some(number) = self.parse_number(section, "compactsubobj") else { return 0 };
         u8::try_from(number).ok().filter(|last| *last < u8::MAX).unwrap_or_else(|| {
             let line = section.entry("compactsubobj").map_or(section.line, |entry| entry.line);
-            self.problems.add(line, format!("CompactSubObj {number}: expected 0 to 254"));
+            self.problems.add_problem(line, format!("CompactSubObj {number}: expected 0 to 254"));
             0
         })
     }
 
-    fn data_type(&mut self, section: &Section<'a>, fallback: Option<DataType>) -> Option<DataType> {
+    fn data_type(&mut self, section: &IniSection<'a>, fallback: Option<DataType>) -> Option<DataType> {
         if section.value("datatype").is_none() {
             if fallback.is_none() {
-                self.problems.add(section.line, format!("[{}] without DataType", section.name));
+                self.problems.add_problem(section.line, format!("[{}] without DataType", section.name));
             }
             return fallback;
         }
-        let code = self.number(section, "datatype")?;
+        let code = self.parse_number(section, "datatype")?;
         let found = data_type(code).or_else(|| self.defined_type(code));
         if found.is_none() {
             let line = section.entry("datatype").map_or(section.line, |entry| entry.line);
-            self.problems.add(line, format!("DataType {code:#X} is undefined in CiA 301"));
+            self.problems.add_problem(line, format!("DataType {code:#X} is undefined in CiA 301"));
         }
         found
     }
@@ -251,77 +262,80 @@ impl<'a> Context<'a, '_> {
     fn defined_type(&self, code: i128) -> Option<DataType> {
         let section = self
             .ini
-            .section(&format!("{code:x}sub1"))
-            .or_else(|| self.ini.section(&format!("{code:04x}sub1")))?;
-        data_type(integer(uncommented(section.value("defaultvalue")?))?.value)
+            .parse_section(&format!("{code:x}sub1"))
+            .or_else(|| self.ini.parse_section(&format!("{code:04x}sub1")))?;
+        data_type(parse_integer(strip_comment(section.value("defaultvalue")?))?.value)
     }
 
-    fn access(&mut self, section: &Section<'a>) -> Option<Access> {
-        let Some(entry) = section.entry("accesstype").filter(|entry| !uncommented(entry.value).is_empty())
+    fn parse_access(&mut self, section: &IniSection<'a>) -> Option<EntryAccess> {
+        let Some(entry) = section.entry("accesstype").filter(|entry| !strip_comment(entry.value).is_empty())
         else {
-            self.problems.add(section.line, format!("[{}] without AccessType", section.name));
+            self.problems.add_problem(section.line, format!("[{}] without AccessType", section.name));
             return None;
         };
-        let word = uncommented(entry.value);
-        let access = Access::of(word);
+        let word = strip_comment(entry.value);
+        let access = EntryAccess::from_keyword(word);
         if access.is_none() {
-            self.problems.add(
+            self.problems.add_problem(
                 entry.line,
-                format!("AccessType {}: expected ro, wo, rw, rwr, rww or const", quote(word)),
+                format!("AccessType {}: expected ro, wo, rw, rwr, rww or const", quote_start(word)),
             );
         }
         access
     }
 
-    fn name(&mut self, section: &Section<'a>, key: &str) -> Option<String> {
-        let name = section.entry(key).and_then(|entry| self.text(entry));
+    fn parse_name(&mut self, section: &IniSection<'a>, key: &str) -> Option<String> {
+        let name = section.entry(key).and_then(|entry| self.parse_text(entry));
         if name.is_none() {
-            self.problems.add(section.line, format!("[{}] without ParameterName", section.name));
+            self.problems.add_problem(section.line, format!("[{}] without ParameterName", section.name));
         }
         name
     }
 
     /// Text of a keyword; `None` if empty.
-    pub(super) fn text(&mut self, entry: &Entry<'_>) -> Option<String> {
+    pub(super) fn parse_text(&mut self, entry: &IniEntry<'_>) -> Option<String> {
         let text = uncommented_text(entry.value);
         let shown = text.char_indices().nth(LONGEST_VALUE).map_or(text, |(at, _)| text.split_at(at).0);
         if shown.len() < text.len() {
-            self.problems
-                .add(entry.line, format!("{}: cut off after {LONGEST_VALUE} characters", quote(text)));
+            self.problems.add_problem(
+                entry.line,
+                format!("{}: cut off after {LONGEST_VALUE} characters", quote_start(text)),
+            );
         }
         (!shown.is_empty()).then(|| shown.to_owned())
     }
 
     /// Number of a keyword; `None` if missing, empty or invalid.
-    pub(super) fn number(&mut self, section: &Section<'a>, key: &str) -> Option<i128> {
+    pub(super) fn parse_number(&mut self, section: &IniSection<'a>, key: &str) -> Option<i128> {
         let entry = section.entry(key)?;
-        let text = uncommented(entry.value);
-        let found = integer(text);
+        let text = strip_comment(entry.value);
+        let found = parse_integer(text);
         let complaint = match found {
             None if text.is_empty() => return None,
             None => Some("expected a number"),
             Some(found) => found.doubt,
         };
         if let Some(complaint) = complaint {
-            self.problems.add(entry.line, format!("{} {}: {complaint}", entry.name, quote(text)));
+            self.problems
+                .add_problem(entry.line, format!("{} {}: {complaint}", entry.name, quote_start(text)));
         }
         found.map(|found| found.value)
     }
 
-    fn given(
+    fn parse_given(
         &mut self,
-        section: &Section<'a>,
+        section: &IniSection<'a>,
         key: &str,
         data_type: Option<DataType>,
         read: fn(&str, Option<DataType>) -> Reading,
     ) -> Option<EntryValue> {
         let entry = section.entry(key)?;
-        self.reading(entry, read(uncommented_text(entry.value), data_type))
+        self.take_reading(entry, read(uncommented_text(entry.value), data_type))
     }
 
-    fn reading(&mut self, entry: &Entry<'_>, (given, complaint): Reading) -> Option<EntryValue> {
+    fn take_reading(&mut self, entry: &IniEntry<'_>, (given, complaint): Reading) -> Option<EntryValue> {
         if let Some(complaint) = complaint {
-            self.problems.add(entry.line, format!("{} {complaint}", entry.name));
+            self.problems.add_problem(entry.line, format!("{} {complaint}", entry.name));
         }
         given
     }
@@ -329,7 +343,7 @@ impl<'a> Context<'a, '_> {
 
 /// Properties common to the entries of an object.
 #[derive(Debug, Default)]
-struct Entries {
+struct CommonProperties {
     object_name: String,
     data_type: Option<DataType>,
 }
@@ -342,7 +356,7 @@ fn number_of_entries(model: &DeviceObject, last: u8) -> DeviceObject {
         entry_name: Some("NrOfObjects".to_owned()),
         denotation: None,
         data_type: Some(DataType::Unsigned8),
-        access: Some(Access::Ro),
+        access: Some(EntryAccess::Ro),
         default: Some(EntryValue::Number(i128::from(last))),
         low: None,
         high: None,
@@ -354,12 +368,12 @@ fn number_of_entries(model: &DeviceObject, last: u8) -> DeviceObject {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{DeviceFile, parse};
+    use super::super::{DeviceFile, parse_device_file};
     use super::*;
 
     fn read(text: &str) -> (DeviceFile, Vec<String>) {
         let text = format!("[DeviceInfo]\n[MandatoryObjects]\n1=0x2000\n{text}");
-        let file = parse(text.as_bytes()).unwrap();
+        let file = parse_device_file(text.as_bytes()).unwrap();
         let problems = file.problems.iter().map(ToString::to_string).collect();
         (file, problems)
     }
@@ -368,7 +382,7 @@ mod tests {
     fn a_variable_without_object_type() {
         let (file, problems) = read("[2000]\nParameterName=Speed\nDataType=3\nAccessType=rw\nPDOMapping=1");
         let [entry] = &file.objects[..] else { panic!("{file:?}") };
-        assert_eq!((entry.data_type, entry.access), (Some(DataType::Integer16), Some(Access::Rw)));
+        assert_eq!((entry.data_type, entry.access), (Some(DataType::Integer16), Some(EntryAccess::Rw)));
         assert_eq!((entry.mappable, entry.default.as_ref(), entry.line), (Some(true), None, 4));
         assert!(problems.is_empty(), "{problems:?}");
     }

@@ -25,7 +25,7 @@ pub(super) enum SectionName {
 
 impl SectionName {
     /// Parses a name in lower case without spaces.
-    pub(super) fn of(key: &str) -> Self {
+    pub(super) fn parse_name(key: &str) -> Self {
         match key
             .strip_prefix('m')
             .map(|rest| (rest, rest.trim_start_matches(|digit: char| digit.is_ascii_digit())))
@@ -100,7 +100,7 @@ mod tests {
             ("10030", SectionName::Strange),
             ("1003süb", SectionName::Strange),
         ] {
-            assert_eq!(SectionName::of(key), expected, "{key}");
+            assert_eq!(SectionName::parse_name(key), expected, "{key}");
         }
     }
 }

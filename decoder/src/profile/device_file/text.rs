@@ -9,11 +9,11 @@ const WINDOWS_1252: [char; 32] = [
 ];
 
 /// Text encoded as indicated by its byte order mark, otherwise UTF-8 if valid, otherwise Windows-1252.
-pub(in crate::profile) fn decode(bytes: &[u8]) -> Cow<'_, str> {
+pub(in crate::profile) fn decode_text(bytes: &[u8]) -> Cow<'_, str> {
     match bytes {
         [0xEF, 0xBB, 0xBF, rest @ ..] => utf8_or_windows(rest),
-        [0xFF, 0xFE, rest @ ..] => Cow::Owned(utf16(rest, u16::from_le_bytes)),
-        [0xFE, 0xFF, rest @ ..] => Cow::Owned(utf16(rest, u16::from_be_bytes)),
+        [0xFF, 0xFE, rest @ ..] => Cow::Owned(decode_utf16(rest, u16::from_le_bytes)),
+        [0xFE, 0xFF, rest @ ..] => Cow::Owned(decode_utf16(rest, u16::from_be_bytes)),
         _ => utf8_or_windows(bytes),
     }
 }
@@ -30,7 +30,7 @@ fn windows_1252(byte: u8) -> char {
     upper.copied().unwrap_or(char::from(byte))
 }
 
-fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {
+fn decode_utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {
     let units = bytes.as_chunks().0.iter().map(|pair| unit(*pair));
     char::decode_utf16(units).map(|character| character.unwrap_or(char::REPLACEMENT_CHARACTER)).collect()
 }
@@ -41,10 +41,10 @@ mod tests {
 
     #[test]
     fn encodings_by_mark_then_by_content() {
-        assert_eq!(decode(b"\xEF\xBB\xBF[1000]"), "[1000]");
-        assert_eq!(decode("Größe".as_bytes()), "Größe");
-        assert_eq!(decode(b"Gr\xF6\xDFe \x80 \x94\x81"), "Größe € ”\u{81}");
-        assert_eq!(decode(b"\xFF\xFE[\0]\0"), "[]");
-        assert_eq!(decode(b"\xFE\xFF\0[\0]\xD8"), "[]");
+        assert_eq!(decode_text(b"\xEF\xBB\xBF[1000]"), "[1000]");
+        assert_eq!(decode_text("Größe".as_bytes()), "Größe");
+        assert_eq!(decode_text(b"Gr\xF6\xDFe \x80 \x94\x81"), "Größe € ”\u{81}");
+        assert_eq!(decode_text(b"\xFF\xFE[\0]\0"), "[]");
+        assert_eq!(decode_text(b"\xFE\xFF\0[\0]\xD8"), "[]");
     }
 }

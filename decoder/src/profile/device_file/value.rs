@@ -1,9 +1,9 @@
 //! Parses values in device files by the data type of their entry.
 
 use super::LONGEST_VALUE;
-use super::number::{formula, integer};
+use super::number::{parse_formula, parse_integer};
 use crate::profile::DataType;
-use crate::profile::quoted::quote;
+use crate::profile::quoted::quote_start;
 
 /// Value in a device file.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,12 +30,12 @@ pub(super) type Reading = (Option<EntryValue>, Option<String>);
 impl EntryValue {
     /// Value for a node; replaces a formula by its number.
     #[must_use]
-    pub fn resolve(&self, node_id: u8) -> Self {
-        self.number(node_id).map_or_else(|| self.clone(), Self::Number)
+    pub fn resolve_formula(&self, node_id: u8) -> Self {
+        self.number_for(node_id).map_or_else(|| self.clone(), Self::Number)
     }
 
     /// Number for a node; `None` for other kinds of values.
-    pub fn number(&self, node_id: u8) -> Option<i128> {
+    pub fn number_for(&self, node_id: u8) -> Option<i128> {
         match self {
             Self::Number(number) => Some(*number),
             Self::Formula { offset } => Some(i128::from(*offset) + i128::from(node_id)),
@@ -44,7 +44,7 @@ impl EntryValue {
     }
 
     /// Parses `text`. Empty text is valid: CiA 306-1 permits a keyword without a value.
-    pub(super) fn read(text: &str, data_type: Option<DataType>) -> Reading {
+    pub(super) fn parse_value(text: &str, data_type: Option<DataType>) -> Reading {
         if text.len() > LONGEST_VALUE {
             return (None, Some(format!("{} bytes (max {LONGEST_VALUE}); ignored", text.len())));
         }
@@ -53,27 +53,29 @@ impl EntryValue {
                 let text = text.trim();
                 ((!text.is_empty()).then(|| Self::Text(text.to_owned())), None)
             }
-            Some(DataType::OctetString | DataType::Domain) => octets(text.trim()),
-            Some(DataType::Real32 | DataType::Real64) => real(uncommented(text)),
-            Some(data_type) => number(uncommented(text), data_type),
-            None => untyped(text),
+            Some(DataType::OctetString | DataType::Domain) => parse_octets(text.trim()),
+            Some(DataType::Real32 | DataType::Real64) => parse_real(strip_comment(text)),
+            Some(data_type) => parse_number(strip_comment(text), data_type),
+            None => parse_untyped(text),
         }
     }
 
     /// Parses a limit: a number even for string types, because some editors write limits for them.
     pub(super) fn read_limit(text: &str, data_type: Option<DataType>) -> Reading {
         match data_type {
-            Some(data_type) if data_type.bits().is_none() => match Self::read(text, None) {
-                (Some(Self::Text(text)), _) => (None, Some(format!("{}: expected a number", quote(&text)))),
+            Some(data_type) if data_type.bits().is_none() => match Self::parse_value(text, None) {
+                (Some(Self::Text(text)), _) => {
+                    (None, Some(format!("{}: expected a number", quote_start(&text))))
+                }
                 reading => reading,
             },
-            _ => Self::read(text, data_type),
+            _ => Self::parse_value(text, data_type),
         }
     }
 }
 
 /// Number, keyword or type name without the comment after it; none of these contains `#` or `;`.
-pub(super) fn uncommented(text: &str) -> &str {
+pub(super) fn strip_comment(text: &str) -> &str {
     text.split(['#', ';']).next().unwrap_or_default().trim()
 }
 
@@ -88,14 +90,14 @@ pub(super) fn uncommented_text(text: &str) -> &str {
     comment.unwrap_or(text).trim_end()
 }
 
-fn number(text: &str, data_type: DataType) -> Reading {
+fn parse_number(text: &str, data_type: DataType) -> Reading {
     if text.is_empty() {
         return (None, None);
     }
     if text.contains('$') {
-        return match formula(text) {
+        return match parse_formula(text) {
             Some(offset) => (Some(EntryValue::Formula { offset }), None),
-            None => (None, Some(format!("{}: expected $NODEID plus a number", quote(text)))),
+            None => (None, Some(format!("{}: expected $NODEID plus a number", quote_start(text)))),
         };
     }
     if data_type == DataType::Boolean
@@ -103,8 +105,8 @@ fn number(text: &str, data_type: DataType) -> Reading {
     {
         return (Some(EntryValue::Number(i128::from(text.eq_ignore_ascii_case("true")))), None);
     }
-    let Some(found) = integer(text) else {
-        return (None, Some(format!("{}: expected a number for {}", quote(text), data_type.name())));
+    let Some(found) = parse_integer(text) else {
+        return (None, Some(format!("{}: expected a number for {}", quote_start(text), data_type.name())));
     };
     let bits = data_type.bits().map_or(64, u32::from).clamp(1, 64);
     let modulus = 1_i128 << bits;
@@ -116,31 +118,31 @@ fn number(text: &str, data_type: DataType) -> Reading {
         value => value,
     };
     let complaint = if (least..limit).contains(&value) {
-        found.doubt.map(|doubt| format!("{}: {doubt}", quote(text)))
+        found.doubt.map(|doubt| format!("{}: {doubt}", quote_start(text)))
     } else {
-        Some(format!("{} does not fit {}", quote(text), data_type.name()))
+        Some(format!("{} does not fit {}", quote_start(text), data_type.name()))
     };
     (Some(EntryValue::Number(value)), complaint)
 }
 
-fn real(text: &str) -> Reading {
+fn parse_real(text: &str) -> Reading {
     if text.is_empty() {
         return (None, None);
     }
     // Some editors write the zero of every type in hexadecimal. Any other hexadecimal number is ambiguous: a
     // value or its bits.
-    let value = match integer(text) {
+    let value = match parse_integer(text) {
         Some(found) if found.is_hex => (found.value == 0).then_some(0.0),
         _ => text.parse().ok().filter(|value: &f64| value.is_finite()),
     };
     match value {
         Some(value) => (Some(EntryValue::Real(value)), None),
-        None => (None, Some(format!("{}: expected a decimal fraction", quote(text)))),
+        None => (None, Some(format!("{}: expected a decimal fraction", quote_start(text)))),
     }
 }
 
 /// Parses hexadecimal digits, with or without spaces; other characters make it text.
-fn octets(text: &str) -> Reading {
+fn parse_octets(text: &str) -> Reading {
     let digits: Vec<_> = text.chars().filter(|digit| !digit.is_whitespace()).collect();
     if digits.is_empty() {
         return (None, None);
@@ -153,22 +155,23 @@ fn octets(text: &str) -> Reading {
     match pairs.iter().map(octet).collect() {
         Some(bytes) if rest.is_empty() => (Some(EntryValue::Bytes(bytes)), None),
         _ => {
-            let complaint = format!("{}: read as text, expected pairs of hexadecimal digits", quote(text));
+            let complaint =
+                format!("{}: read as text, expected pairs of hexadecimal digits", quote_start(text));
             (Some(EntryValue::Text(text.to_owned())), Some(complaint))
         }
     }
 }
 
 /// Parses a value without a data type by its form.
-fn untyped(text: &str) -> Reading {
-    let word = uncommented(text);
-    if let Some(offset) = formula(word) {
+fn parse_untyped(text: &str) -> Reading {
+    let word = strip_comment(text);
+    if let Some(offset) = parse_formula(word) {
         return (Some(EntryValue::Formula { offset }), None);
     }
-    if let Some(found) = integer(word) {
+    if let Some(found) = parse_integer(word) {
         return (
             Some(EntryValue::Number(found.value)),
-            found.doubt.map(|doubt| format!("{}: {doubt}", quote(word))),
+            found.doubt.map(|doubt| format!("{}: {doubt}", quote_start(word))),
         );
     }
     let text = text.trim();
@@ -180,13 +183,13 @@ mod tests {
     use super::*;
 
     fn given(text: &str, data_type: DataType) -> Option<EntryValue> {
-        let (given, complaint) = EntryValue::read(text, Some(data_type));
+        let (given, complaint) = EntryValue::parse_value(text, Some(data_type));
         assert_eq!(complaint, None, "{text}");
         given
     }
 
     fn complaint(text: &str, data_type: DataType) -> (Option<EntryValue>, String) {
-        let (given, complaint) = EntryValue::read(text, Some(data_type));
+        let (given, complaint) = EntryValue::parse_value(text, Some(data_type));
         (given, complaint.unwrap())
     }
 
@@ -208,7 +211,7 @@ mod tests {
     fn comments_behind_text_begin_with_white_space_and_a_semicolon() {
         assert_eq!(uncommented_text(" No #1; really ; a comment"), "No #1; really");
         assert_eq!(uncommented_text("; all of it"), "");
-        assert_eq!(uncommented("rw # rw;"), "rw");
+        assert_eq!(strip_comment("rw # rw;"), "rw");
     }
 
     #[test]
@@ -249,14 +252,14 @@ mod tests {
             (Some(EntryValue::Number(0)), None)
         );
         assert!(EntryValue::read_limit("many", Some(DataType::Domain)).1.is_some());
-        assert_eq!(EntryValue::read("$NODEID", None).0, Some(EntryValue::Formula { offset: 0 }));
-        assert_eq!(EntryValue::read("No", None).0, Some(EntryValue::Text("No".into())));
+        assert_eq!(EntryValue::parse_value("$NODEID", None).0, Some(EntryValue::Formula { offset: 0 }));
+        assert_eq!(EntryValue::parse_value("No", None).0, Some(EntryValue::Text("No".into())));
     }
 
     #[test]
     fn formulas_are_numbers_of_a_node() {
         let formula = EntryValue::Formula { offset: 0x180 };
-        assert_eq!(formula.resolve(5), EntryValue::Number(0x185));
-        assert_eq!(EntryValue::Real(1.5).resolve(5), EntryValue::Real(1.5));
+        assert_eq!(formula.resolve_formula(5), EntryValue::Number(0x185));
+        assert_eq!(EntryValue::Real(1.5).resolve_formula(5), EntryValue::Real(1.5));
     }
 }

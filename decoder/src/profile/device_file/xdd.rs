@@ -5,30 +5,30 @@
 //! are combined.
 
 use super::code::element_type;
-use super::problem::Problems;
-use super::xdd_object::{self, Described, Descriptions, RawObject};
-use super::xml::{Element, Token, Xml};
-use super::{DeviceDescriptionError, DeviceFile, Kind, LONGEST_VALUE, MOST_ENTRIES};
-use crate::profile::quoted::quote;
+use super::problem::DescriptionProblems;
+use super::xdd_object::{self, DescribedValue, Descriptions, RawObject};
+use super::xml::{XmlElement, XmlParser, XmlToken};
+use super::{DescriptionKind, DeviceDescriptionError, DeviceFile, LONGEST_VALUE, MOST_ENTRIES};
+use crate::profile::quoted::quote_start;
 
 /// Elements collected so far.
-struct Content {
+struct XddContent {
     file: DeviceFile,
-    problems: Problems,
+    problems: DescriptionProblems,
     objects: Vec<RawObject>,
     descriptions: Descriptions,
     /// Nesting depth.
     depth: usize,
     /// Description in progress: its depth and `uniqueID`.
-    open: Option<(usize, String, Described)>,
+    open: Option<(usize, String, DescribedValue)>,
     /// Identity element in progress, and its line.
-    identity: Option<(Identity, usize)>,
+    identity: Option<(XddIdentity, usize)>,
     /// Text of the identity element so far.
     text: String,
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Identity {
+enum XddIdentity {
     VendorName,
     VendorId,
     ProductName,
@@ -36,10 +36,10 @@ enum Identity {
 }
 
 /// Parses an XDD or XDC.
-pub(super) fn parse(text: &str) -> Result<DeviceFile, DeviceDescriptionError> {
-    let mut content = Content {
-        file: DeviceFile::new(Kind::Xdd),
-        problems: Problems::default(),
+pub(super) fn parse_xdd(text: &str) -> Result<DeviceFile, DeviceDescriptionError> {
+    let mut content = XddContent {
+        file: DeviceFile::new(DescriptionKind::Xdd),
+        problems: DescriptionProblems::default(),
         objects: Vec::new(),
         descriptions: Descriptions::default(),
         depth: 0,
@@ -47,22 +47,22 @@ pub(super) fn parse(text: &str) -> Result<DeviceFile, DeviceDescriptionError> {
         identity: None,
         text: String::new(),
     };
-    let mut xml = Xml::new(text);
+    let mut xml = XmlParser::new(text);
     while let Some(token) = xml.next(&mut content.problems) {
         match token {
-            Token::Open(element) => content.begin(&element),
-            Token::Close => content.end(),
-            Token::Text(text) if content.identity.is_some() => content.text.push_str(&text),
-            Token::Text(_) => {}
+            XmlToken::Open(element) => content.begin_element(&element),
+            XmlToken::Close => content.end_element(),
+            XmlToken::Text(text) if content.identity.is_some() => content.text.push_str(&text),
+            XmlToken::Text(_) => {}
         }
     }
-    let Content { mut file, mut problems, objects, descriptions, .. } = content;
+    let XddContent { mut file, mut problems, objects, descriptions, .. } = content;
     if objects.is_empty() {
         return Err(DeviceDescriptionError::NoObject);
     }
-    file.objects = xdd_object::entries(&objects, &descriptions, &mut problems);
+    file.objects = xdd_object::convert_entries(&objects, &descriptions, &mut problems);
     if file.objects.iter().any(|object| object.value.is_some()) {
-        file.kind = Kind::Xdc;
+        file.kind = DescriptionKind::Xdc;
     }
     file.bit_rates.sort_unstable();
     file.bit_rates.dedup();
@@ -71,52 +71,56 @@ pub(super) fn parse(text: &str) -> Result<DeviceFile, DeviceDescriptionError> {
     Ok(file)
 }
 
-impl Content {
-    fn begin(&mut self, element: &Element<'_>) {
+impl XddContent {
+    fn begin_element(&mut self, element: &XmlElement<'_>) {
         self.depth = self.depth.saturating_add(1);
         if self.open.is_some() {
-            self.describe(element);
+            self.add_description(element);
             return;
         }
         match element.name() {
-            name @ ("CANopenObject" | "CANopenSubObject") => self.object(name == "CANopenSubObject", element),
+            name @ ("CANopenObject" | "CANopenSubObject") => {
+                self.begin_object(name == "CANopenSubObject", element)
+            }
             "parameter" | "parameterTemplate" | "array" | "derived" | "enum" | "varDeclaration" => {
-                let attributes = element.attributes(&mut self.problems);
+                let attributes = element.read_attributes(&mut self.problems);
                 let Some(id) = attributes.get("uniqueID") else { return };
-                let described = Described {
+                let described = DescribedValue {
                     access: attributes.get("access").map(str::to_owned),
                     reference: attributes.get("templateIDRef").map(str::to_owned),
-                    ..Described::default()
+                    ..DescribedValue::default()
                 };
                 self.open = Some((self.depth, id.to_owned(), described));
             }
-            "vendorName" => self.identity = Some((Identity::VendorName, element.line)),
-            "vendorID" => self.identity = Some((Identity::VendorId, element.line)),
-            "productName" => self.identity = Some((Identity::ProductName, element.line)),
-            "productID" => self.identity = Some((Identity::ProductId, element.line)),
+            "vendorName" => self.identity = Some((XddIdentity::VendorName, element.line)),
+            "vendorID" => self.identity = Some((XddIdentity::VendorId, element.line)),
+            "productName" => self.identity = Some((XddIdentity::ProductName, element.line)),
+            "productID" => self.identity = Some((XddIdentity::ProductId, element.line)),
             "supportedBaudRate" => {
-                let attributes = element.attributes(&mut self.problems);
+                let attributes = element.read_attributes(&mut self.problems);
                 self.file.bit_rates.extend(attributes.get("value").and_then(bit_rate));
             }
-            "deviceCommissioning" | "DeviceCommissioning" => self.commissioning(element),
+            "deviceCommissioning" | "DeviceCommissioning" => self.parse_commissioning(element),
             _ => {}
         }
     }
 
-    fn object(&mut self, is_sub: bool, element: &Element<'_>) {
+    fn begin_object(&mut self, is_sub: bool, element: &XmlElement<'_>) {
         let left_out = self.objects.len().checked_sub(MOST_ENTRIES);
         if left_out.is_none() {
-            let attributes = element.attributes(&mut self.problems);
+            let attributes = element.read_attributes(&mut self.problems);
             self.objects.push(RawObject { is_sub, attributes, line: element.line });
             if self.objects.len() == MOST_ENTRIES {
-                self.problems
-                    .add(element.line, format!("objects after this one skipped (max {MOST_ENTRIES})"));
+                self.problems.add_problem(
+                    element.line,
+                    format!("objects after this one skipped (max {MOST_ENTRIES})"),
+                );
             }
         }
     }
 
     /// Adds an element inside a description: data types from direct children, values from any depth.
-    fn describe(&mut self, element: &Element<'_>) {
+    fn add_description(&mut self, element: &XmlElement<'_>) {
         let Some((depth, _, described)) = &mut self.open else { return };
         let is_child = depth.checked_add(1) == Some(self.depth);
         if is_child && let Some(data_type) = element_type(element.name()) {
@@ -132,11 +136,11 @@ impl Content {
             _ => return,
         };
         if place.is_none() {
-            *place = element.attributes(&mut self.problems).get(attribute).map(str::to_owned);
+            *place = element.read_attributes(&mut self.problems).get(attribute).map(str::to_owned);
         }
     }
 
-    fn end(&mut self) {
+    fn end_element(&mut self) {
         if let Some((depth, id, described)) = self.open.take() {
             if depth == self.depth {
                 self.descriptions.entry(id).or_insert(described);
@@ -149,31 +153,33 @@ impl Content {
         let text = text.trim();
         let Some((identity, line)) = self.identity.take().filter(|_| !text.is_empty()) else { return };
         match identity {
-            Identity::VendorName => set_name(&mut self.file.vendor_name, text),
-            Identity::ProductName => set_name(&mut self.file.product_name, text),
-            Identity::VendorId => self.file.vendor_id = self.number(line, "vendorID", text),
-            Identity::ProductId => self.file.product_code = self.number(line, "productID", text),
+            XddIdentity::VendorName => set_name(&mut self.file.vendor_name, text),
+            XddIdentity::ProductName => set_name(&mut self.file.product_name, text),
+            XddIdentity::VendorId => self.file.vendor_id = self.parse_number(line, "vendorID", text),
+            XddIdentity::ProductId => self.file.product_code = self.parse_number(line, "productID", text),
         }
     }
 
     /// Parses `deviceCommissioning` of an XDC.
-    fn commissioning(&mut self, element: &Element<'_>) {
-        self.file.kind = Kind::Xdc;
-        let attributes = element.attributes(&mut self.problems);
+    fn parse_commissioning(&mut self, element: &XmlElement<'_>) {
+        self.file.kind = DescriptionKind::Xdc;
+        let attributes = element.read_attributes(&mut self.problems);
         set_name(&mut self.file.node_name, attributes.get("nodeName").unwrap_or_default());
         self.file.bit_rate = attributes.get("actualBaudRate").and_then(bit_rate);
         let Some(text) = attributes.get("nodeID") else { return };
-        let number = super::number::integer(text).and_then(|found| u8::try_from(found.value).ok());
+        let number = super::number::parse_integer(text).and_then(|found| u8::try_from(found.value).ok());
         self.file.node_id = number.filter(|id| (1..=127).contains(id));
         if self.file.node_id.is_none() {
-            self.problems.add(element.line, format!("nodeID {}: expected 1 to 127", quote(text)));
+            self.problems
+                .add_problem(element.line, format!("nodeID {}: expected 1 to 127", quote_start(text)));
         }
     }
 
-    fn number(&mut self, line: usize, name: &str, text: &str) -> Option<u32> {
-        let number = super::number::integer(text).and_then(|found| u32::try_from(found.value).ok());
+    fn parse_number(&mut self, line: usize, name: &str, text: &str) -> Option<u32> {
+        let number = super::number::parse_integer(text).and_then(|found| u32::try_from(found.value).ok());
         if number.is_none() {
-            self.problems.add(line, format!("{name} {}: expected a 32-bit number", quote(text)));
+            self.problems
+                .add_problem(line, format!("{name} {}: expected a 32-bit number", quote_start(text)));
         }
         number
     }
@@ -204,7 +210,7 @@ mod tests {
 
     #[test]
     fn the_identity_is_text_of_elements() {
-        let file = parse(
+        let file = parse_xdd(
             "<p><q1:vendorName> A &amp; B </q1:vendorName><vendorID>0x1F</vendorID><productName/><productID>x</productID>\
              <supportedBaudRate value='250 Kbps'/><CANopenObject index='2000' dataType='07'/></p>",
         )

@@ -9,14 +9,14 @@ use quick_xml::escape::resolve_xml_entity;
 use quick_xml::events::{BytesRef, BytesStart, Event};
 use quick_xml::reader::Reader;
 
-use super::problem::Problems;
-use crate::profile::quoted::quote;
+use super::problem::DescriptionProblems;
+use crate::profile::quoted::quote_start;
 
 /// Token of an XML document.
 #[derive(Debug)]
-pub(super) enum Token<'a> {
+pub(super) enum XmlToken<'a> {
     /// Start of an element; an empty element is followed by `Close`.
-    Open(Element<'a>),
+    Open(XmlElement<'a>),
     /// End of the innermost open element.
     Close,
     /// Part of the text.
@@ -25,7 +25,7 @@ pub(super) enum Token<'a> {
 
 /// Start tag of an element.
 #[derive(Debug)]
-pub(super) struct Element<'a> {
+pub(super) struct XmlElement<'a> {
     tag: BytesStart<'a>,
     /// Line of the tag, from 1.
     pub(super) line: usize,
@@ -33,17 +33,17 @@ pub(super) struct Element<'a> {
 
 /// Attributes in document order, names without prefix.
 #[derive(Debug, Default)]
-pub(super) struct Attributes(Vec<(String, String)>);
+pub(super) struct XmlAttributes(Vec<(String, String)>);
 
 /// Parser with the current position and line.
-pub(super) struct Xml<'a> {
+pub(super) struct XmlParser<'a> {
     text: &'a str,
     reader: Reader<&'a [u8]>,
     counted: usize,
     line: usize,
 }
 
-impl<'a> Xml<'a> {
+impl<'a> XmlParser<'a> {
     pub(super) fn new(text: &'a str) -> Self {
         let mut reader = Reader::from_str(text);
         let config = reader.config_mut();
@@ -56,29 +56,29 @@ impl<'a> Xml<'a> {
     }
 
     /// Next token; `None` at the end, or at a syntax error, which is reported.
-    pub(super) fn next(&mut self, problems: &mut Problems) -> Option<Token<'a>> {
+    pub(super) fn next(&mut self, problems: &mut DescriptionProblems) -> Option<XmlToken<'a>> {
         loop {
             let start = self.reader.buffer_position();
             match self.reader.read_event() {
                 Ok(Event::Start(tag) | Event::Empty(tag)) => {
                     let line = self.line_at(start);
-                    return Some(Token::Open(Element { tag, line }));
+                    return Some(XmlToken::Open(XmlElement { tag, line }));
                 }
-                Ok(Event::End(_)) => return Some(Token::Close),
-                Ok(Event::Text(text)) => return Some(Token::Text(text.into_inner().into_owned())),
-                Ok(Event::CData(text)) => return Some(Token::Text(text.into_inner().into_owned())),
+                Ok(Event::End(_)) => return Some(XmlToken::Close),
+                Ok(Event::Text(text)) => return Some(XmlToken::Text(text.into_inner().into_owned())),
+                Ok(Event::CData(text)) => return Some(XmlToken::Text(text.into_inner().into_owned())),
                 Ok(Event::GeneralRef(reference)) => {
-                    return Some(Token::Text(self.resolve(&reference, problems)));
+                    return Some(XmlToken::Text(self.resolve_reference(&reference, problems)));
                 }
                 Ok(Event::DocType(_)) => {
                     let line = self.line_at(start);
-                    problems.add(line, "document type ignored: its entities are not resolved");
+                    problems.add_problem(line, "document type ignored: its entities are not resolved");
                 }
                 Ok(Event::Comment(_) | Event::Decl(_) | Event::PI(_)) => {}
                 Ok(Event::Eof) => return None,
                 Err(error) => {
                     let line = self.line_at(self.reader.error_position());
-                    problems.add(line, format!("rest of the file skipped: {error}"));
+                    problems.add_problem(line, format!("rest of the file skipped: {error}"));
                     return None;
                 }
             }
@@ -95,14 +95,17 @@ impl<'a> Xml<'a> {
         self.line
     }
 
-    fn resolve(&mut self, reference: &BytesRef<'_>, problems: &mut Problems) -> String {
+    fn resolve_reference(&mut self, reference: &BytesRef<'_>, problems: &mut DescriptionProblems) -> String {
         if let Ok(Some(character)) = reference.resolve_char_ref() {
             return character.to_string();
         }
         resolve_xml_entity(reference).map_or_else(
             || {
                 let line = self.line_at(self.reader.buffer_position());
-                problems.add(line, format!("{}: unknown XML entity; not resolved", quote(reference)));
+                problems.add_problem(
+                    line,
+                    format!("{}: unknown XML entity; not resolved", quote_start(reference)),
+                );
                 format!("&{};", &**reference)
             },
             str::to_owned,
@@ -110,35 +113,35 @@ impl<'a> Xml<'a> {
     }
 }
 
-impl Element<'_> {
+impl XmlElement<'_> {
     /// Name without namespace prefix.
     pub(super) fn name(&self) -> &str {
         self.tag.local_name().into_inner()
     }
 
     /// All attributes; reports invalid ones.
-    pub(super) fn attributes(&self, problems: &mut Problems) -> Attributes {
+    pub(super) fn read_attributes(&self, problems: &mut DescriptionProblems) -> XmlAttributes {
         let mut found = Vec::new();
         // A check for duplicates would take quadratic time.
         for attribute in self.tag.attributes().with_checks(false) {
             let attribute = match attribute {
                 Ok(attribute) => attribute,
                 Err(error) => {
-                    problems.add(self.line, format!("<{}>: {error}", self.name()));
+                    problems.add_problem(self.line, format!("<{}>: {error}", self.name()));
                     continue;
                 }
             };
             let value = attribute.normalized_value(XmlVersion::Implicit1_0).unwrap_or_else(|error| {
-                problems.add(self.line, format!("{}: {error}", quote(&attribute.value)));
+                problems.add_problem(self.line, format!("{}: {error}", quote_start(&attribute.value)));
                 attribute.value.clone()
             });
             found.push((attribute.key.local_name().into_inner().to_owned(), value.into_owned()));
         }
-        Attributes(found)
+        XmlAttributes(found)
     }
 }
 
-impl Attributes {
+impl XmlAttributes {
     /// Trimmed value of an attribute, with its name in any letter case; `None` if empty.
     pub(super) fn get(&self, name: &str) -> Option<&str> {
         let (_, value) = self.0.iter().find(|(key, _)| key.eq_ignore_ascii_case(name))?;
@@ -153,17 +156,17 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> (String, Vec<String>) {
-        let mut problems = Problems::default();
-        let mut xml = Xml::new(text);
+        let mut problems = DescriptionProblems::default();
+        let mut xml = XmlParser::new(text);
         let mut shown = String::new();
         while let Some(token) = xml.next(&mut problems) {
             match token {
-                Token::Open(element) => {
-                    let value = element.attributes(&mut problems);
+                XmlToken::Open(element) => {
+                    let value = element.read_attributes(&mut problems);
                     write!(shown, "<{}:{} {:?}>", element.name(), element.line, value.get("A")).unwrap();
                 }
-                Token::Close => shown += "</>",
-                Token::Text(text) => shown += &text,
+                XmlToken::Close => shown += "</>",
+                XmlToken::Text(text) => shown += &text,
             }
         }
         (shown, problems.finish().iter().map(ToString::to_string).collect())

@@ -16,39 +16,39 @@ mod text;
 
 use std::sync::Arc;
 
-use self::printable::printable;
-use super::device::{Device, Identity};
-use super::device_file::{DeviceFile, Kind};
+use self::printable::replace_controls;
+use super::device::{DeviceIdentity, DeviceProfile};
+use super::device_file::{DescriptionKind, DeviceFile};
 use super::dictionary::Dictionary;
-use super::layer::Layer;
+use super::layer::DocumentLayer;
 use super::layout::LayoutOrigin;
 use super::standards::plain_device;
 use crate::wire::canopen::ObjectAddress;
 
-pub use super::device::Import;
-pub use text::toml;
+pub use super::device::DescriptionImport;
+pub use text::write_profile;
 
 /// Max length of an id that is derived from names.
 const LONGEST_ID: usize = 60;
 
 /// Device described by a file; `name` is the file name without its folder.
-pub fn device(file: &Arc<DeviceFile>, name: &str) -> Device {
+pub fn describe_device(file: &Arc<DeviceFile>, name: &str) -> DeviceProfile {
     let standard = plain_device();
-    let mut device = Device { file: None, ..(**standard).clone() };
+    let mut device = DeviceProfile { file: None, ..(**standard).clone() };
     device.id = id(file, name);
     device.full_id.clone_from(&device.id);
-    device.title = title(file, name);
-    device.vendor = printable(&file.vendor_name);
-    device.source = printable(name);
-    device.identities = identity(file).into_iter().collect();
-    let objects = objects::objects(file, &standard.dictionary, |_| true).list;
-    device.dictionary.layers.insert(0, Arc::new(Layer::new(objects)));
+    device.title = device_title(file, name);
+    device.vendor = replace_controls(&file.vendor_name);
+    device.source = replace_controls(name);
+    device.identities = device_identity(file).into_iter().collect();
+    let objects = objects::import_objects(file, &standard.dictionary, |_| true).list;
+    device.dictionary.layers.insert(0, Arc::new(DocumentLayer::new(objects)));
     device.deciding = device.deciding_objects();
-    device.file = Some(Import { file: Arc::clone(file), layer: 0 });
+    device.file = Some(DescriptionImport { file: Arc::clone(file), layer: 0 });
     device
 }
 
-impl Device {
+impl DeviceProfile {
     /// Whether only a device file describes the device.
     pub(crate) fn is_file_alone(&self) -> bool {
         self.file.as_ref().is_some_and(|import| import.layer == 0)
@@ -63,17 +63,17 @@ impl Device {
 
     /// Copy of the device in which a device file adds the objects that its profile lacks.
     #[must_use]
-    pub fn filled(&self, file: &Arc<DeviceFile>) -> Self {
+    pub fn fill_from(&self, file: &Arc<DeviceFile>) -> Self {
         let layers = &self.dictionary.layers;
         let standards =
             Dictionary { layers: layers.iter().skip(1).cloned().collect(), ..Dictionary::default() };
         let says = |address| self.dictionary.is_own(address) || self.says_of_pdo(address);
-        let objects = objects::objects(file, &standards, |address| !says(address)).list;
+        let objects = objects::import_objects(file, &standards, |address| !says(address)).list;
         let layer = layers.len().min(1);
         let mut device = self.clone();
-        device.dictionary.layers.insert(layer, Arc::new(Layer::new(objects)));
+        device.dictionary.layers.insert(layer, Arc::new(DocumentLayer::new(objects)));
         device.deciding = device.deciding_objects();
-        device.file = Some(Import { file: Arc::clone(file), layer });
+        device.file = Some(DescriptionImport { file: Arc::clone(file), layer });
         device
     }
 
@@ -86,18 +86,18 @@ impl Device {
     }
 }
 
-impl From<Kind> for LayoutOrigin {
-    fn from(kind: Kind) -> Self {
+impl From<DescriptionKind> for LayoutOrigin {
+    fn from(kind: DescriptionKind) -> Self {
         match kind {
-            Kind::Eds => Self::Eds,
-            Kind::Dcf => Self::Dcf,
-            Kind::Xdd => Self::Xdd,
-            Kind::Xdc => Self::Xdc,
+            DescriptionKind::Eds => Self::Eds,
+            DescriptionKind::Dcf => Self::Dcf,
+            DescriptionKind::Xdd => Self::Xdd,
+            DescriptionKind::Xdc => Self::Xdc,
         }
     }
 }
 
-impl Kind {
+impl DescriptionKind {
     /// Name in output.
     pub const fn name(self) -> &'static str {
         match self {
@@ -111,37 +111,41 @@ impl Kind {
 
 /// Vendor-ID and product code: fewer numbers would match other devices, and the revision differs between
 /// devices of the same type.
-fn identity(file: &DeviceFile) -> Option<Identity> {
+fn device_identity(file: &DeviceFile) -> Option<DeviceIdentity> {
     let (vendor_id, product_code) = (file.vendor_id?, file.product_code?);
-    Some(Identity { vendor_id: Some(vendor_id), product_code: Some(product_code), ..Identity::default() })
+    Some(DeviceIdentity {
+        vendor_id: Some(vendor_id),
+        product_code: Some(product_code),
+        ..DeviceIdentity::default()
+    })
 }
 
 /// `vendor-product` from their names, otherwise derived from the file name.
 fn id(file: &DeviceFile, name: &str) -> String {
-    let (vendor, product) = (kebab(&file.vendor_name), kebab(&file.product_name));
+    let (vendor, product) = (to_kebab_case(&file.vendor_name), to_kebab_case(&file.product_name));
     if vendor.is_empty() || product.is_empty() {
         id_of_name(name)
     } else {
-        kebab(&format!("{vendor}-{product}"))
+        to_kebab_case(&format!("{vendor}-{product}"))
     }
 }
 
 /// Id derived from a file name.
 pub fn id_of_name(name: &str) -> String {
     let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
-    match kebab(stem) {
+    match to_kebab_case(stem) {
         id if id.is_empty() => "device".to_owned(),
         id => id,
     }
 }
 
-fn title(file: &DeviceFile, name: &str) -> String {
+fn device_title(file: &DeviceFile, name: &str) -> String {
     let product = file.product_name.trim();
-    if product.is_empty() { id_of_name(name) } else { printable(product) }
+    if product.is_empty() { id_of_name(name) } else { replace_controls(product) }
 }
 
 /// ASCII letters and digits in lower case; all other characters become hyphens.
-fn kebab(text: &str) -> String {
+fn to_kebab_case(text: &str) -> String {
     let lower = text.to_lowercase();
     let spelled = [('ä', "ae"), ('ö', "oe"), ('ü', "ue"), ('ß', "ss")];
     let lower = spelled.iter().fold(lower, |text, (letter, letters)| text.replace(*letter, letters));
@@ -166,7 +170,8 @@ mod tests {
     fn ids_are_made_of_names() {
         let of = |vendor: &str, product: &str, name: &str| {
             let text = format!("[DeviceInfo]\nVendorName={vendor}\nProductName={product}\n");
-            let device = device(&Arc::new(device_file::parse(text.as_bytes()).unwrap()), name);
+            let device =
+                describe_device(&Arc::new(device_file::parse_device_file(text.as_bytes()).unwrap()), name);
             (device.id, device.title)
         };
         let named = |id: &str, title: &str| (id.to_owned(), title.to_owned());
@@ -181,7 +186,9 @@ mod tests {
     fn only_both_numbers_are_an_identity() {
         let of = |numbers: &str| {
             let text = format!("[DeviceInfo]\n{numbers}\n");
-            device(&Arc::new(device_file::parse(text.as_bytes()).unwrap()), "a.eds").identities.len()
+            describe_device(&Arc::new(device_file::parse_device_file(text.as_bytes()).unwrap()), "a.eds")
+                .identities
+                .len()
         };
         assert_eq!(of("VendorNumber=1\nProductNumber=2"), 1);
         assert_eq!(of("VendorNumber=1\nProductNumber=0"), 0);
@@ -192,13 +199,13 @@ mod tests {
     fn a_profile_says_what_it_says_of_a_pdo() {
         let text = "[1800]\nParameterName=a\nObjectType=9\n[1800sub1]\nParameterName=a\nDataType=7\nAccessType=rw\nDefaultValue=0x3A0\n\
             [1A00]\nParameterName=a\nObjectType=9\n[1A00sub0]\nParameterName=a\nDataType=5\nAccessType=rw\nDefaultValue=1\n";
-        let file = Arc::new(device_file::parse(text.as_bytes()).unwrap());
+        let file = Arc::new(device_file::parse_device_file(text.as_bytes()).unwrap());
         let profile =
             "id = \"x\"\n[[pdo]]\npdo = \"TPDO1\"\nmapping = \"default\"\nfields = [{ bits = 8 }]\n";
         let profile = crate::profile::device::ProfileFile::parse(profile).unwrap();
-        let filled = profile.device(None, &[Arc::clone(plain_device())]).filled(&file);
+        let filled = profile.build_device(None, &[Arc::clone(plain_device())]).fill_from(&file);
         let default = |index, sub| {
-            let found = filled.dictionary.find(ObjectAddress::new(index, sub)).unwrap();
+            let found = filled.dictionary.find_object(ObjectAddress::new(index, sub)).unwrap();
             found.entry.unwrap().default_number(None)
         };
         assert_eq!((default(0x1800, 1), default(0x1A00, 0)), (Some(0x3A0), None));

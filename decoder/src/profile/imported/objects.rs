@@ -1,12 +1,13 @@
 //! Converts entries of a device file to objects of a dictionary.
 
-use super::printable::printable;
+use super::printable::replace_controls;
 use crate::profile::DataType;
-use crate::profile::device_file::{self, DeviceFile, DeviceObject, Problem};
+use crate::profile::device_file::{self, DescriptionProblem, DeviceFile, DeviceObject};
 use crate::profile::dictionary::Dictionary;
-use crate::profile::entry::{Entry, Object};
+use crate::profile::entry::{ObjectEntry, SubEntry};
 use crate::profile::object::{
-    Access, DefaultValue, Effect, Format, Interpretation, ONCE, Storage, VariantFilter,
+    DefaultValue, NumberFormat, ONCE, SdoAccess, ValueInterpretation, ValueStorage, VariantFilter,
+    WriteEffect,
 };
 use crate::wire::canopen::ObjectAddress;
 
@@ -14,24 +15,25 @@ use crate::wire::canopen::ObjectAddress;
 const LAST_NODE: i128 = 127;
 
 /// Converted objects, and problems with omitted parts.
-pub(super) struct Objects {
-    pub(super) list: Vec<Object>,
-    pub(super) problems: Vec<Problem>,
+pub(super) struct ImportedObjects {
+    pub(super) list: Vec<ObjectEntry>,
+    pub(super) problems: Vec<DescriptionProblem>,
 }
 
 /// Converts the entries that are `wanted`. Definitions of the standards take precedence, except for access,
 /// default and limits.
-pub(super) fn objects(
+pub(super) fn import_objects(
     file: &DeviceFile,
     standards: &Dictionary,
     wanted: impl Fn(ObjectAddress) -> bool,
-) -> Objects {
+) -> ImportedObjects {
     let wanted: Vec<&DeviceObject> = file.objects.iter().filter(|object| wanted(object.address)).collect();
-    let mut objects = Objects { list: Vec::new(), problems: Vec::new() };
+    let mut objects = ImportedObjects { list: Vec::new(), problems: Vec::new() };
     for entries in wanted.chunk_by(|first, second| first.address.index == second.address.index) {
         let Some(first) = entries.first() else { continue };
-        let entries: Vec<Entry> = entries.iter().map(|entry| objects.entry(entry, standards)).collect();
-        objects.list.push(Object {
+        let entries: Vec<SubEntry> =
+            entries.iter().map(|entry| objects.import_entry(entry, standards)).collect();
+        objects.list.push(ObjectEntry {
             index: first.address.index,
             repeat: ONCE,
             name: object_name(first, standards),
@@ -46,39 +48,39 @@ pub(super) fn objects(
 }
 
 fn object_name(object: &DeviceObject, standards: &Dictionary) -> String {
-    match standards.find(object.address) {
+    match standards.find_object(object.address) {
         Some(found) => found.object_name(),
         None if object.object_name.is_empty() => format!("Object {:04X}", object.address.index),
-        None => unnumbered(&object.object_name),
+        None => strip_number(&object.object_name),
     }
 }
 
 /// Name without the placeholder of repeat numbers and without terminal control characters.
-fn unnumbered(name: &str) -> String {
-    printable(name).replace("{n}", "(n)")
+fn strip_number(name: &str) -> String {
+    replace_controls(name).replace("{n}", "(n)")
 }
 
-impl Objects {
-    fn entry(&mut self, object: &DeviceObject, standards: &Dictionary) -> Entry {
-        let found = standards.find(object.address);
+impl ImportedObjects {
+    fn import_entry(&mut self, object: &DeviceObject, standards: &Dictionary) -> SubEntry {
+        let found = standards.find_object(object.address);
         let same = found.filter(|found| {
             let known = found.entry.and_then(|entry| entry.data_type);
             known.is_some() && (object.data_type.is_none() || object.data_type == known)
         });
-        let mut entry = same.and_then(|found| found.alone()).unwrap_or_else(|| plain(object));
+        let mut entry = same.and_then(|found| found.lone_entry()).unwrap_or_else(|| plain_entry(object));
         entry.source.clear();
-        entry.access = object.access.map(access).or(entry.access);
-        entry.note = object.denotation.as_deref().map(printable).unwrap_or_default();
+        entry.access = object.access.map(profile_access).or(entry.access);
+        entry.note = object.denotation.as_deref().map(replace_controls).unwrap_or_default();
         let Some(data_type) = entry.data_type else { return entry };
         if let Some(given) = &object.default {
             entry.default = default(given, data_type);
             if entry.default.is_none() {
                 let reason =
                     format!("{}: default is not a valid {}; ignored", object.address, data_type.name());
-                self.problems.push(Problem { line: object.line, reason });
+                self.problems.push(DescriptionProblem { line: object.line, reason });
             }
         }
-        entry.look.range = limits(object, data_type).or(entry.look.range);
+        entry.look.range = narrower_limits(object, data_type).or(entry.look.range);
         if let (Some([least, most]), Some(DefaultValue::Number(default))) = (entry.look.range, &entry.default)
             && !(least..=most).contains(default)
         {
@@ -86,7 +88,7 @@ impl Objects {
                 "{}: default {default} is outside its limits {least} to {most}; limits ignored",
                 object.address
             );
-            self.problems.push(Problem { line: object.line, reason });
+            self.problems.push(DescriptionProblem { line: object.line, reason });
             entry.look.range = None;
         }
         entry
@@ -94,20 +96,20 @@ impl Objects {
 }
 
 /// Entry without a definition in a standard.
-fn plain(object: &DeviceObject) -> Entry {
-    let name = object.entry_name.as_deref().filter(|name| !name.is_empty()).map(unnumbered);
-    Entry {
+fn plain_entry(object: &DeviceObject) -> SubEntry {
+    let name = object.entry_name.as_deref().filter(|name| !name.is_empty()).map(strip_number);
+    SubEntry {
         sub: object.address.sub,
         to: object.address.sub,
         data_type: object.data_type,
         access: None,
-        format: Format::Decimal,
-        look: Interpretation { name, ..Interpretation::default() },
+        format: NumberFormat::Decimal,
+        look: ValueInterpretation { name, ..ValueInterpretation::default() },
         modes: Vec::new(),
         default: None,
-        storage: Storage::Unknown,
+        storage: ValueStorage::Unknown,
         save: None,
-        effect: Effect::Unknown,
+        effect: WriteEffect::Unknown,
         invalidates: Vec::new(),
         channel: None,
         open_loop: Vec::new(),
@@ -119,19 +121,21 @@ fn plain(object: &DeviceObject) -> Entry {
 }
 
 /// Access in a profile; process inputs and outputs are read-write.
-const fn access(access: device_file::Access) -> Access {
+const fn profile_access(access: device_file::EntryAccess) -> SdoAccess {
     match access {
-        device_file::Access::Ro => Access::Ro,
-        device_file::Access::Wo => Access::Wo,
-        device_file::Access::Rw | device_file::Access::Rwr | device_file::Access::Rww => Access::Rw,
-        device_file::Access::Const => Access::Const,
+        device_file::EntryAccess::Ro => SdoAccess::Ro,
+        device_file::EntryAccess::Wo => SdoAccess::Wo,
+        device_file::EntryAccess::Rw | device_file::EntryAccess::Rwr | device_file::EntryAccess::Rww => {
+            SdoAccess::Rw
+        }
+        device_file::EntryAccess::Const => SdoAccess::Const,
     }
 }
 
 /// Default as written in a profile; `None` if it is invalid for its type.
 fn default(given: &device_file::EntryValue, data_type: DataType) -> Option<DefaultValue> {
     let holds =
-        |number: i128| bounds(data_type).is_some_and(|[least, most]| (least..=most).contains(&number));
+        |number: i128| type_bounds(data_type).is_some_and(|[least, most]| (least..=most).contains(&number));
     let is_number = data_type.bits().is_some();
     Some(match given {
         device_file::EntryValue::Number(number) if holds(*number) => match i64::try_from(*number) {
@@ -160,7 +164,7 @@ fn default(given: &device_file::EntryValue, data_type: DataType) -> Option<Defau
 }
 
 /// Range of an integer type; `None` for other types.
-fn bounds(data_type: DataType) -> Option<[i128; 2]> {
+fn type_bounds(data_type: DataType) -> Option<[i128; 2]> {
     let bits = u32::from(data_type.bits()?);
     match data_type {
         DataType::Real32 | DataType::Real64 => None,
@@ -173,8 +177,8 @@ fn bounds(data_type: DataType) -> Option<[i128; 2]> {
 }
 
 /// Limits of an integer, if narrower than its type.
-fn limits(object: &DeviceObject, data_type: DataType) -> Option<[i64; 2]> {
-    let [least, most] = bounds(data_type).filter(|_| data_type.is_integer())?;
+fn narrower_limits(object: &DeviceObject, data_type: DataType) -> Option<[i64; 2]> {
+    let [least, most] = type_bounds(data_type).filter(|_| data_type.is_integer())?;
     let limit = |given: &Option<device_file::EntryValue>, fallback| match given {
         None => Some(fallback),
         Some(device_file::EntryValue::Number(number)) => Some(*number),
@@ -190,9 +194,9 @@ mod tests {
     use super::*;
     use crate::profile::plain_device;
 
-    fn of(text: &str) -> Objects {
-        let file = device_file::parse(text.as_bytes()).unwrap();
-        objects(&file, &plain_device().dictionary, |_| true)
+    fn of(text: &str) -> ImportedObjects {
+        let file = device_file::parse_device_file(text.as_bytes()).unwrap();
+        import_objects(&file, &plain_device().dictionary, |_| true)
     }
 
     #[test]
@@ -203,14 +207,14 @@ mod tests {
         let [inhibit, heartbeat, mapping] = &objects.list[..] else { panic!("{:?}", objects.list) };
         assert_eq!(
             (heartbeat.name.as_str(), heartbeat.entries[0].effect),
-            ("Producer heartbeat time", Effect::AtOnce)
+            ("Producer heartbeat time", WriteEffect::AtOnce)
         );
         assert_eq!(heartbeat.entries[0].default, Some(DefaultValue::Number(500)));
         assert_eq!((mapping.name.as_str(), mapping.is_record), ("TPDO mapping parameter", true));
         let entry = &mapping.entries[0];
         assert_eq!(
             (entry.sub, entry.to, entry.format, entry.access),
-            (1, 1, Format::Mapping, Some(Access::Ro))
+            (1, 1, NumberFormat::Mapping, Some(SdoAccess::Ro))
         );
         // In units of 100 µs it would be UNSIGNED16.
         assert_eq!(

@@ -1,7 +1,7 @@
 //! Default PDO mappings, if the file defines them completely and all mapped objects are known.
 
 use crate::profile::dictionary::Dictionary;
-use crate::profile::entry::Object;
+use crate::profile::entry::ObjectEntry;
 use crate::profile::{DataType, PdoName};
 use crate::wire::canopen::ObjectAddress;
 
@@ -13,20 +13,23 @@ const MOST_ENTRIES: i64 = 64;
 const FRAME_BITS: u16 = 64;
 
 /// Contents of a PDO: objects with their length in bits; `None` for a gap.
-pub(super) struct Pdo {
+pub(super) struct ImportedPdo {
     pub(super) name: PdoName,
     pub(super) fields: Vec<(Option<ObjectAddress>, u16)>,
 }
 
 /// PDOs with a default mapping, and reasons why others are omitted.
-pub(super) fn pdos(objects: &[Object], dictionary: &Dictionary) -> (Vec<Pdo>, Vec<String>) {
+pub(super) fn import_pdos(
+    objects: &[ObjectEntry],
+    dictionary: &Dictionary,
+) -> (Vec<ImportedPdo>, Vec<String>) {
     let (mut pdos, mut left_out) = (Vec::new(), Vec::new());
     for object in objects {
         let communication = object.index.checked_sub(0x200).and_then(PdoName::of_parameter);
         let Some(name) = communication.filter(|name| name.mapping_index() == object.index) else { continue };
-        match fields(name, dictionary) {
+        match pdo_fields(name, dictionary) {
             Ok(fields) if fields.is_empty() => {}
-            Ok(fields) => pdos.push(Pdo { name, fields }),
+            Ok(fields) => pdos.push(ImportedPdo { name, fields }),
             Err(reason) => left_out.push(format!("{name} omitted: {reason}")),
         }
     }
@@ -34,10 +37,10 @@ pub(super) fn pdos(objects: &[Object], dictionary: &Dictionary) -> (Vec<Pdo>, Ve
 }
 
 /// Fields of a PDO; empty if nothing is mapped.
-fn fields(name: PdoName, dictionary: &Dictionary) -> Result<Vec<(Option<ObjectAddress>, u16)>, String> {
+fn pdo_fields(name: PdoName, dictionary: &Dictionary) -> Result<Vec<(Option<ObjectAddress>, u16)>, String> {
     let default = |sub| {
         let address = ObjectAddress::new(name.mapping_index(), sub);
-        dictionary.find(address).and_then(|found| found.entry?.default_number(None))
+        dictionary.find_object(address).and_then(|found| found.entry?.default_number(None))
     };
     let mut fields = Vec::new();
     let Some(count @ 1..=MOST_ENTRIES) = default(0) else { return Ok(fields) };
@@ -61,7 +64,7 @@ fn fields(name: PdoName, dictionary: &Dictionary) -> Result<Vec<(Option<ObjectAd
             fields.push((None, width));
             continue;
         }
-        let entry = dictionary.find(object).and_then(|found| found.entry);
+        let entry = dictionary.find_object(object).and_then(|found| found.entry);
         let Some(entry) = entry else { return Err(format!("unknown object {object}")) };
         if entry.data_type.and_then(DataType::bits).is_some_and(|known| known < width) {
             return Err(format!("{object}: field of {width} bits does not fit the object"));
@@ -79,7 +82,7 @@ mod tests {
     use super::*;
     use crate::profile::device_file;
 
-    fn of(mapping: &[&str]) -> (Vec<Pdo>, Vec<String>) {
+    fn of(mapping: &[&str]) -> (Vec<ImportedPdo>, Vec<String>) {
         let mut text = format!(
             "[6041]\nParameterName=s\nDataType=6\nAccessType=ro\n[1A02]\nParameterName=m\nObjectType=9\n\
              [1A02sub0]\nParameterName=n\nDataType=5\nAccessType=rw\nDefaultValue={}",
@@ -89,9 +92,9 @@ mod tests {
             let keys = "ParameterName=e\nDataType=7\nAccessType=rw";
             write!(text, "\n[1A02sub{sub}]\n{keys}\nDefaultValue={entry}").unwrap();
         }
-        let file = Arc::new(device_file::parse(text.as_bytes()).unwrap());
-        let device = super::super::device(&file, "x.eds");
-        pdos(device.dictionary.own(), &device.dictionary)
+        let file = Arc::new(device_file::parse_device_file(text.as_bytes()).unwrap());
+        let device = super::super::describe_device(&file, "x.eds");
+        import_pdos(device.dictionary.own_objects(), &device.dictionary)
     }
 
     #[test]

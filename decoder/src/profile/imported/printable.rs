@@ -1,7 +1,7 @@
 //! Removes terminal control characters from texts of device files.
 
 /// Replaces characters that control a terminal or reorder text.
-pub(super) fn printable(text: &str) -> String {
+pub(super) fn replace_controls(text: &str) -> String {
     text.chars().map(|c| if is_terminal_control(c) { char::REPLACEMENT_CHARACTER } else { c }).collect()
 }
 

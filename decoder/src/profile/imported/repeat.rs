@@ -1,18 +1,21 @@
 //! Combines equal consecutive objects to one repeated object.
 
-use crate::profile::entry::Object;
-use crate::profile::object::{ONCE, Repeat};
+use crate::profile::entry::ObjectEntry;
+use crate::profile::object::{EntryRepetition, ONCE};
 
 /// Max numbers in a name that are tried as repeat number.
 const MOST_NUMBERS: usize = 4;
 
 /// Combines equal objects with consecutive indexes. The closure returns all properties of an object but its
 /// index; a number in their names that increases with the index becomes `{n}`.
-pub(super) fn together(objects: &[Object], says: impl Fn(&Object) -> String) -> Vec<Object> {
+pub(super) fn combine_objects(
+    objects: &[ObjectEntry],
+    says: impl Fn(&ObjectEntry) -> String,
+) -> Vec<ObjectEntry> {
     let mut all = Vec::new();
     let mut rest = objects;
     while let Some(first) = rest.first() {
-        let (count, found) = longest(rest, &says);
+        let (count, found) = longest_run(rest, &says);
         all.push(found.unwrap_or_else(|| first.clone()));
         rest = rest.get(count..).unwrap_or_default();
     }
@@ -20,57 +23,60 @@ pub(super) fn together(objects: &[Object], says: impl Fn(&Object) -> String) -> 
 }
 
 /// Number of objects at the start that can be combined, and the combined object.
-fn longest(objects: &[Object], says: &impl Fn(&Object) -> String) -> (usize, Option<Object>) {
+fn longest_run(
+    objects: &[ObjectEntry],
+    says: &impl Fn(&ObjectEntry) -> String,
+) -> (usize, Option<ObjectEntry>) {
     let Some(first) = objects.first() else { return (0, None) };
-    let mut best = (run(objects, says, |object, _| object.clone()), None);
-    for number in numbers(&first.name) {
-        let length = run(objects, says, |object, nth| numbered(object, number.saturating_add(nth)));
+    let mut best = (run_length(objects, says, |object, _| object.clone()), None);
+    for number in numbers_in(&first.name) {
+        let length = run_length(objects, says, |object, nth| set_number(object, number.saturating_add(nth)));
         if length > best.0 {
             best = (length, Some(number));
         }
     }
     let (length, number) = best;
     let Ok(count @ 2..) = u16::try_from(length) else { return (1, None) };
-    let object = number.map_or_else(|| first.clone(), |number| numbered(first, number));
-    let repeat = Repeat { count, stride: 1, first: number.unwrap_or(ONCE.first), ..ONCE };
-    (length, Some(Object { repeat, ..object }))
+    let object = number.map_or_else(|| first.clone(), |number| set_number(first, number));
+    let repeat = EntryRepetition { count, stride: 1, first: number.unwrap_or(ONCE.first), ..ONCE };
+    (length, Some(ObjectEntry { repeat, ..object }))
 }
 
 /// Number of objects at the start that are equal after conversion with `as_nth`.
-fn run(
-    objects: &[Object],
-    says: &impl Fn(&Object) -> String,
-    as_nth: impl Fn(&Object, u16) -> Object,
+fn run_length(
+    objects: &[ObjectEntry],
+    says: &impl Fn(&ObjectEntry) -> String,
+    as_nth: impl Fn(&ObjectEntry, u16) -> ObjectEntry,
 ) -> usize {
     let Some(first) = objects.first() else { return 0 };
     let wanted = says(&as_nth(first, 0));
-    let follows = |(nth, object): &(u16, &Object)| {
+    let follows = |(nth, object): &(u16, &ObjectEntry)| {
         object.index.checked_sub(first.index) == Some(*nth) && says(&as_nth(object, *nth)) == wanted
     };
     (0..).zip(objects).take_while(follows).count()
 }
 
 /// Decimal numbers in a name that can be a repeat number.
-fn numbers(name: &str) -> Vec<u16> {
+fn numbers_in(name: &str) -> Vec<u16> {
     let digits = name.split(|c: char| !c.is_ascii_digit());
     let counting = digits.filter(|digits| !digits.starts_with('0')).filter_map(|digits| digits.parse().ok());
     counting.take(MOST_NUMBERS).collect()
 }
 
 /// Copy of the object with a number in its names replaced by `{n}`.
-fn numbered(object: &Object, number: u16) -> Object {
+fn set_number(object: &ObjectEntry, number: u16) -> ObjectEntry {
     let mut object = object.clone();
-    object.name = replaced(&object.name, number);
+    object.name = replace_number(&object.name, number);
     for entry in &mut object.entries {
         if let Some(name) = &mut entry.look.name {
-            *name = replaced(name, number);
+            *name = replace_number(name, number);
         }
     }
     object
 }
 
 /// Replaces whole numbers only, not the 1 in 12.
-fn replaced(name: &str, number: u16) -> String {
+fn replace_number(name: &str, number: u16) -> String {
     let number = number.to_string();
     let mut text = String::new();
     let mut rest = name;
@@ -90,17 +96,17 @@ mod tests {
     use super::*;
     use crate::profile::device::ProfileFile;
 
-    fn together_of(names: &[(u16, &str)]) -> Vec<(u16, String, Repeat)> {
+    fn together_of(names: &[(u16, &str)]) -> Vec<(u16, String, EntryRepetition)> {
         let object = |(index, name): &(u16, &str)| {
             format!("[[object]]\nindex = {index}\nname = \"{name}\"\ntype = \"UNSIGNED8\"\n")
         };
         let file = ProfileFile::parse(&names.iter().map(object).collect::<String>()).unwrap();
-        let all = together(file.objects(), |object| object.name.clone());
+        let all = combine_objects(file.objects(), |object| object.name.clone());
         all.into_iter().map(|object| (object.index, object.name, object.repeat)).collect()
     }
 
-    fn repeat(count: u16, first: u16) -> Repeat {
-        Repeat { count, stride: u16::from(count > 1), first, channel: false }
+    fn repeat(count: u16, first: u16) -> EntryRepetition {
+        EntryRepetition { count, stride: u16::from(count > 1), first, channel: false }
     }
 
     #[test]
@@ -118,6 +124,6 @@ mod tests {
         let found = together_of(&[(1, "Input 3 of 8"), (2, "Input 4 of 8"), (3, "Input 6 of 8")]);
         assert_eq!(found[0], (1, "Input {n} of 8".to_owned(), repeat(2, 3)));
         assert_eq!(found[1].1, "Input 6 of 8");
-        assert_eq!(replaced("12 of 1, 1", 1), "12 of {n}, {n}");
+        assert_eq!(replace_number("12 of 1, 1", 1), "12 of {n}, {n}");
     }
 }

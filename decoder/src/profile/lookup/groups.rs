@@ -4,13 +4,13 @@ use std::sync::OnceLock;
 
 use serde::Deserialize;
 
-use crate::profile::embedded::parse;
+use crate::profile::embedded::parse_embedded;
 use crate::wire::j1939::Pgn;
 
 /// A group, or a range of groups, of either file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Group {
+struct ParameterGroup {
     number: u32,
     to: Option<u32>,
     #[serde(default)]
@@ -18,8 +18,8 @@ struct Group {
     name: String,
 }
 
-impl Group {
-    fn last(&self) -> u32 {
+impl ParameterGroup {
+    fn last_pgn(&self) -> u32 {
         self.to.unwrap_or(self.number)
     }
 }
@@ -27,61 +27,62 @@ impl Group {
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct J1939File {
-    pgn: Vec<Group>,
+    pgn: Vec<ParameterGroup>,
 }
 
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Nmea2000File {
-    group: Vec<Group>,
+    group: Vec<ParameterGroup>,
     proprietary_fast: Vec<[u32; 2]>,
 }
 
 /// Groups in ascending order, for a binary search.
-struct Groups(Vec<Group>);
+struct ParameterGroups(Vec<ParameterGroup>);
 
-impl Groups {
-    fn new(mut list: Vec<Group>) -> Self {
+impl ParameterGroups {
+    fn new(mut list: Vec<ParameterGroup>) -> Self {
         list.sort_by_key(|group| group.number);
         Self(list)
     }
 
-    fn find(&self, pgn: Pgn) -> Option<&Group> {
+    fn find_group(&self, pgn: Pgn) -> Option<&ParameterGroup> {
         let number = pgn.number();
         let after = self.0.partition_point(|group| group.number <= number);
-        self.0.get(after.checked_sub(1)?).filter(|group| number <= group.last())
+        self.0.get(after.checked_sub(1)?).filter(|group| number <= group.last_pgn())
     }
 }
 
 /// Groups of the J1939 protocol, of ISO 11783 and of J1939-71.
-fn of_j1939() -> &'static Groups {
-    static TABLE: OnceLock<Groups> = OnceLock::new();
-    TABLE.get_or_init(|| Groups::new(parse::<J1939File>("lookups/pgns.toml").pgn))
+fn of_j1939() -> &'static ParameterGroups {
+    static TABLE: OnceLock<ParameterGroups> = OnceLock::new();
+    TABLE.get_or_init(|| ParameterGroups::new(parse_embedded::<J1939File>("lookups/pgns.toml").pgn))
 }
 
 /// Groups of NMEA 2000, and the ranges of proprietary fast packets.
-fn of_nmea2000() -> &'static (Groups, Vec<[u32; 2]>) {
-    static TABLE: OnceLock<(Groups, Vec<[u32; 2]>)> = OnceLock::new();
+fn of_nmea2000() -> &'static (ParameterGroups, Vec<[u32; 2]>) {
+    static TABLE: OnceLock<(ParameterGroups, Vec<[u32; 2]>)> = OnceLock::new();
     TABLE.get_or_init(|| {
-        let file: Nmea2000File = parse("lookups/nmea2000.toml");
-        (Groups::new(file.group), file.proprietary_fast)
+        let file: Nmea2000File = parse_embedded("lookups/nmea2000.toml");
+        (ParameterGroups::new(file.group), file.proprietary_fast)
     })
 }
 
 /// Name of a parameter group, with its acronym if it has one: `EEC1 electronic engine controller 1`.
 pub fn pgn_name(pgn: Pgn) -> Option<String> {
-    let group = of_j1939().find(pgn).or_else(|| of_nmea2000().0.find(pgn))?;
+    let group = of_j1939().find_group(pgn).or_else(|| of_nmea2000().0.find_group(pgn))?;
     Some(group.name.replace("{n}", &pgn.number().saturating_sub(group.number).to_string()))
 }
 
 /// Whether a group has a public definition: a bus that sends several of them is likely a J1939 bus.
 pub(crate) fn is_public_group(pgn: Pgn) -> bool {
-    !pgn.is_proprietary() && (of_j1939().find(pgn).is_some() || of_nmea2000().0.find(pgn).is_some())
+    !pgn.is_proprietary()
+        && (of_j1939().find_group(pgn).is_some() || of_nmea2000().0.find_group(pgn).is_some())
 }
 
 /// Whether only NMEA 2000 defines a group.
 pub(crate) fn is_nmea2000_group(pgn: Pgn) -> bool {
-    of_nmea2000().0.find(pgn).is_some()
+    of_nmea2000().0.find_group(pgn).is_some()
 }
 
 /// Whether NMEA 2000 sends a group as fast packets. Proprietary ones are fast packets only if the bus is known
@@ -89,7 +90,7 @@ pub(crate) fn is_nmea2000_group(pgn: Pgn) -> bool {
 pub(crate) fn is_fast_packet(pgn: Pgn, is_nmea2000: bool) -> bool {
     let (groups, proprietary) = of_nmea2000();
     let in_range = |[first, last]: &[u32; 2]| (*first..=*last).contains(&pgn.number());
-    groups.find(pgn).is_some_and(|group| group.fast) || is_nmea2000 && proprietary.iter().any(in_range)
+    groups.find_group(pgn).is_some_and(|group| group.fast) || is_nmea2000 && proprietary.iter().any(in_range)
 }
 
 #[cfg(test)]
@@ -100,11 +101,12 @@ mod tests {
     fn no_number_belongs_to_two_groups() {
         for groups in [of_j1939(), &of_nmea2000().0] {
             for pair in groups.0.windows(2) {
-                assert!(pair[0].last() < pair[1].number, "{:X}", pair[1].number);
-                assert!(pair[1].last() < 1 << 18 && !pair[1].name.is_empty());
+                assert!(pair[0].last_pgn() < pair[1].number, "{:X}", pair[1].number);
+                assert!(pair[1].last_pgn() < 1 << 18 && !pair[1].name.is_empty());
             }
         }
-        let both = of_nmea2000().0.0.iter().filter(|group| of_j1939().find(Pgn::new(group.number)).is_some());
+        let both =
+            of_nmea2000().0.0.iter().filter(|group| of_j1939().find_group(Pgn::new(group.number)).is_some());
         assert_eq!(both.count(), 0);
         // PDU1 groups have 0 in the place of the destination (J1939-21 §5.2.4).
         let all = of_j1939().0.iter().chain(&of_nmea2000().0.0);

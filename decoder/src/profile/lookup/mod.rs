@@ -7,18 +7,18 @@ use std::sync::OnceLock;
 
 use serde::Deserialize;
 
-use super::embedded::parse;
-use crate::wire::j1939::{FlashRate, Lamps};
+use super::embedded::parse_embedded;
+use crate::wire::j1939::{FlashRate, LampStates};
 
 pub use groups::pgn_name;
 pub(crate) use groups::{is_fast_packet, is_nmea2000_group, is_public_group};
 pub(crate) use uds::ValueIn;
-pub use uds::{UdsCode, UdsNames, UdsService, uds};
+pub use uds::{UdsCode, UdsNames, UdsService, uds_names};
 
 /// Entry of a code table.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Code {
+pub struct CodeEntry {
     /// Code number.
     #[serde(rename = "code")]
     pub number: u32,
@@ -42,27 +42,27 @@ const fn all_bits() -> u32 {
 /// Table of codes.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Codes {
-    code: Vec<Code>,
+pub struct CodeTable {
+    code: Vec<CodeEntry>,
 }
 
-impl Codes {
+impl CodeTable {
     /// Most specific entry that matches `code`.
-    pub fn find(&self, code: u32) -> Option<&Code> {
+    pub fn find_code(&self, code: u32) -> Option<&CodeEntry> {
         let matching = self.code.iter().filter(|entry| code & entry.mask == entry.number & entry.mask);
         matching.max_by_key(|entry| entry.mask.count_ones())
     }
 
     /// Text of `code`; "unknown code" without an entry.
-    pub fn text(&self, code: u32) -> &str {
-        self.find(code).map_or("unknown code", |entry| &entry.text)
+    pub fn code_text(&self, code: u32) -> &str {
+        self.find_code(code).map_or("unknown code", |entry| &entry.text)
     }
 }
 
 /// A named bit or value of a byte.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Bit {
+struct NamedBit {
     #[serde(rename = "bit", alias = "value")]
     mask: u32,
     name: String,
@@ -72,16 +72,16 @@ struct Bit {
 
 /// Named bits or values of a byte.
 #[derive(Debug, Default)]
-pub struct Bits(Vec<Bit>);
+pub struct NamedBits(Vec<NamedBit>);
 
-impl Bits {
+impl NamedBits {
     /// Names of the bits set in `value`, in ascending order.
-    pub fn names(&self, value: u32) -> impl Iterator<Item = &str> {
+    pub fn set_names(&self, value: u32) -> impl Iterator<Item = &str> {
         self.0.iter().filter(move |entry| value & entry.mask != 0).map(|entry| entry.name.as_str())
     }
 
     /// Texts of the bits set in `value`, in ascending order.
-    pub fn texts(&self, value: u32) -> impl Iterator<Item = &str> {
+    pub fn set_texts(&self, value: u32) -> impl Iterator<Item = &str> {
         self.0
             .iter()
             .filter(move |entry| value & entry.mask != 0)
@@ -95,50 +95,50 @@ impl Bits {
 }
 
 /// Units that a profile can use.
-pub(super) fn units() -> &'static Vec<String> {
+pub(super) fn unit_names() -> &'static Vec<String> {
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
     struct LookupFile {
         unit: Vec<String>,
     }
     static TABLE: OnceLock<Vec<String>> = OnceLock::new();
-    TABLE.get_or_init(|| parse::<LookupFile>("lookups/units.toml").unit)
+    TABLE.get_or_init(|| parse_embedded::<LookupFile>("lookups/units.toml").unit)
 }
 
 /// SDO abort codes (CiA 301 §7.2.4.3.17).
-pub fn abort_codes() -> &'static Codes {
-    static TABLE: OnceLock<Codes> = OnceLock::new();
-    TABLE.get_or_init(|| parse("lookups/sdo_abort_codes.toml"))
+pub fn abort_codes() -> &'static CodeTable {
+    static TABLE: OnceLock<CodeTable> = OnceLock::new();
+    TABLE.get_or_init(|| parse_embedded("lookups/sdo_abort_codes.toml"))
 }
 
 /// Reasons of a connection abort (J1939-21 §5.10.3.4).
-pub fn transport_aborts() -> &'static Codes {
-    static TABLE: OnceLock<Codes> = OnceLock::new();
-    TABLE.get_or_init(|| parse("lookups/transport_aborts.toml"))
+pub fn transport_aborts() -> &'static CodeTable {
+    static TABLE: OnceLock<CodeTable> = OnceLock::new();
+    TABLE.get_or_init(|| parse_embedded("lookups/transport_aborts.toml"))
 }
 
 /// Failure mode identifiers (J1939-73 appendix A).
-pub fn failure_modes() -> &'static Codes {
-    static TABLE: OnceLock<Codes> = OnceLock::new();
-    TABLE.get_or_init(|| parse("lookups/failure_modes.toml"))
+pub fn failure_modes() -> &'static CodeTable {
+    static TABLE: OnceLock<CodeTable> = OnceLock::new();
+    TABLE.get_or_init(|| parse_embedded("lookups/failure_modes.toml"))
 }
 
 /// Industry groups of a NAME (J1939-81 §4.1.1.2).
-pub fn industry_groups() -> &'static Bits {
+pub fn industry_groups() -> &'static NamedBits {
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
     struct LookupFile {
-        class: Vec<Bit>,
+        class: Vec<NamedBit>,
     }
-    static TABLE: OnceLock<Bits> = OnceLock::new();
-    TABLE.get_or_init(|| Bits(parse::<LookupFile>("lookups/industry_groups.toml").class))
+    static TABLE: OnceLock<NamedBits> = OnceLock::new();
+    TABLE.get_or_init(|| NamedBits(parse_embedded::<LookupFile>("lookups/industry_groups.toml").class))
 }
 
 /// Names of the lamps that are on, including the flash rate (J1939-73 §5.7.1).
-pub fn lamp_names(lamps: Lamps) -> impl Iterator<Item = &'static str> {
+pub fn lamp_names(lamps: LampStates) -> impl Iterator<Item = &'static str> {
     #[derive(Deserialize)]
     #[serde(deny_unknown_fields)]
-    struct Lamp {
+    struct LampEntry {
         shift: u8,
         name: String,
         slow: String,
@@ -147,12 +147,12 @@ pub fn lamp_names(lamps: Lamps) -> impl Iterator<Item = &'static str> {
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
     struct LookupFile {
-        lamp: Vec<Lamp>,
+        lamp: Vec<LampEntry>,
     }
-    static TABLE: OnceLock<Vec<Lamp>> = OnceLock::new();
-    let table = TABLE.get_or_init(|| parse::<LookupFile>("lookups/lamps.toml").lamp);
+    static TABLE: OnceLock<Vec<LampEntry>> = OnceLock::new();
+    let table = TABLE.get_or_init(|| parse_embedded::<LookupFile>("lookups/lamps.toml").lamp);
     table.iter().filter_map(move |lamp| {
-        Some(match lamps.lit(lamp.shift)? {
+        Some(match lamps.flash_rate(lamp.shift)? {
             FlashRate::Steady => lamp.name.as_str(),
             FlashRate::Slow => &lamp.slow,
             FlashRate::Fast => &lamp.fast,
@@ -161,41 +161,43 @@ pub fn lamp_names(lamps: Lamps) -> impl Iterator<Item = &'static str> {
 }
 
 /// EMCY error codes and classes (CiA 301 §7.2.7.1).
-pub fn emcy_codes() -> &'static Codes {
-    static TABLE: OnceLock<Codes> = OnceLock::new();
-    TABLE.get_or_init(|| parse("lookups/emcy_codes.toml"))
+pub fn emcy_codes() -> &'static CodeTable {
+    static TABLE: OnceLock<CodeTable> = OnceLock::new();
+    TABLE.get_or_init(|| parse_embedded("lookups/emcy_codes.toml"))
 }
 
 /// Points to check after a finding of a rule, most likely first; empty for a rule without hints.
 pub(crate) fn fault_hints(rule: &str) -> &'static [String] {
     #[derive(Deserialize)]
     #[serde(deny_unknown_fields)]
-    struct Hint {
+    struct LookupHint {
         rule: String,
         texts: Vec<String>,
     }
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
     struct LookupFile {
-        hint: Vec<Hint>,
+        hint: Vec<LookupHint>,
     }
     static TABLE: OnceLock<LookupFile> = OnceLock::new();
-    let file = TABLE.get_or_init(|| parse("lookups/fault_hints.toml"));
+    let file = TABLE.get_or_init(|| parse_embedded("lookups/fault_hints.toml"));
     file.hint.iter().find(|hint| hint.rule == rule).map_or(&[], |hint| &hint.texts)
 }
 
 /// Bits of the error register, object 0x1001.
-pub fn error_register() -> &'static Bits {
+pub fn error_register() -> &'static NamedBits {
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
     struct LookupFile {
-        bit: Vec<Bit>,
+        bit: Vec<NamedBit>,
     }
-    static TABLE: OnceLock<Bits> = OnceLock::new();
+    static TABLE: OnceLock<NamedBits> = OnceLock::new();
     TABLE.get_or_init(|| {
         // This table contains bit numbers, the others contain masks.
-        let file: LookupFile = parse("lookups/error_register.toml");
-        Bits(file.bit.into_iter().map(|entry| Bit { mask: 1 << (entry.mask & 31), ..entry }).collect())
+        let file: LookupFile = parse_embedded("lookups/error_register.toml");
+        NamedBits(
+            file.bit.into_iter().map(|entry| NamedBit { mask: 1 << (entry.mask & 31), ..entry }).collect(),
+        )
     })
 }
 
@@ -203,15 +205,15 @@ pub fn error_register() -> &'static Bits {
 #[derive(Debug, Default)]
 pub(crate) struct CanErrors {
     /// Error classes in the identifier, bits.
-    pub classes: Bits,
+    pub classes: NamedBits,
     /// Controller byte, bits.
-    pub controller: Bits,
+    pub controller: NamedBits,
     /// Protocol byte, bits.
-    pub protocol: Bits,
+    pub protocol: NamedBits,
     /// Location byte, values.
-    pub location: Bits,
+    pub location: NamedBits,
     /// Transceiver byte, values.
-    pub transceiver: Bits,
+    pub transceiver: NamedBits,
 }
 
 /// Error classes and details of SocketCAN (linux/can/error.h).
@@ -219,27 +221,27 @@ pub(crate) fn can_errors() -> &'static CanErrors {
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
     struct LookupFile {
-        class: Vec<Bit>,
-        controller: Vec<Bit>,
-        protocol: Vec<Bit>,
-        location: Vec<Bit>,
-        transceiver: Vec<Bit>,
+        class: Vec<NamedBit>,
+        controller: Vec<NamedBit>,
+        protocol: Vec<NamedBit>,
+        location: Vec<NamedBit>,
+        transceiver: Vec<NamedBit>,
     }
     static TABLE: OnceLock<CanErrors> = OnceLock::new();
     TABLE.get_or_init(|| {
-        let file: LookupFile = parse("lookups/can_error_classes.toml");
+        let file: LookupFile = parse_embedded("lookups/can_error_classes.toml");
         CanErrors {
-            classes: Bits(file.class),
-            controller: Bits(file.controller),
-            protocol: Bits(file.protocol),
-            location: Bits(file.location),
-            transceiver: Bits(file.transceiver),
+            classes: NamedBits(file.class),
+            controller: NamedBits(file.controller),
+            protocol: NamedBits(file.protocol),
+            location: NamedBits(file.location),
+            transceiver: NamedBits(file.transceiver),
         }
     })
 }
 
 #[derive(Debug, Clone, Deserialize)]
-struct Service {
+struct ServiceEntry {
     code: u8,
     name: String,
     title: String,
@@ -255,7 +257,7 @@ struct LssResult {
 }
 
 #[derive(Debug, Clone, Deserialize)]
-struct BitRate {
+struct BitRateEntry {
     index: u8,
     #[serde(default)]
     kbit: Option<u32>,
@@ -266,19 +268,19 @@ struct BitRate {
 /// Names of LSS services, results and bit rates (CiA 305).
 #[derive(Debug, Default, Deserialize)]
 pub struct LssNames {
-    service: Vec<Service>,
+    service: Vec<ServiceEntry>,
     result: Vec<LssResult>,
-    bit_rate: Vec<BitRate>,
+    bit_rate: Vec<BitRateEntry>,
 }
 
 impl LssNames {
     /// Name of a command specifier in output.
-    pub fn service(&self, code: u8) -> &str {
+    pub fn service_name(&self, code: u8) -> &str {
         self.service.iter().find(|entry| entry.code == code).map_or("unknown", |entry| &entry.name)
     }
 
     /// Whether a service has this name.
-    pub fn has(&self, name: &str) -> bool {
+    pub fn has_service(&self, name: &str) -> bool {
         self.service.iter().any(|entry| entry.name == name)
     }
 
@@ -289,12 +291,12 @@ impl LssNames {
     }
 
     /// Title of a command specifier.
-    pub fn title(&self, code: u8) -> &str {
+    pub fn service_title(&self, code: u8) -> &str {
         self.service.iter().find(|entry| entry.code == code).map_or("unknown service", |entry| &entry.title)
     }
 
     /// Text of the result of a configuration service.
-    pub fn result(&self, service: u8, code: u8) -> &str {
+    pub fn result_text(&self, service: u8, code: u8) -> &str {
         let found = self.result.iter().find(|entry| entry.service == service && entry.code == code);
         found.map_or("unknown result", |entry| &entry.text)
     }
@@ -306,9 +308,9 @@ impl LssNames {
 }
 
 /// Names defined in CiA 305.
-pub fn lss() -> &'static LssNames {
+pub fn lss_names() -> &'static LssNames {
     static TABLE: OnceLock<LssNames> = OnceLock::new();
-    TABLE.get_or_init(|| parse("standard/cia305.toml"))
+    TABLE.get_or_init(|| parse_embedded("standard/cia305.toml"))
 }
 
 #[cfg(test)]
@@ -317,14 +319,14 @@ mod tests {
 
     #[test]
     fn abort_codes_have_texts() {
-        assert_eq!(abort_codes().text(0x0602_0000), "object does not exist");
-        assert_eq!(abort_codes().text(0x1234_5678), "unknown code");
+        assert_eq!(abort_codes().code_text(0x0602_0000), "object does not exist");
+        assert_eq!(abort_codes().code_text(0x1234_5678), "unknown code");
     }
 
     #[test]
     fn the_most_specific_emcy_entry_wins() {
-        assert_eq!(emcy_codes().text(0x8130), "heartbeat or life-guard error");
-        assert_eq!(emcy_codes().text(0x8199), "communication");
+        assert_eq!(emcy_codes().code_text(0x8130), "heartbeat or life-guard error");
+        assert_eq!(emcy_codes().code_text(0x8199), "communication");
     }
 
     #[test]
@@ -332,18 +334,18 @@ mod tests {
         for entry in emcy_codes().code.iter().chain(&abort_codes().code) {
             assert!(!entry.standard.is_empty() && !entry.standard.ends_with('.'), "{entry:?}");
         }
-        let emcy = |code| emcy_codes().find(code).unwrap().standard.as_str();
+        let emcy = |code| emcy_codes().find_code(code).unwrap().standard.as_str();
         assert_eq!(emcy(0x8130), "Life guard error or heartbeat error");
         assert_eq!(emcy(0x8199), "Communication");
-        let abort = abort_codes().find(0x0602_0000).unwrap();
+        let abort = abort_codes().find_code(0x0602_0000).unwrap();
         assert_eq!(abort.standard, "Object does not exist in the object dictionary");
     }
 
     #[test]
     fn register_bits_and_error_classes() {
-        let names: Vec<_> = error_register().names(0x11).collect();
+        let names: Vec<_> = error_register().set_names(0x11).collect();
         assert_eq!(names, ["generic", "communication"]);
-        let classes: Vec<_> = can_errors().classes.names(0x0C).collect();
+        let classes: Vec<_> = can_errors().classes.set_names(0x0C).collect();
         assert_eq!(classes, ["controller", "protocol"]);
         assert!(can_errors().location.text_of(0x19).is_some());
     }
@@ -351,14 +353,14 @@ mod tests {
     #[test]
     fn lamps_have_names() {
         // 01 01 00 01: malfunction, red stop, protect; flash 11 01 11 00.
-        let names: Vec<_> = lamp_names(Lamps { status: 0b0101_0001, flash: 0b1101_1100 }).collect();
+        let names: Vec<_> = lamp_names(LampStates { status: 0b0101_0001, flash: 0b1101_1100 }).collect();
         assert_eq!(names, ["malfunction", "red-stop-fast", "protect-slow"]);
     }
 
     #[test]
-    fn lss_names() {
-        assert_eq!(lss().service(0x51), "fast-scan");
-        assert_eq!(lss().bit_rate(0), Some(1000));
-        assert_ne!(lss().result(0x11, 1), "unknown result");
+    fn lss_names_are_found() {
+        assert_eq!(lss_names().service_name(0x51), "fast-scan");
+        assert_eq!(lss_names().bit_rate(0), Some(1000));
+        assert_ne!(lss_names().result_text(0x11, 1), "unknown result");
     }
 }

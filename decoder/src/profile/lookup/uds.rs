@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use serde::Deserialize;
 
-use crate::profile::embedded::parse;
+use crate::profile::embedded::parse_embedded;
 use crate::wire::uds::{IdentifierPlace, ServiceLayout};
 
 /// UDS service.
@@ -23,7 +23,7 @@ pub struct UdsService {
     identifier: Option<u8>,
     #[serde(default)]
     high: Option<u8>,
-    #[serde(default = "yes")]
+    #[serde(default = "default_true")]
     response: bool,
     #[serde(default)]
     value: Option<ValueIn>,
@@ -39,7 +39,7 @@ pub(crate) enum ValueIn {
     Response,
 }
 
-const fn yes() -> bool {
+const fn default_true() -> bool {
     true
 }
 
@@ -85,7 +85,7 @@ pub struct UdsCode {
 
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct SubFunction {
+struct SubFunctionEntry {
     service: u8,
     code: u8,
     #[serde(default = "all_bits")]
@@ -99,7 +99,7 @@ const fn all_bits() -> u8 {
 
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Identifier {
+struct IdentifierEntry {
     code: u16,
     name: String,
 }
@@ -108,63 +108,64 @@ struct Identifier {
 #[derive(Debug, Default)]
 pub struct UdsNames {
     service: Vec<UdsService>,
-    subfunction: Vec<SubFunction>,
-    identifier: Vec<Identifier>,
+    subfunction: Vec<SubFunctionEntry>,
+    identifier: Vec<IdentifierEntry>,
     code: Vec<UdsCode>,
 }
 
 impl UdsNames {
     /// Service by the identifier of its request.
-    pub fn service(&self, code: u8) -> Option<&UdsService> {
+    pub fn service_by_id(&self, code: u8) -> Option<&UdsService> {
         self.service.iter().find(|entry| entry.code == code)
     }
 
     /// Name of a sub-function, without bit 7.
     pub fn sub_function(&self, service: u8, value: u8) -> Option<&str> {
-        let is_it =
-            |entry: &&SubFunction| entry.service == service && value & entry.mask == entry.code & entry.mask;
+        let is_it = |entry: &&SubFunctionEntry| {
+            entry.service == service && value & entry.mask == entry.code & entry.mask
+        };
         self.subfunction.iter().find(is_it).map(|entry| entry.name.as_str())
     }
 
     /// Name of a standardised data identifier.
-    pub fn identifier(&self, code: u16) -> Option<&str> {
+    pub fn identifier_name(&self, code: u16) -> Option<&str> {
         self.identifier.iter().find(|entry| entry.code == code).map(|entry| entry.name.as_str())
     }
 
     /// Entry of a negative response code.
-    pub fn code(&self, code: u8) -> Option<&UdsCode> {
+    pub fn code_entry(&self, code: u8) -> Option<&UdsCode> {
         self.code.iter().find(|entry| entry.code == code)
     }
 }
 
 /// Names defined in ISO 14229-1.
-pub fn uds() -> &'static UdsNames {
+pub fn uds_names() -> &'static UdsNames {
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
-    struct Services {
+    struct ServiceTable {
         service: Vec<UdsService>,
     }
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
     struct SubFunctions {
-        subfunction: Vec<SubFunction>,
+        subfunction: Vec<SubFunctionEntry>,
     }
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
-    struct Identifiers {
-        identifier: Vec<Identifier>,
+    struct IdentifierTable {
+        identifier: Vec<IdentifierEntry>,
     }
     #[derive(Default, Deserialize)]
     #[serde(deny_unknown_fields)]
-    struct Codes {
+    struct UdsCodes {
         code: Vec<UdsCode>,
     }
     static TABLE: OnceLock<UdsNames> = OnceLock::new();
     TABLE.get_or_init(|| UdsNames {
-        service: parse::<Services>("lookups/uds_services.toml").service,
-        subfunction: parse::<SubFunctions>("lookups/uds_subfunctions.toml").subfunction,
-        identifier: parse::<Identifiers>("lookups/uds_identifiers.toml").identifier,
-        code: parse::<Codes>("lookups/uds_nrc.toml").code,
+        service: parse_embedded::<ServiceTable>("lookups/uds_services.toml").service,
+        subfunction: parse_embedded::<SubFunctions>("lookups/uds_subfunctions.toml").subfunction,
+        identifier: parse_embedded::<IdentifierTable>("lookups/uds_identifiers.toml").identifier,
+        code: parse_embedded::<UdsCodes>("lookups/uds_nrc.toml").code,
     })
 }
 
@@ -176,53 +177,52 @@ mod tests {
 
     #[test]
     fn services_state_the_position_of_their_identifier() {
-        let read = uds().service(0x22).unwrap();
+        let read = uds_names().service_by_id(0x22).unwrap();
         assert_eq!(read.name, "read-data-by-identifier");
         assert_eq!(read.request().identifier, Some(IdentifierPlace { offset: 0, high: None }));
-        let routine = uds().service(0x31).unwrap().response();
+        let routine = uds_names().service_by_id(0x31).unwrap().response();
         assert_eq!((routine.sub_function, routine.identifier.map(|place| place.offset)), (true, Some(1)));
-        let periodic = uds().service(0x2A).unwrap();
+        let periodic = uds_names().service_by_id(0x2A).unwrap();
         assert_eq!(periodic.request().identifier, Some(IdentifierPlace { offset: 1, high: Some(0xF2) }));
         assert_eq!(periodic.response(), ServiceLayout::default());
-        assert!(uds().service(0x21).is_none());
+        assert!(uds_names().service_by_id(0x21).is_none());
     }
 
     #[test]
     fn codes_and_sub_functions() {
-        assert_eq!(uds().code(0x31).map(|code| code.name.as_str()), Some("request-out-of-range"));
-        assert_eq!(uds().sub_function(0x10, 3), Some("extended-session"));
+        assert_eq!(uds_names().code_entry(0x31).map(|code| code.name.as_str()), Some("request-out-of-range"));
+        assert_eq!(uds_names().sub_function(0x10, 3), Some("extended-session"));
         // Security levels: odd ones request the seed, even ones send the key.
-        assert_eq!(uds().sub_function(0x27, 0x11), Some("request-seed"));
-        assert_eq!(uds().sub_function(0x27, 0x12), Some("send-key"));
-        assert_eq!(uds().sub_function(0x22, 1), None);
-        assert_eq!(uds().identifier(0xF190), Some("VIN"));
+        assert_eq!(uds_names().sub_function(0x27, 0x11), Some("request-seed"));
+        assert_eq!(uds_names().sub_function(0x27, 0x12), Some("send-key"));
+        assert_eq!(uds_names().sub_function(0x22, 1), None);
+        assert_eq!(uds_names().identifier_name(0xF190), Some("VIN"));
     }
 
     /// Bit 6 of a service identifier marks responses, so no request has it; codes are unique.
     #[test]
     fn the_tables_are_consistent() {
-        assert!(uds().service.iter().all(|service| service.code & 0x40 == 0));
+        assert!(uds_names().service.iter().all(|service| service.code & 0x40 == 0));
         let is_kebab = |name: &str| {
             name.bytes().all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-')
         };
-        assert!(uds().service.iter().all(|service| is_kebab(&service.name)));
+        assert!(uds_names().service.iter().all(|service| is_kebab(&service.name)));
         assert!(
-            uds()
+            uds_names()
                 .subfunction
                 .iter()
-                .all(|entry| is_kebab(&entry.name) && uds().service(entry.service).is_some())
+                .all(|entry| is_kebab(&entry.name) && uds_names().service_by_id(entry.service).is_some())
         );
-        assert!(uds().code.iter().all(|code| is_kebab(&code.name) && !code.text.is_empty()));
-        let codes: BTreeSet<_> = uds().code.iter().map(|code| code.code).collect();
-        assert_eq!(codes.len(), uds().code.len());
-        let services: BTreeSet<_> = uds().service.iter().map(|service| service.code).collect();
+        assert!(uds_names().code.iter().all(|code| is_kebab(&code.name) && !code.text.is_empty()));
+        let codes: BTreeSet<_> = uds_names().code.iter().map(|code| code.code).collect();
+        assert_eq!(codes.len(), uds_names().code.len());
+        let services: BTreeSet<_> = uds_names().service.iter().map(|service| service.code).collect();
         // 27 of ISO 14229-1 and the ten of SAE J1979.
         assert_eq!(services.len(), 37);
         assert!(
-            uds()
-                .subfunction
-                .iter()
-                .all(|entry| uds().service(entry.service).is_some_and(|found| found.sub_function))
+            uds_names().subfunction.iter().all(|entry| uds_names()
+                .service_by_id(entry.service)
+                .is_some_and(|found| found.sub_function))
         );
     }
 }

@@ -1,132 +1,136 @@
 //! Fields and texts of events about the bus and the capture.
 
-use super::{FieldValue, Fields, number_or_null, signals};
-use crate::event::{EvictedState, Undecoded};
+use super::{FieldConsumer, FieldValue, number_or_null, visit_signals};
+use crate::event::{EvictedState, UndecodedFrame};
 use crate::frame::{FrameFlags, LinkState};
 use crate::profile;
-use crate::wire::Malformed;
+use crate::wire::MalformedPayload;
 use crate::wire::canopen::test_marker::TestMarker;
-use crate::wire::error_frame::ErrorFrame;
+use crate::wire::error_frame::ErrorFrameFields;
 
-pub(super) fn sync(counter: Option<u8>, expected: Option<u8>, fields: &mut dyn Fields) {
-    fields.field("counter", number_or_null(counter));
+pub(super) fn visit_sync(counter: Option<u8>, expected: Option<u8>, fields: &mut dyn FieldConsumer) {
+    fields.add_field("counter", number_or_null(counter));
     if let Some(expected) = expected {
-        fields.field("expected", FieldValue::Unsigned(u64::from(expected)));
+        fields.add_field("expected", FieldValue::Unsigned(u64::from(expected)));
     }
 }
 
-pub(super) fn time(milliseconds: u32, days: u16, fields: &mut dyn Fields) {
-    fields.field("time", FieldValue::Text(&time_of_day(milliseconds, days)));
+pub(super) fn visit_time(milliseconds: u32, days: u16, fields: &mut dyn FieldConsumer) {
+    fields.add_field("time", FieldValue::Text(&time_of_day(milliseconds, days)));
 }
 
-pub(super) fn undecoded(undecoded: &Undecoded, fields: &mut dyn Fields) {
-    fields.field("id", FieldValue::Id(undecoded.frame.id));
+pub(super) fn visit_undecoded(undecoded: &UndecodedFrame, fields: &mut dyn FieldConsumer) {
+    fields.add_field("id", FieldValue::Id(undecoded.frame.id));
     let message = undecoded.message.as_deref();
     if let Some(name) = message.map(|message| message.name.as_str()).or(undecoded.name) {
-        fields.field("name", FieldValue::Text(name));
+        fields.add_field("name", FieldValue::Text(name));
     }
     frame_flags(undecoded.frame.flags, fields);
-    fields.field("size", FieldValue::Unsigned(u64::from(undecoded.frame.length)));
-    fields.field("data", FieldValue::Bytes(undecoded.frame.data()));
+    fields.add_field("size", FieldValue::Unsigned(u64::from(undecoded.frame.length)));
+    fields.add_field("data", FieldValue::Bytes(undecoded.frame.data()));
     if let Some(message) = message.filter(|_| fields.wants_signals()) {
-        signals(&message.layout, undecoded.frame.data(), fields);
+        visit_signals(&message.layout, undecoded.frame.data(), fields);
     }
 }
 
-pub(super) fn malformed(error: &Malformed, reason: &str, fields: &mut dyn Fields) {
-    fields.field("layer", FieldValue::Text(error.layer));
-    fields.field("offset", FieldValue::Unsigned(u64::from(error.offset)));
-    fields.field("needed", FieldValue::Unsigned(u64::from(error.needed)));
-    fields.field("available", FieldValue::Unsigned(u64::from(error.available)));
-    fields.field("reason", FieldValue::Text(reason));
+pub(super) fn visit_malformed(error: &MalformedPayload, reason: &str, fields: &mut dyn FieldConsumer) {
+    fields.add_field("layer", FieldValue::Text(error.layer));
+    fields.add_field("offset", FieldValue::Unsigned(u64::from(error.offset)));
+    fields.add_field("needed", FieldValue::Unsigned(u64::from(error.needed)));
+    fields.add_field("available", FieldValue::Unsigned(u64::from(error.available)));
+    fields.add_field("reason", FieldValue::Text(reason));
 }
 
-pub(super) fn evicted(what: EvictedState, count: u64, fields: &mut dyn Fields) {
-    fields.field("what", FieldValue::Text(what.name()));
-    fields.field("count", FieldValue::Unsigned(count));
+pub(super) fn visit_evicted(what: EvictedState, count: u64, fields: &mut dyn FieldConsumer) {
+    fields.add_field("what", FieldValue::Text(what.name()));
+    fields.add_field("count", FieldValue::Unsigned(count));
 }
 
-pub(super) fn test_case(marker: TestMarker, fields: &mut dyn Fields) {
-    fields.field("case", FieldValue::Text(&format!("{}.{}", marker.group, marker.case)));
+pub(super) fn test_case(marker: TestMarker, fields: &mut dyn FieldConsumer) {
+    fields.add_field("case", FieldValue::Text(&format!("{}.{}", marker.group, marker.case)));
     let result = marker.result.map_or(FieldValue::Null, |result| FieldValue::Text(result.name()));
-    fields.field("result", result);
+    fields.add_field("result", result);
 }
 
-pub(super) fn lost_frames(count: Option<u64>, fields: &mut dyn Fields) {
-    fields.field("count", count.map_or(FieldValue::Null, FieldValue::Unsigned));
+pub(super) fn lost_frames(count: Option<u64>, fields: &mut dyn FieldConsumer) {
+    fields.add_field("count", count.map_or(FieldValue::Null, FieldValue::Unsigned));
 }
 
-pub(super) fn link(state: LinkState, bit_rate: Option<u32>, fields: &mut dyn Fields) {
-    fields.field("state", FieldValue::Text(state.name()));
-    fields.field("bit_rate", bit_rate.map_or(FieldValue::Null, |rate| FieldValue::Unsigned(rate.into())));
+pub(super) fn visit_link(state: LinkState, bit_rate: Option<u32>, fields: &mut dyn FieldConsumer) {
+    fields.add_field("state", FieldValue::Text(state.name()));
+    fields.add_field("bit_rate", bit_rate.map_or(FieldValue::Null, |rate| FieldValue::Unsigned(rate.into())));
 }
 
-pub(super) fn unreadable(
+pub(super) fn visit_unreadable(
     file: Option<&str>,
     line: Option<u64>,
     offset: Option<u64>,
     reason: &str,
-    fields: &mut dyn Fields,
+    fields: &mut dyn FieldConsumer,
 ) {
     if let Some(file) = file {
-        fields.field("file", FieldValue::Text(file));
+        fields.add_field("file", FieldValue::Text(file));
     }
     if let Some(line) = line {
-        fields.field("line", FieldValue::Unsigned(line));
+        fields.add_field("line", FieldValue::Unsigned(line));
     }
     if let Some(offset) = offset {
-        fields.field("offset", FieldValue::Unsigned(offset));
+        fields.add_field("offset", FieldValue::Unsigned(offset));
     }
-    fields.field("reason", FieldValue::Text(reason));
+    fields.add_field("reason", FieldValue::Text(reason));
 }
 
-fn frame_flags(flags: FrameFlags, fields: &mut dyn Fields) {
+fn frame_flags(flags: FrameFlags, fields: &mut dyn FieldConsumer) {
     if flags.contains(FrameFlags::REMOTE) {
-        fields.field("remote", FieldValue::Bool(true));
+        fields.add_field("remote", FieldValue::Bool(true));
     }
     if flags.contains(FrameFlags::FD) {
-        fields.field("fd", FieldValue::Bool(true));
+        fields.add_field("fd", FieldValue::Bool(true));
     }
 }
 
-pub(super) fn can_error(error: ErrorFrame, fields: &mut dyn Fields) {
+pub(super) fn can_error(error: ErrorFrameFields, fields: &mut dyn FieldConsumer) {
     let names = profile::can_errors();
-    let classes: Vec<&str> = names.classes.names(error.classes & !ErrorFrame::COUNTERS).collect();
-    fields.field("class", FieldValue::Text(&classes.join(",")));
-    fields.field("text", FieldValue::Text(&can_error_text(error)));
+    let classes: Vec<&str> = names.classes.set_names(error.classes & !ErrorFrameFields::COUNTERS).collect();
+    fields.add_field("class", FieldValue::Text(&classes.join(",")));
+    fields.add_field("text", FieldValue::Text(&can_error_text(error)));
     // linux/can/error.h: the counters are valid with class bit 0x200; older drivers fill them anyway.
-    if error.classes & ErrorFrame::COUNTERS != 0 || error.transmit_errors != 0 || error.receive_errors != 0 {
-        fields.field("tx_errors", FieldValue::Unsigned(u64::from(error.transmit_errors)));
-        fields.field("rx_errors", FieldValue::Unsigned(u64::from(error.receive_errors)));
+    if error.classes & ErrorFrameFields::COUNTERS != 0
+        || error.transmit_errors != 0
+        || error.receive_errors != 0
+    {
+        fields.add_field("tx_errors", FieldValue::Unsigned(u64::from(error.transmit_errors)));
+        fields.add_field("rx_errors", FieldValue::Unsigned(u64::from(error.receive_errors)));
     }
 }
 
 /// Text of an error frame: error classes with their details.
-pub fn can_error_text(error: ErrorFrame) -> String {
+pub fn can_error_text(error: ErrorFrameFields) -> String {
     let names = profile::can_errors();
     let mut parts: Vec<String> = Vec::new();
-    let is_named = |class: &u32| error.classes & class != 0 && names.classes.names(*class).next().is_some();
+    let is_named =
+        |class: &u32| error.classes & class != 0 && names.classes.set_names(*class).next().is_some();
     for class in (0..29).map(|bit| 1 << bit).filter(is_named) {
         let details: Vec<&str> = match class {
-            ErrorFrame::CONTROLLER => names.controller.texts(u32::from(error.controller)).collect(),
-            ErrorFrame::PROTOCOL => {
+            ErrorFrameFields::CONTROLLER => names.controller.set_texts(u32::from(error.controller)).collect(),
+            ErrorFrameFields::PROTOCOL => {
                 let location =
                     names.location.text_of(u32::from(error.location)).filter(|_| error.location != 0);
-                names.protocol.texts(u32::from(error.protocol)).chain(location).collect()
+                names.protocol.set_texts(u32::from(error.protocol)).chain(location).collect()
             }
-            ErrorFrame::TRANSCEIVER => {
+            ErrorFrameFields::TRANSCEIVER => {
                 names.transceiver.text_of(u32::from(error.transceiver)).into_iter().collect()
             }
-            ErrorFrame::COUNTERS => continue,
-            _ => names.classes.texts(class).collect(),
+            ErrorFrameFields::COUNTERS => continue,
+            _ => names.classes.set_texts(class).collect(),
         };
-        let at = if class == ErrorFrame::LOST_ARBITRATION && error.arbitration_bit != 0 {
+        let at = if class == ErrorFrameFields::LOST_ARBITRATION && error.arbitration_bit != 0 {
             format!(" at bit {}", error.arbitration_bit)
         } else {
             String::new()
         };
         let details = if details.is_empty() {
-            names.classes.texts(class).collect::<String>()
+            names.classes.set_texts(class).collect::<String>()
         } else {
             details.join(", ")
         };
@@ -155,10 +159,10 @@ mod tests {
 
     #[test]
     fn error_frames_in_words() {
-        let error = error_frame::parse(0x2000_0204, &[0, 0x04, 0, 0, 0, 0, 96, 128]);
+        let error = error_frame::parse_error_frame(0x2000_0204, &[0, 0x04, 0, 0, 0, 0, 96, 128]);
         assert_eq!(can_error_text(error), "receive errors at warning level");
-        let error = error_frame::parse(0x2000_0008, &[0, 0, 0x04, 0x19, 0, 0, 0, 0]);
+        let error = error_frame::parse_error_frame(0x2000_0008, &[0, 0, 0x04, 0x19, 0, 0, 0, 0]);
         assert_eq!(can_error_text(error), "bit stuffing error, ACK slot");
-        assert_eq!(can_error_text(error_frame::parse(0x2000_0040, &[])), "controller is bus-off");
+        assert_eq!(can_error_text(error_frame::parse_error_frame(0x2000_0040, &[])), "controller is bus-off");
     }
 }

@@ -31,13 +31,13 @@ pub enum FieldValue<'a> {
 }
 
 /// Consumer of event fields, called in output order.
-pub trait Fields {
+pub trait FieldConsumer {
     /// Adds a field to the open group; an empty `key` adds an item to the open list.
-    fn field(&mut self, key: &'static str, value: FieldValue<'_>);
+    fn add_field(&mut self, key: &'static str, value: FieldValue<'_>);
     /// Opens a nested group; an empty `key` opens an item of the open list.
-    fn open(&mut self, key: &'static str);
+    fn open_group(&mut self, key: &'static str);
     /// Closes the innermost group.
-    fn close(&mut self);
+    fn close_group(&mut self);
     /// Opens a list.
     fn open_list(&mut self, key: &'static str);
     /// Closes the innermost list.

@@ -2,10 +2,10 @@
 
 use maud::{Markup, html};
 
-use super::parts::{fact, frame_id, linked, severity};
-use super::plot::plot;
-use crate::report::model::{Claim, EvidenceFrame, NodeValues};
-use crate::words::plural;
+use super::parts::{frame_id, link_frames, render_fact_number, render_severity};
+use super::plot::render_plot;
+use crate::report::model::{EvidenceFrame, NodeValues, ReportClaim};
+use crate::words::count_noun;
 
 /// Length of eight bytes in hexadecimal, which are not broken.
 const CLASSIC_BYTES: usize = 23;
@@ -14,43 +14,43 @@ const CLASSIC_BYTES: usize = 23;
 const SHOWN_PROOF: usize = 3;
 
 /// The section of a claim.
-pub(super) fn claim(claim: &Claim) -> Markup {
+pub(super) fn render_claim(claim: &ReportClaim) -> Markup {
     let id = format!("claim{}", claim.number);
     html! {
         section aria-labelledby=(id) {
-            h2 id=(id) { "Claim " (claim.number) ": " (severity(claim.severity)) }
-            (summary(claim))
+            h2 id=(id) { "Claim " (claim.number) ": " (render_severity(claim.severity)) }
+            (render_summary(claim))
             h3 { "Story" }
-            (story(claim))
+            (render_story(claim))
             @if !claim.plots.is_empty() {
                 h3 { "Signals" }
-                @for own in &claim.plots { (plot(own)) }
+                @for own in &claim.plots { (render_plot(own)) }
             }
             h3 { "Frames" }
-            (evidence(claim))
+            (render_evidence(claim))
             @for values in &claim.values {
                 h3 { "Object values: " (values.who) }
-                (objects(values, claim))
+                (render_objects(values, claim))
             }
             @if !claim.context.is_empty() {
                 h3 { "Before and at that time" }
-                pre { @for line in &claim.context { (linked(line, claim)) "\n" } }
+                pre { @for line in &claim.context { (link_frames(line, claim)) "\n" } }
             }
         }
     }
 }
 
 /// What, when, proof and section.
-fn summary(claim: &Claim) -> Markup {
+fn render_summary(claim: &ReportClaim) -> Markup {
     html! {
         dl.summary {
             dt { "What" }
-            dd { strong { (linked(&claim.title, claim)) } br; (claim.who) }
+            dd { strong { (link_frames(&claim.title, claim)) } br; (claim.who) }
             dt { "When" }
             dd { (claim.when) }
             dt { "Proof" }
             dd {
-                @for frame in proof(claim) {
+                @for frame in proof_frames(claim) {
                     div {
                         a href=(format!("#{}", frame_id(claim, frame.number))) { "{" (frame.number) "}" }
                         " " code { (frame.id) " [" (frame.bytes) "]" }
@@ -59,7 +59,7 @@ fn summary(claim: &Claim) -> Markup {
                 }
                 @if claim.evidence.is_empty() { "no frame: the story is about an absence" }
                 @else if claim.evidence.len() > SHOWN_PROOF {
-                    div.quiet { (plural(claim.evidence.len(), "frame")) " listed below" }
+                    div.quiet { (count_noun(claim.evidence.len(), "frame")) " listed below" }
                 }
             }
             dt { "Section" }
@@ -72,7 +72,7 @@ fn summary(claim: &Claim) -> Markup {
 }
 
 /// Frames of the first facts.
-fn proof(claim: &Claim) -> Vec<&EvidenceFrame> {
+fn proof_frames(claim: &ReportClaim) -> Vec<&EvidenceFrame> {
     let mut all: Vec<_> = claim.evidence.iter().collect();
     all.sort_by_key(|frame| (frame.marks.first().copied().unwrap_or(usize::MAX), frame.number));
     all.truncate(SHOWN_PROOF);
@@ -80,14 +80,14 @@ fn proof(claim: &Claim) -> Vec<&EvidenceFrame> {
 }
 
 /// Lines of the story with their labels.
-fn story(claim: &Claim) -> Markup {
+fn render_story(claim: &ReportClaim) -> Markup {
     html! {
         dl.story {
             @for line in &claim.lines {
-                dt { (line.label.word().trim()) }
+                dt { (line.label.label_word().trim()) }
                 dd {
-                    @if let Some(number) = line.mark { (fact(number)) }
-                    (linked(&line.text, claim))
+                    @if let Some(number) = line.mark { (render_fact_number(number)) }
+                    (link_frames(&line.text, claim))
                 }
             }
         }
@@ -95,13 +95,13 @@ fn story(claim: &Claim) -> Markup {
 }
 
 /// The list of frames.
-fn evidence(claim: &Claim) -> Markup {
+fn render_evidence(claim: &ReportClaim) -> Markup {
     html! {
         div.scroll {
             table {
                 caption {
                     "Frames that show the claim"
-                    @if claim.omitted > 0 { "; " (plural(claim.omitted, "further frame")) " not listed" }
+                    @if claim.omitted > 0 { "; " (count_noun(claim.omitted, "further frame")) " not listed" }
                 }
                 thead {
                     tr {
@@ -114,7 +114,7 @@ fn evidence(claim: &Claim) -> Markup {
                     @for frame in &claim.evidence {
                         tr id=(frame_id(claim, frame.number)) {
                             td.number { "{" (frame.number) "}" }
-                            td.facts { @for number in &frame.marks { (fact(*number)) } }
+                            td.facts { @for number in &frame.marks { (render_fact_number(*number)) } }
                             td.number { (frame.time.trim_end_matches(" s")) }
                             td { (frame.bus) }
                             td.data.short { (frame.id) }
@@ -132,12 +132,12 @@ fn evidence(claim: &Claim) -> Markup {
 }
 
 /// Object values with their origin.
-fn objects(values: &NodeValues, claim: &Claim) -> Markup {
+fn render_objects(values: &NodeValues, claim: &ReportClaim) -> Markup {
     html! {
         div.scroll {
             table {
                 caption {
-                    (linked(&values.at, claim)) ": " (values.rows.len()) " of " (plural(values.total, "known object"))
+                    (link_frames(&values.at, claim)) ": " (values.rows.len()) " of " (count_noun(values.total, "known object"))
                     "; ▸ marks objects that the findings name"
                 }
                 thead {

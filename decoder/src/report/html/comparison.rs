@@ -5,19 +5,20 @@ use std::collections::BTreeMap;
 use maud::{Markup, html};
 
 use super::document::{COMPARISON_MARK, marked_page};
-use super::sections::made;
+use super::sections::render_made;
 use crate::bus_file::DiffTolerances;
 use crate::comparison::{
-    CaptureRecord, Comparison, Difference, Kind, Mark, Observation, Section, Side, UnobservedSubject, text,
+    CaptureComparison, CaptureRecord, ComparedSide, Difference, DifferenceKind, DifferenceSection,
+    EvidenceMark, Observation, UnobservedSubject, text,
 };
 use crate::report::model::Provenance;
-use crate::words::{grouped, plural};
+use crate::words::{count_noun, group_digits};
 
 /// Contents of the page.
 #[derive(Debug, Clone, Copy)]
 pub struct ComparisonPage<'a> {
     /// Differences, what was not seen, and what is equal.
-    pub comparison: &'a Comparison,
+    pub comparison: &'a CaptureComparison,
     /// The first capture.
     pub good: &'a CaptureRecord,
     /// The second capture.
@@ -29,16 +30,16 @@ pub struct ComparisonPage<'a> {
 }
 
 /// Differences with the same label.
-struct Group<'a> {
+struct DifferenceGroup<'a> {
     title: &'static str,
     rows: Vec<&'a Difference>,
 }
 
-impl Group<'_> {
+impl DifferenceGroup<'_> {
     /// Whether the heading states which capture has the values, and the other one has none.
     fn is_one_sided(&self) -> bool {
         let is_one_sided = |it: &&Difference| it.good.is_none() || it.bad.is_none();
-        self.rows.iter().all(|it| it.section == Section::Faults && is_one_sided(it))
+        self.rows.iter().all(|it| it.section == DifferenceSection::Faults && is_one_sided(it))
     }
 }
 
@@ -48,18 +49,18 @@ pub fn write_comparison(contents: &ComparisonPage<'_>) -> String {
     let title = match comparison.differences.len() {
         0 if comparison.is_void() => "Nothing compared".to_owned(),
         0 => "No difference within the tolerances".to_owned(),
-        count => plural(count, "difference"),
+        count => count_noun(count, "difference"),
     };
-    let groups = groups(comparison);
+    let groups = group_by_label(comparison);
     let body = html! {
         header {
             p.quiet { "cobscope diff" }
             h1 { (title) }
             dl.summary {
-                dt { "Good" } dd { (extent(good)) }
-                dt { "Bad" } dd { (extent(bad)) }
+                dt { "Good" } dd { (extent_text(good)) }
+                dt { "Bad" } dd { (extent_text(bad)) }
                 @if let Some(first) = comparison.differences.first() {
-                    dt { "First" } dd { strong { (summary(first)) } }
+                    dt { "First" } dd { strong { (difference_summary(first)) } }
                 }
                 @if !groups.is_empty() {
                     dt { "Sections" }
@@ -74,38 +75,40 @@ pub fn write_comparison(contents: &ComparisonPage<'_>) -> String {
             }
         }
         main {
-            @for group in &groups { (section(group)) }
-            (not_seen(comparison, Side::Good))
-            (not_seen(comparison, Side::Bad))
-            (equal(comparison))
-            (limits(comparison))
-            (tolerances(contents.tolerances))
-            (made(contents.provenance, "How this comparison was made", None))
-            (marks())
+            @for group in &groups { (render_group(group)) }
+            (not_seen(comparison, ComparedSide::Good))
+            (not_seen(comparison, ComparedSide::Bad))
+            (render_equal(comparison))
+            (render_limits(comparison))
+            (render_tolerances(contents.tolerances))
+            (render_made(contents.provenance, "How this comparison was made", None))
+            (render_marks())
         }
     };
     marked_page(&format!("{title} – {} and {}", good.name, bad.name), "report", COMPARISON_MARK, &body)
 }
 
 /// `good.log: 612.0 s, 1,204 frames, 3 error frames`.
-fn extent(record: &CaptureRecord) -> String {
-    let duration = record.duration.map_or("without timestamps".to_owned(), text::seconds);
+fn extent_text(record: &CaptureRecord) -> String {
+    let duration = record.duration.map_or("without timestamps".to_owned(), text::format_seconds);
     let errors = match record.error_frames {
         0 => String::new(),
-        count => format!(", {}", plural(count, "error frame")),
+        count => format!(", {}", count_noun(count, "error frame")),
     };
     let frames = if record.frames == 1 { "frame" } else { "frames" };
-    format!("{}: {duration}, {} {frames}{errors}", record.name, grouped(record.frames))
+    format!("{}: {duration}, {} {frames}{errors}", record.name, group_digits(record.frames))
 }
 
 /// A difference in one line.
-fn summary(it: &Difference) -> String {
+fn difference_summary(it: &Difference) -> String {
     let value = |value: &Option<Observation>| match value {
         Some(value) => value.text.clone(),
         None => "not seen".to_owned(),
     };
     let values = match (it.section, &it.good, &it.bad) {
-        (Section::Faults, Some(only), None) | (Section::Faults, None, Some(only)) => only.text.clone(),
+        (DifferenceSection::Faults, Some(only), None) | (DifferenceSection::Faults, None, Some(only)) => {
+            only.text.clone()
+        }
         _ => format!("{} | {}", value(&it.good), value(&it.bad)),
     };
     let aspect = if is_finding(it) { "" } else { it.aspect.as_str() };
@@ -115,13 +118,13 @@ fn summary(it: &Difference) -> String {
 }
 
 /// Differences by label, in the order of their first one.
-fn groups(comparison: &Comparison) -> Vec<Group<'_>> {
-    let mut groups: Vec<Group<'_>> = Vec::new();
+fn group_by_label(comparison: &CaptureComparison) -> Vec<DifferenceGroup<'_>> {
+    let mut groups: Vec<DifferenceGroup<'_>> = Vec::new();
     for it in &comparison.differences {
-        let title = text::title(it);
+        let title = text::difference_label(it);
         match groups.iter_mut().find(|group| group.title == title) {
             Some(group) => group.rows.push(it),
-            None => groups.push(Group { title, rows: vec![it] }),
+            None => groups.push(DifferenceGroup { title, rows: vec![it] }),
         }
     }
     groups
@@ -132,7 +135,7 @@ fn id_of(title: &str) -> String {
     title.to_ascii_lowercase().replace(' ', "-")
 }
 
-fn section(group: &Group<'_>) -> Markup {
+fn render_group(group: &DifferenceGroup<'_>) -> Markup {
     let id = id_of(group.title);
     let (what, what_differs) =
         if group.rows.iter().all(|it| is_finding(it)) { ("Rule", "Finding") } else { ("What", "Value") };
@@ -157,9 +160,9 @@ fn section(group: &Group<'_>) -> Markup {
                             tr {
                                 td { (it.subject) } td { (it.aspect) }
                                 @if group.is_one_sided() {
-                                    td colspan="2" { (value(it.bad.as_ref().or(it.good.as_ref()))) }
+                                    td colspan="2" { (render_value(it.bad.as_ref().or(it.good.as_ref()))) }
                                 } @else {
-                                    td { (value(it.good.as_ref())) } td { (value(it.bad.as_ref())) }
+                                    td { (render_value(it.good.as_ref())) } td { (render_value(it.bad.as_ref())) }
                                 }
                                 td { (it.note) }
                             }
@@ -172,29 +175,29 @@ fn section(group: &Group<'_>) -> Markup {
 }
 
 fn is_finding(it: &Difference) -> bool {
-    matches!(it.kind, Kind::Finding | Kind::StoryEnded | Kind::FindingEnded)
+    matches!(it.kind, DifferenceKind::Finding | DifferenceKind::StoryEnded | DifferenceKind::FindingEnded)
 }
 
 /// A value with its time and frame.
-fn value(value: Option<&Observation>) -> Markup {
+fn render_value(value: Option<&Observation>) -> Markup {
     html! {
         @match value {
             // The text of a finding names its frames itself.
             Some(value) => {
                 (value.text)
-                (place(if value.text.contains('{') { Mark { frame: 0, ..value.mark } } else { value.mark }))
+                (render_place(if value.text.contains('{') { EvidenceMark { frame: 0, ..value.mark } } else { value.mark }))
             },
             None => span.quiet { "not seen" },
         }
     }
 }
 
-fn place(mark: Mark) -> Markup {
+fn render_place(mark: EvidenceMark) -> Markup {
     html! {
         @if mark.frame > 0 || mark.time.is_some() {
             br;
             span.quiet {
-                @if let Some(time) = mark.time { (text::seconds(time)) " " }
+                @if let Some(time) = mark.time { (text::format_seconds(time)) " " }
                 @if mark.frame > 0 { "{" (mark.frame) "}" }
             }
         }
@@ -202,7 +205,7 @@ fn place(mark: Mark) -> Markup {
 }
 
 /// What one capture never showed: most important first.
-fn not_seen(comparison: &Comparison, side: Side) -> Markup {
+fn not_seen(comparison: &CaptureComparison, side: ComparedSide) -> Markup {
     let own: Vec<&UnobservedSubject> = comparison.not_seen.iter().filter(|it| it.by == side).collect();
     let title = text::not_seen_by(side);
     let id = id_of(title);
@@ -220,7 +223,7 @@ fn not_seen(comparison: &Comparison, side: Side) -> Markup {
                             @for it in own {
                                 tr {
                                     td.short { (it.noun.name()) } td.short { (it.subject) }
-                                    td { (it.aspect) (place(it.mark)) }
+                                    td { (it.aspect) (render_place(it.mark)) }
                                 }
                             }
                         }
@@ -231,10 +234,10 @@ fn not_seen(comparison: &Comparison, side: Side) -> Markup {
     }
 }
 
-fn equal(comparison: &Comparison) -> Markup {
-    let mut sections: BTreeMap<Section, Vec<String>> = BTreeMap::new();
+fn render_equal(comparison: &CaptureComparison) -> Markup {
+    let mut sections: BTreeMap<DifferenceSection, Vec<String>> = BTreeMap::new();
     for ((section, noun), count) in &comparison.equal {
-        sections.entry(*section).or_default().push(plural(*count, noun.name()));
+        sections.entry(*section).or_default().push(count_noun(*count, noun.name()));
     }
     html! {
         @if !sections.is_empty() {
@@ -246,7 +249,7 @@ fn equal(comparison: &Comparison) -> Markup {
     }
 }
 
-fn limits(comparison: &Comparison) -> Markup {
+fn render_limits(comparison: &CaptureComparison) -> Markup {
     html! {
         @if !comparison.limits.is_empty() {
             section aria-labelledby="limits" {
@@ -257,7 +260,7 @@ fn limits(comparison: &Comparison) -> Markup {
     }
 }
 
-fn tolerances(tolerances: &DiffTolerances) -> Markup {
+fn render_tolerances(tolerances: &DiffTolerances) -> Markup {
     let all = [
         ("period-percent", tolerances.period),
         ("gap-percent", tolerances.gap),
@@ -282,7 +285,7 @@ fn tolerances(tolerances: &DiffTolerances) -> Markup {
     }
 }
 
-fn marks() -> Markup {
+fn render_marks() -> Markup {
     html! {
         section aria-labelledby="glossary" {
             h2 id="glossary" { "Marks" }

@@ -14,7 +14,7 @@ pub const MARK: &str = "<meta name=\"generator\" content=\"cobscope\">";
 pub const COMPARISON_MARK: &str = "<meta name=\"generator\" content=\"cobscope diff\">";
 
 /// A whole page; `class` selects the paper of its print.
-pub(super) fn page(title: &str, class: &str, body: &Markup) -> String {
+pub(super) fn render_page(title: &str, class: &str, body: &Markup) -> String {
     marked_page(title, class, MARK, body)
 }
 

@@ -2,10 +2,10 @@
 
 use maud::{Markup, html};
 
-use super::document::page;
+use super::document::render_page;
 use crate::finding::Severity;
 use crate::report::fleet::{Fleet, FleetCapture, FleetMachine, StoryKind, WeekCell};
-use crate::words::{grouped, plural};
+use crate::words::{count_noun, group_digits};
 
 /// Maximum number of captures listed per machine, the latest ones.
 const MOST_CAPTURES: usize = 100;
@@ -34,28 +34,28 @@ pub fn write_fleet(own: &FleetPage) -> String {
         header {
             p.quiet { "cobscope " (own.version) }
             h1 { (title) }
-            p.quiet { (plural(fleet.captures, "capture")) " of " (plural(fleet.machines.len(), "machine")) }
+            p.quiet { (count_noun(fleet.captures, "capture")) " of " (count_noun(fleet.machines.len(), "machine")) }
         }
         main {
             h2 { "Machines and weeks" }
-            div.scroll { (weeks(fleet)) }
+            div.scroll { (render_weeks(fleet)) }
             p.quiet {
                 "Captures per week, from Monday, UTC; E failed, U unreadable or incomplete."
-                @if fleet.earlier > 0 { " " (plural(fleet.earlier, "capture")) " of earlier weeks are not shown." }
+                @if fleet.earlier > 0 { " " (count_noun(fleet.earlier, "capture")) " of earlier weeks are not shown." }
             }
             h2 { "Worst stories" }
-            @if fleet.kinds.is_empty() { p { "no story" } } @else { div.scroll { (kinds(fleet)) } }
+            @if fleet.kinds.is_empty() { p { "no story" } } @else { div.scroll { (render_kinds(fleet)) } }
             @if fleet.further_kinds > 0 { p.quiet { "and " (fleet.further_kinds) " more kinds of stories" } }
             h2 { "Captures" }
-            @for (number, machine) in (1..).zip(&fleet.machines) { (captures(number, machine)) }
+            @for (number, machine) in (1..).zip(&fleet.machines) { (render_captures(number, machine)) }
             h2 { "How this page was made" }
             p { code { (own.command) } }
         }
     };
-    page(&title, "index", &body)
+    render_page(&title, "index", &body)
 }
 
-fn weeks(fleet: &Fleet) -> Markup {
+fn render_weeks(fleet: &Fleet) -> Markup {
     html! {
         table {
             thead {
@@ -88,7 +88,7 @@ fn week_cell(cell: WeekCell) -> Markup {
     }
 }
 
-fn kinds(fleet: &Fleet) -> Markup {
+fn render_kinds(fleet: &Fleet) -> Markup {
     html! {
         table {
             thead {
@@ -111,10 +111,10 @@ fn kind_row(kind: &StoryKind, fleet: &Fleet) -> Markup {
     let number = |name: &str| fleet.machines.iter().position(|machine| machine.name == name);
     html! {
         tr {
-            td { (severity(kind.severity)) }
+            td { (render_severity(kind.severity)) }
             td { (kind.rule) }
             td { (kind.node) }
-            td.number { (grouped(kind.captures as u64)) }
+            td.number { (group_digits(kind.captures as u64)) }
             td {
                 @for (place, name) in kind.machines.iter().enumerate() {
                     @if place > 0 { ", " }
@@ -133,7 +133,7 @@ fn kind_row(kind: &StoryKind, fleet: &Fleet) -> Markup {
     }
 }
 
-fn captures(number: usize, machine: &FleetMachine) -> Markup {
+fn render_captures(number: usize, machine: &FleetMachine) -> Markup {
     let skipped = machine.captures.len().saturating_sub(MOST_CAPTURES);
     html! {
         h3 id={ "m" (number) } { (machine.name) }
@@ -164,14 +164,14 @@ fn capture_row(capture: &FleetCapture) -> Markup {
         tr {
             td.short { @if let Some(day) = capture.day { (day) } }
             td.data { (capture.capture) }
-            td.number { (grouped(capture.frames)) }
+            td.number { (group_digits(capture.frames)) }
             td { (capture.verdict.name()) }
             td {
                 @if let Some(failure) = &capture.failure {
                     div { span.severity.warning { "INCOMPLETE" } " " (failure) }
                 }
                 @for story in capture.stories.iter().take(MOST_STORIES) {
-                    div { (severity(story.severity)) " " (story.title) }
+                    div { (render_severity(story.severity)) " " (story.title) }
                 }
                 @if further > 0 { div.quiet { "and " (further) " more" } }
             }
@@ -179,7 +179,7 @@ fn capture_row(capture: &FleetCapture) -> Markup {
     }
 }
 
-fn severity(severity: Severity) -> Markup {
+fn render_severity(severity: Severity) -> Markup {
     html! {
         @match severity {
             Severity::Error => span.severity.error { "ERROR" },

@@ -5,9 +5,9 @@ use std::fmt::Write as _;
 
 use maud::{Markup, html};
 
-use super::document::page;
+use super::document::render_page;
 use crate::finding::Severity;
-use crate::words::plural;
+use crate::words::count_noun;
 
 /// Reports of a folder.
 #[derive(Debug, Clone, Default)]
@@ -55,20 +55,20 @@ pub fn write_index(index: &IndexPage) -> String {
         header {
             p.quiet { "cobscope " (index.version) }
             h1 { (title) }
-            p.quiet { (plural(index.rows.len(), "capture")) ", " (plural(rules.len(), "rule")) " with findings" }
+            p.quiet { (count_noun(index.rows.len(), "capture")) ", " (count_noun(rules.len(), "rule")) " with findings" }
         }
         main {
             h2 { "Captures and rules" }
-            div.scroll { (table(index, &rules)) }
+            div.scroll { (render_table(index, &rules)) }
             p.quiet { "E error, W warning, N note, with the number of findings." }
             h2 { "How these reports were made" }
             p { code { (index.command) } }
         }
     };
-    page(&title, "index", &body)
+    render_page(&title, "index", &body)
 }
 
-fn table(index: &IndexPage, rules: &BTreeSet<&str>) -> Markup {
+fn render_table(index: &IndexPage, rules: &BTreeSet<&str>) -> Markup {
     html! {
         table {
             thead {
@@ -83,12 +83,12 @@ fn table(index: &IndexPage, rules: &BTreeSet<&str>) -> Markup {
                     tr {
                         th scope="row" {
                             @match &row.page {
-                                Some(page) => a href=(address(page)) { (row.capture) },
+                                Some(page) => a href=(relative_address(page)) { (row.capture) },
                                 None => (row.capture),
                             }
                         }
                         td.remark { (row.remark) }
-                        @for rule in rules { td { (cell(row, rule)) } }
+                        @for rule in rules { td { (render_cell(row, rule)) } }
                     }
                 }
             }
@@ -96,7 +96,7 @@ fn table(index: &IndexPage, rules: &BTreeSet<&str>) -> Markup {
     }
 }
 
-fn cell(row: &IndexRow, rule: &str) -> Markup {
+fn render_cell(row: &IndexRow, rule: &str) -> Markup {
     let found = row.rules.iter().find(|count| count.rule == rule);
     html! {
         @if let Some(found) = found {
@@ -110,7 +110,7 @@ fn cell(row: &IndexRow, rule: &str) -> Markup {
 }
 
 /// A file name as a relative address: bytes other than letters, digits, `.`, `-` and `_` are encoded.
-fn address(name: &str) -> String {
+fn relative_address(name: &str) -> String {
     let mut address = String::from("./");
     for byte in name.bytes() {
         if byte.is_ascii_alphanumeric() || matches!(byte, b'.' | b'-' | b'_') {
@@ -128,7 +128,7 @@ mod tests {
 
     #[test]
     fn names_of_files_are_relative_addresses() {
-        assert_eq!(address("a.html"), "./a.html");
-        assert_eq!(address("javascript:x\"#?.html"), "./javascript%3Ax%22%23%3F.html");
+        assert_eq!(relative_address("a.html"), "./a.html");
+        assert_eq!(relative_address("javascript:x\"#?.html"), "./javascript%3Ax%22%23%3F.html");
     }
 }

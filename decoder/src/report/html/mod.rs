@@ -18,19 +18,19 @@ pub use index::{IndexPage, IndexRow, RuleCount, write_index};
 
 use maud::html;
 
-use self::claim::claim;
-use self::document::page;
-use super::model::Report;
-use crate::words::{grouped, plural};
+use self::claim::render_claim;
+use self::document::render_page;
+use super::model::CaptureReport;
+use crate::words::{count_noun, group_digits};
 
 /// The page.
-pub fn write(report: &Report) -> String {
+pub fn write_page(report: &CaptureReport) -> String {
     let title = report.title();
     let body = html! {
         header {
             p.quiet { "cobscope report on " (report.capture.name) }
             h1 { (title) }
-            p.quiet { (extent(report)) }
+            p.quiet { (extent_text(report)) }
             @if let Some(failure) = &report.capture.failure {
                 p { span.severity.error { "INCOMPLETE" } " " (failure) }
             }
@@ -40,32 +40,32 @@ pub fn write(report: &Report) -> String {
                 (sections::nothing_found(report))
             }
             @for own in &report.claims {
-                (claim(own))
+                (render_claim(own))
             }
-            (sections::further(report))
+            (sections::render_further(report))
             @if !report.claims.is_empty() {
-                (sections::assumptions(report))
+                (sections::render_assumptions(report))
             }
-            (sections::quality(report))
-            (sections::sources(report))
-            (sections::clock(report))
-            (sections::provenance(report))
-            (sections::coverage(report))
-            (sections::glossary())
+            (sections::render_quality(report))
+            (sections::render_sources(report))
+            (sections::render_clock(report))
+            (sections::render_provenance(report))
+            (sections::render_coverage(report))
+            (sections::render_glossary())
         }
     };
-    page(&format!("{title} – {}", report.capture.name), "report", &body)
+    render_page(&format!("{title} – {}", report.capture.name), "report", &body)
 }
 
 /// `359 frames in 143.001 s, candump log; 4 claims`.
-fn extent(report: &Report) -> String {
+fn extent_text(report: &CaptureReport) -> String {
     let capture = &report.capture;
     let frames = if capture.frames == 1 { "frame" } else { "frames" };
     let duration = capture.duration.as_ref().map_or_else(String::new, |duration| format!(" in {duration}"));
     let claims = match (report.claims.len(), report.further.len()) {
         (0, _) => String::new(),
-        (shown, 0) => format!("; {}", plural(shown, "claim")),
-        (shown, further) => format!("; {shown} of {}", plural(shown.saturating_add(further), "claim")),
+        (shown, 0) => format!("; {}", count_noun(shown, "claim")),
+        (shown, further) => format!("; {shown} of {}", count_noun(shown.saturating_add(further), "claim")),
     };
-    format!("{} {frames}{duration}, {}{claims}", grouped(capture.frames), capture.format)
+    format!("{} {frames}{duration}, {}{claims}", group_digits(capture.frames), capture.format)
 }

@@ -2,12 +2,12 @@
 
 use maud::{Markup, html};
 
-use crate::report::glossary::marks;
-use crate::report::model::{Attachment, Coverage, Provenance, Report};
-use crate::words::{grouped, plural};
+use crate::report::glossary::glossary_marks;
+use crate::report::model::{Attachment, CaptureReport, Provenance, VerdictCoverage};
+use crate::words::{count_noun, group_digits};
 
 /// A heading with a list; nothing without texts.
-fn list(title: &str, id: &str, texts: &[String]) -> Markup {
+fn render_list(title: &str, id: &str, texts: &[String]) -> Markup {
     html! {
         @if !texts.is_empty() {
             section aria-labelledby=(id) {
@@ -19,7 +19,7 @@ fn list(title: &str, id: &str, texts: &[String]) -> Markup {
 }
 
 /// What was checked, in a report without a claim.
-pub(super) fn nothing_found(report: &Report) -> Markup {
+pub(super) fn nothing_found(report: &CaptureReport) -> Markup {
     let coverage = &report.coverage;
     html! {
         section aria-labelledby="result" {
@@ -29,7 +29,7 @@ pub(super) fn nothing_found(report: &Report) -> Markup {
                 dd { strong { (report.within_scope("no finding with a warning or an error")) } }
                 dt { "Checked" }
                 dd {
-                    (plural(coverage.passed.len(), "rule")) " without a defect, "
+                    (count_noun(coverage.passed.len(), "rule")) " without a defect, "
                     (coverage.not_exercised.len()) " not exercised; both are listed below"
                 }
             }
@@ -39,15 +39,15 @@ pub(super) fn nothing_found(report: &Report) -> Markup {
 }
 
 /// Stories without a claim, and notes.
-pub(super) fn further(report: &Report) -> Markup {
+pub(super) fn render_further(report: &CaptureReport) -> Markup {
     html! {
-        (list("Further stories, without evidence on this page", "further", &report.further))
-        (list("Notes", "notes", &report.notes))
+        (render_list("Further stories, without evidence on this page", "further", &report.further))
+        (render_list("Notes", "notes", &report.notes))
     }
 }
 
 /// Assumptions that the claims rest on.
-pub(super) fn assumptions(report: &Report) -> Markup {
+pub(super) fn render_assumptions(report: &CaptureReport) -> Markup {
     html! {
         section aria-labelledby="assumptions" {
             h2 id="assumptions" { "Assumptions (?)" }
@@ -61,15 +61,15 @@ pub(super) fn assumptions(report: &Report) -> Markup {
 }
 
 /// Quality of the capture, and what it cannot show.
-pub(super) fn quality(report: &Report) -> Markup {
+pub(super) fn render_quality(report: &CaptureReport) -> Markup {
     html! {
-        (list("Quality of the capture", "quality", &report.quality))
-        (list("What the capture cannot show", "blind", &report.blind))
+        (render_list("Quality of the capture", "quality", &report.quality))
+        (render_list("What the capture cannot show", "blind", &report.blind))
     }
 }
 
 /// Sources of the rules behind the claims.
-pub(super) fn sources(report: &Report) -> Markup {
+pub(super) fn render_sources(report: &CaptureReport) -> Markup {
     html! {
         @if !report.sources.is_empty() {
             section aria-labelledby="sources" {
@@ -86,22 +86,22 @@ pub(super) fn sources(report: &Report) -> Markup {
                 }
             }
         }
-        (list("Devices", "devices", &report.devices))
+        (render_list("Devices", "devices", &report.devices))
     }
 }
 
 /// Source and zone of the timestamps.
-pub(super) fn clock(report: &Report) -> Markup {
-    list("Timestamps", "clock", &report.clock)
+pub(super) fn render_clock(report: &CaptureReport) -> Markup {
+    render_list("Timestamps", "clock", &report.clock)
 }
 
 /// Command, version and hashes of a report.
-pub(super) fn provenance(report: &Report) -> Markup {
-    made(&report.provenance, "How this report was made", report.attachment.as_ref())
+pub(super) fn render_provenance(report: &CaptureReport) -> Markup {
+    render_made(&report.provenance, "How this report was made", report.attachment.as_ref())
 }
 
 /// Command, version and hashes.
-pub(super) fn made(made: &Provenance, title: &str, own: Option<&Attachment>) -> Markup {
+pub(super) fn render_made(made: &Provenance, title: &str, own: Option<&Attachment>) -> Markup {
     html! {
         section aria-labelledby="made" {
             h2 id="made" { (title) }
@@ -124,11 +124,11 @@ pub(super) fn made(made: &Provenance, title: &str, own: Option<&Attachment>) -> 
                             tr {
                                 td { (file.role) }
                                 td { (file.name) }
-                                td.number { @if file.size > 0 { (grouped(file.size)) } }
+                                td.number { @if file.size > 0 { (group_digits(file.size)) } }
                                 td.data.hash { (file.sha256) }
                             }
                         }
-                        @if let Some(own) = own { (attachment(own)) }
+                        @if let Some(own) = own { (render_attachment(own)) }
                     }
                 }
             }
@@ -136,8 +136,8 @@ pub(super) fn made(made: &Provenance, title: &str, own: Option<&Attachment>) -> 
     }
 }
 
-fn attachment(own: &Attachment) -> Markup {
-    let frames = format!("cut-out capture, {}", plural(own.frames, "frame"));
+fn render_attachment(own: &Attachment) -> Markup {
+    let frames = format!("cut-out capture, {}", count_noun(own.frames, "frame"));
     html! {
         tr {
             td {
@@ -159,20 +159,20 @@ fn attachment(own: &Attachment) -> Markup {
                     br; "read with --bus " (bus_file)
                 }
             }
-            td.number { (grouped(own.size as u64)) }
+            td.number { (group_digits(own.size as u64)) }
             td.data.hash { (own.sha256) }
         }
     }
 }
 
 /// Verdicts of all rules.
-pub(super) fn coverage(report: &Report) -> Markup {
+pub(super) fn render_coverage(report: &CaptureReport) -> Markup {
     let coverage = &report.coverage;
     let counted = |rules: &[(String, u64)]| {
         html! {
             @for (place, (rule, count)) in rules.iter().enumerate() {
                 @if place > 0 { ", " }
-                span.data { (rule) } " " (grouped(*count))
+                span.data { (rule) } " " (group_digits(*count))
             }
             @if rules.is_empty() { "none" }
         }
@@ -208,7 +208,7 @@ pub(super) fn coverage(report: &Report) -> Markup {
 }
 
 /// Rules that were not exercised, with what was missing in the capture.
-fn not_exercised(coverage: &Coverage) -> Markup {
+fn not_exercised(coverage: &VerdictCoverage) -> Markup {
     html! {
         div.scroll {
             table {
@@ -223,11 +223,11 @@ fn not_exercised(coverage: &Coverage) -> Markup {
 }
 
 /// Meaning of the marks.
-pub(super) fn glossary() -> Markup {
+pub(super) fn render_glossary() -> Markup {
     html! {
         section aria-labelledby="marks" {
             h2 id="marks" { "Marks on this page" }
-            dl { @for mark in marks() { dt { code { (mark.mark) } } dd { (mark.meaning) } } }
+            dl { @for mark in glossary_marks() { dt { code { (mark.mark) } } dd { (mark.meaning) } } }
         }
     }
 }

@@ -6,12 +6,12 @@
 
 mod cases;
 
-pub use cases::{Case, Class, cases};
+pub use cases::{CaseClass, TestCase, test_cases};
 
 use std::sync::Arc;
 
 use crate::event::FrameRange;
-use crate::finding::{CaseVerdict, RuleInfo, Tally, Verdict};
+use crate::finding::{CaseVerdict, CheckTally, RuleInfo, RuleOutcome};
 use crate::wire::canopen::test_marker::{TestMarker, TestResult};
 
 /// Maximum number of cases of one capture; a full run has 127.
@@ -19,16 +19,16 @@ const CASE_LIMIT: usize = 4096;
 
 /// The open test case.
 #[derive(Debug, Clone)]
-struct Segment {
+struct OpenCase {
     marker: TestMarker,
-    case: Option<&'static Case>,
+    case: Option<&'static TestCase>,
     first: u64,
-    before: Vec<Tally>,
+    before: Vec<CheckTally>,
 }
 
 /// Treatment of a finding within a case.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Standing {
+pub(super) enum CaseStanding {
     /// Normal finding: the rule is listed for the case, or no case is open.
     Judged,
     /// Provoked by a negative test: dropped.
@@ -39,46 +39,52 @@ pub(super) enum Standing {
 
 /// Verdicts so far and the open case.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Run {
-    open: Option<Segment>,
+pub(super) struct ConformanceRun {
+    open: Option<OpenCase>,
     /// Frame and verdict counts at the last marker; a case without a start marker starts there.
-    last: Option<(u64, Vec<Tally>)>,
+    last: Option<(u64, Vec<CheckTally>)>,
     pub(super) verdicts: Vec<CaseVerdict>,
 }
 
-impl Run {
+impl ConformanceRun {
     /// Handles a marker of the test tool.
-    pub(super) fn mark(&mut self, marker: TestMarker, frame: u64, rules: &[RuleInfo], tallies: &[Tally]) {
+    pub(super) fn on_marker(
+        &mut self,
+        marker: TestMarker,
+        frame: u64,
+        rules: &[RuleInfo],
+        tallies: &[CheckTally],
+    ) {
         match marker.result {
             None => {
-                let case = cases().find(marker.group, marker.case);
-                self.open = Some(Segment { marker, case, first: frame, before: tallies.to_vec() });
+                let case = test_cases().find_case(marker.group, marker.case);
+                self.open = Some(OpenCase { marker, case, first: frame, before: tallies.to_vec() });
             }
-            Some(result) => self.end(marker, result, frame, rules, tallies),
+            Some(result) => self.end_case(marker, result, frame, rules, tallies),
         }
         self.last = Some((frame, tallies.to_vec()));
     }
 
-    fn end(
+    fn end_case(
         &mut self,
         marker: TestMarker,
         result: TestResult,
         frame: u64,
         rules: &[RuleInfo],
-        tallies: &[Tally],
+        tallies: &[CheckTally],
     ) {
-        let same = |open: &Segment| (open.marker.group, open.marker.case) == (marker.group, marker.case);
+        let same = |open: &OpenCase| (open.marker.group, open.marker.case) == (marker.group, marker.case);
         let open = self.open.take().filter(same);
         let has_begin = open.is_some();
         let segment = open.unwrap_or_else(|| {
-            let (first, before) = self.last.take().unwrap_or((0, vec![Tally::default(); tallies.len()]));
-            Segment { marker, case: cases().find(marker.group, marker.case), first, before }
+            let (first, before) = self.last.take().unwrap_or((0, vec![CheckTally::default(); tallies.len()]));
+            OpenCase { marker, case: test_cases().find_case(marker.group, marker.case), first, before }
         });
         if self.verdicts.len() >= CASE_LIMIT {
             return;
         }
         let named = segment.case.map_or(&[][..], |case| &case.rules);
-        let mut judged: Vec<(Arc<str>, Tally)> = Vec::new();
+        let mut judged: Vec<(Arc<str>, CheckTally)> = Vec::new();
         for (place, rule) in
             rules.iter().enumerate().filter(|(_, rule)| named.iter().any(|it| **it == *rule.name))
         {
@@ -97,19 +103,19 @@ impl Run {
     }
 
     /// Treatment of findings of this rule in the open case.
-    pub(super) fn standing(&self, rule: &str) -> Standing {
+    pub(super) fn standing_of(&self, rule: &str) -> CaseStanding {
         match &self.open {
-            None => Standing::Judged,
+            None => CaseStanding::Judged,
             Some(segment) => match segment.case {
-                Some(case) if case.rules.iter().any(|named| named == rule) => Standing::Judged,
-                Some(case) if case.is_negative() => Standing::Fact,
-                _ => Standing::Beside,
+                Some(case) if case.rules.iter().any(|named| named == rule) => CaseStanding::Judged,
+                Some(case) if case.is_negative() => CaseStanding::Fact,
+                _ => CaseStanding::Beside,
             },
         }
     }
 
     /// Number of the open case.
-    pub(super) fn case(&self) -> Option<String> {
+    pub(super) fn open_case(&self) -> Option<String> {
         self.open.as_ref().map(|open| format!("{}.{}", open.marker.group, open.marker.case))
     }
 
@@ -127,21 +133,21 @@ impl Run {
 
 impl CaseVerdict {
     /// Combined verdict of our rules.
-    pub fn ours(&self) -> Verdict {
-        let mut all = Tally::default();
+    pub fn own_verdict(&self) -> RuleOutcome {
+        let mut all = CheckTally::default();
         for (_, tally) in &self.judged {
-            all.add(*tally);
+            all.add_tally(*tally);
         }
         all.verdict()
     }
 
     /// Whether the verdict of the tool and ours contradict each other.
-    pub fn disagrees(&self) -> bool {
-        match (self.tool, self.ours()) {
-            (TestResult::Passed, ours) => ours == Verdict::Fail,
+    pub fn contradicts_tool(&self) -> bool {
+        match (self.tool, self.own_verdict()) {
+            (TestResult::Passed, ours) => ours == RuleOutcome::Fail,
             // Also listed: a warning or failure of the tool that no rule of ours could check.
-            (TestResult::Failed | TestResult::Warning, ours) => ours != Verdict::Fail,
-            (TestResult::Skipped, ours) => ours != Verdict::NotExercised,
+            (TestResult::Failed | TestResult::Warning, ours) => ours != RuleOutcome::Fail,
+            (TestResult::Skipped, ours) => ours != RuleOutcome::NotExercised,
             (TestResult::Other(_), _) => false,
         }
     }

@@ -16,7 +16,7 @@ const DISTURBED: u32 = 0x008 | 0x020 | 0x080;
 
 /// Statistics of one second of bus time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Second {
+pub struct BusSecond {
     /// Sequence number, from 1; 0 before the end of the first second.
     pub number: u64,
     /// First and last frame.
@@ -35,7 +35,7 @@ pub struct Second {
 
 /// Frame statistics of a bus.
 #[derive(Debug, Clone, Default)]
-pub struct Meter {
+pub struct FrameMeter {
     /// Bit rate in bit/s, if known.
     pub bit_rate: Option<u32>,
     /// Number of frames, including error frames.
@@ -45,9 +45,9 @@ pub struct Meter {
     /// Two intervals between timestamps differed, so the timestamps are real.
     pub has_varied: bool,
     /// Last complete second.
-    pub last: Second,
+    pub last: BusSecond,
     /// The second that has begun; its number of frames and its last frame are added at its end.
-    current: Second,
+    current: BusSecond,
     /// Number of frames before the current second.
     before: u64,
     last_frame: u64,
@@ -60,7 +60,7 @@ pub struct Meter {
     is_over: bool,
 }
 
-impl Meter {
+impl FrameMeter {
     pub(in crate::rules) fn new(bit_rate: Option<u32>) -> Self {
         Self { bit_rate: bit_rate.filter(|rate| *rate > 0), ..Self::default() }
     }
@@ -78,7 +78,7 @@ impl Meter {
     }
 
     #[inline]
-    pub(in crate::rules) fn frame(&mut self, frame: &Frame) {
+    pub(in crate::rules) fn measure_frame(&mut self, frame: &Frame) {
         // The difference to an earlier time is more than any window.
         if let Some(time) = frame.time
             && !self.is_in_second(time.0)
@@ -88,7 +88,7 @@ impl Meter {
         self.frames += 1;
         self.last_frame = frame.number;
         if self.bit_rate.is_some() || frame.flags.contains(FrameFlags::ERROR) {
-            self.count(frame);
+            self.count_frame(frame);
         }
     }
 
@@ -104,7 +104,7 @@ impl Meter {
         self.last_frame = frames.last().map_or(self.last_frame, |frame| frame.number);
         if self.bit_rate.is_some() {
             for frame in frames {
-                self.count(frame);
+                self.count_frame(frame);
             }
         }
     }
@@ -133,19 +133,19 @@ impl Meter {
             let number = self.last.number + 1;
             let count = self.frames - self.before;
             let frames = FrameRange { last: self.last_frame, ..self.current.frames };
-            self.last = Second { number, frames, count, ..self.current };
+            self.last = BusSecond { number, frames, count, ..self.current };
             self.is_over = true;
             is_busy = self.bit_rate.is_some_and(|rate| self.last.most > u64::from(rate) / 2);
         }
         self.began = time;
         self.before = self.frames;
         self.current =
-            Second { frames: FrameRange::one(frame), bits: is_busy.then_some(0), ..Second::default() };
+            BusSecond { frames: FrameRange::one(frame), bits: is_busy.then_some(0), ..BusSecond::default() };
     }
 
     /// Counts an error frame, or the bits of another frame.
     #[inline(never)]
-    fn count(&mut self, frame: &Frame) {
+    fn count_frame(&mut self, frame: &Frame) {
         if frame.flags.contains(FrameFlags::ERROR) {
             let is_disturbed = frame.id.number() & DISTURBED != 0;
             self.errors += u64::from(is_disturbed);
@@ -179,11 +179,11 @@ mod tests {
     use super::*;
     use crate::frame::Timestamp;
 
-    fn metered(bit_rate: Option<u32>, stamps: impl Iterator<Item = i64>) -> Meter {
-        let mut meter = Meter::new(bit_rate);
+    fn metered(bit_rate: Option<u32>, stamps: impl Iterator<Item = i64>) -> FrameMeter {
+        let mut meter = FrameMeter::new(bit_rate);
         for (number, time) in (1..).zip(stamps) {
-            let frame = Frame::data_frame(CanId::standard(0x555), &[]);
-            meter.frame(&Frame { number, time: Some(Timestamp(time)), ..frame });
+            let frame = Frame::data_frame(CanId::from_standard(0x555), &[]);
+            meter.measure_frame(&Frame { number, time: Some(Timestamp(time)), ..frame });
         }
         meter
     }

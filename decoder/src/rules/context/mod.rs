@@ -9,15 +9,15 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::sync::Arc;
 
-use self::meter::Meter;
+use self::meter::FrameMeter;
 use self::pdo_slot::PdoSlot;
-use self::scene::View;
-use self::traffic::Traffic;
-use super::ledger::{Claim, Ledger, occurrence};
-use crate::event::{Certainty, Event, FrameRange};
-use crate::finding::{About, Key, Occurrence, Severity};
+use self::scene::SceneView;
+use self::traffic::PdoTraffic;
+use super::ledger::{DefectClaim, FindingLedger, build_occurrence};
+use crate::event::{Event, FrameRange, StateCertainty};
+use crate::finding::{FindingSubject, GroupKey, Occurrence, Severity};
 use crate::frame::{CanId, Timestamp};
-use crate::profile::device::Waiver;
+use crate::profile::device::RuleWaiver;
 use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
@@ -29,7 +29,7 @@ pub(super) type Wake = Reverse<(i64, u16, u64)>;
 pub(super) const LEDGER: u16 = u16::MAX;
 
 /// View of a rule on the bus.
-pub struct Context<'a> {
+pub struct RuleContext<'a> {
     /// The bus in the state after the event.
     pub bus: &'a Bus,
     /// Monotonic time of the event in ns. Silences of the whole bus are subtracted, so that no deadline
@@ -40,9 +40,9 @@ pub struct Context<'a> {
     /// Timestamp resolution in ns; 0 if unknown.
     pub granularity: i64,
     /// PDO statistics by identifier.
-    pub traffic: &'a Traffic,
+    pub traffic: &'a PdoTraffic,
     /// Frame statistics of the bus.
-    pub meter: &'a Meter,
+    pub meter: &'a FrameMeter,
     /// A conformance test marks its cases on this bus, so requests that must be refused are deliberate.
     pub is_tested: bool,
     /// Sum of silences subtracted from `now`, in ns.
@@ -52,38 +52,38 @@ pub struct Context<'a> {
     pub(super) bus_name: &'a Arc<str>,
     pub(super) rule: u16,
     pub(super) place: u16,
-    pub(super) ledger: &'a mut Ledger,
+    pub(super) ledger: &'a mut FindingLedger,
     pub(super) wakes: &'a mut BinaryHeap<Wake>,
-    /// See [`Context::ask_again`].
+    /// See [`RuleContext::ask_again`].
     pub(super) has_news: &'a mut bool,
 }
 
-impl<'a> Context<'a> {
+impl<'a> RuleContext<'a> {
     /// Counts a check without a defect.
     #[inline]
-    pub fn pass(&mut self) {
-        self.ledger.pass(self.rule);
+    pub fn count_pass(&mut self) {
+        self.ledger.count_pass(self.rule);
     }
 
     /// Counts a check without a defect, also for one case of the test plan.
     pub(crate) fn pass_case(&mut self, case: &'static str) {
-        self.pass();
+        self.count_pass();
         self.ledger.judge_case(case, false);
     }
 
-    /// Counts a failure for one case of the test plan; [`Context::fail`] reports the finding itself.
+    /// Counts a failure for one case of the test plan; [`RuleContext::start_finding`] reports the finding itself.
     pub(crate) fn fail_case(&mut self, case: &'static str) {
         self.ledger.judge_case(case, true);
     }
 
-    /// Starts a finding shown by an event; [`Alarm::report`] reports it.
-    pub fn fail<'b>(&'b mut self, event: &Event) -> Alarm<'b, 'a> {
-        let at = occurrence(event.time, event.frames);
+    /// Starts a finding shown by an event; [`FindingAlarm::report_finding`] reports it.
+    pub fn start_finding<'b>(&'b mut self, event: &Event) -> FindingAlarm<'b, 'a> {
+        let at = build_occurrence(event.time, event.frames);
         let (node, is_presumed) = (event.node, event.presumed);
-        Alarm::new(self, node, at, is_presumed)
+        FindingAlarm::new(self, node, at, is_presumed)
     }
 
-    /// Timestamp of a time in the clock of [`Context::now`].
+    /// Timestamp of a time in the clock of [`RuleContext::now`].
     pub(crate) fn timestamp_of(&self, time: i64) -> Option<Timestamp> {
         self.bus.stamp_of(time.saturating_add(self.silence))
     }
@@ -93,16 +93,16 @@ impl<'a> Context<'a> {
         from < self.resumed
     }
 
-    /// Starts a finding at an expired deadline `at`, in the clock of [`Context::now`].
+    /// Starts a finding at an expired deadline `at`, in the clock of [`RuleContext::now`].
     pub(crate) fn fail_at<'b>(
         &'b mut self,
         at: i64,
         node: Option<NodeId>,
         frames: FrameRange,
-    ) -> Alarm<'b, 'a> {
+    ) -> FindingAlarm<'b, 'a> {
         let time = self.timestamp_of(at);
         let is_presumed = !self.bus.is_settled(node);
-        Alarm::new(self, node, occurrence(time, frames), is_presumed)
+        FindingAlarm::new(self, node, build_occurrence(time, frames), is_presumed)
     }
 
     /// Frame before a gap in the traffic of the bus that may be a hole in the capture as well as the absence of the few
@@ -113,18 +113,18 @@ impl<'a> Context<'a> {
     }
 
     /// Records what was missing for a verdict of the rule; reported if there is none on any bus.
-    pub(super) fn unexercised(&mut self, why: String) {
-        self.ledger.unexercised(self.rule, why);
+    pub(super) fn note_unexercised(&mut self, why: String) {
+        self.ledger.note_unexercised(self.rule, why);
     }
 
     /// Ends a condition reported as ongoing.
-    pub fn close(&mut self, node: Option<NodeId>, about: About) {
-        let key = Key { rule: self.rule, bus: self.bus.index(), node, about };
+    pub fn close_condition(&mut self, node: Option<NodeId>, about: FindingSubject) {
+        let key = GroupKey { rule: self.rule, bus: self.bus.index(), node, about };
         let time = self.bus.stamp_of(self.now.saturating_add(self.silence));
-        self.ledger.close_key(&key, occurrence(time, FrameRange::one(self.bus.last_frame())));
+        self.ledger.close_key(&key, build_occurrence(time, FrameRange::one(self.bus.last_frame())));
     }
 
-    /// Requests a wake-up after `time`, in the clock of [`Context::now`]. Ignored before the first timestamp,
+    /// Requests a wake-up after `time`, in the clock of [`RuleContext::now`]. Ignored before the first timestamp,
     /// since the elapsed time is unknown.
     pub(crate) fn wake_at(&mut self, time: i64, token: u64) {
         if self.has_time {
@@ -132,7 +132,7 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// States that the answer of `Rule::need` may have changed: for the present identifier while the rule handles a PDO,
+    /// States that the answer of `Rule::frame_need` may have changed: for the present identifier while the rule handles a PDO,
     /// else for all identifiers.
     pub fn ask_again(&mut self) {
         *self.has_news = true;
@@ -140,11 +140,11 @@ impl<'a> Context<'a> {
 
     /// Statistics of the PDOs with an identifier; `None` before the first one.
     pub fn pdos_of(&self, id: CanId) -> Option<&'a PdoSlot> {
-        self.traffic.of(self.bus.identifier_index(id)?)
+        self.traffic.slot_of(self.bus.identifier_index(id)?)
     }
 
     /// Node of the event.
-    pub fn node(&self, event: &Event) -> Option<&'a Node> {
+    pub fn event_node(&self, event: &Event) -> Option<&'a Node> {
         self.bus.node(event.node?)
     }
 
@@ -154,18 +154,18 @@ impl<'a> Context<'a> {
     }
 }
 
-/// See [`Context::confirmed_state`].
+/// See [`RuleContext::confirmed_state`].
 pub(super) fn confirmed_state(bus: &Bus, node: NodeId) -> Option<NmtState> {
     let status = bus.node(node)?.nmt()?;
-    let settled = bus.now().saturating_sub(status.since()) > SETTLING;
-    (status.certainty == Certainty::Confirmed && settled).then_some(status.state)
+    let settled = bus.now().saturating_sub(status.changed_at()) > SETTLING;
+    (status.certainty == StateCertainty::Confirmed && settled).then_some(status.state)
 }
 
 /// Whether the waiver exempts the device from a rule for this subject.
-fn waives(waiver: &Waiver, rule: &str, about: &About) -> bool {
+fn waives_rule(waiver: &RuleWaiver, rule: &str, about: &FindingSubject) -> bool {
     let covers = |object| waiver.objects.iter().any(|range| range.covers(object, 0, 0));
     waiver.rule.get_ref() == rule
-        && (waiver.objects.is_empty() || matches!(about, About::Object(object) if covers(*object)))
+        && (waiver.objects.is_empty() || matches!(about, FindingSubject::Object(object) if covers(*object)))
 }
 
 /// Frames queued before a state change may arrive within this time after it, in ns.
@@ -173,10 +173,10 @@ pub(super) const SETTLING: i64 = 20_000_000;
 
 /// A finding under construction.
 #[must_use = "a finding is reported by `report` only"]
-pub struct Alarm<'b, 'a> {
-    context: &'b mut Context<'a>,
+pub struct FindingAlarm<'b, 'a> {
+    context: &'b mut RuleContext<'a>,
     node: Option<NodeId>,
-    about: About,
+    about: FindingSubject,
     severity: Option<Severity>,
     measure: Option<f64>,
     word: Option<&'static str>,
@@ -190,12 +190,17 @@ pub struct Alarm<'b, 'a> {
     requested: Option<Timestamp>,
 }
 
-impl<'b, 'a> Alarm<'b, 'a> {
-    fn new(context: &'b mut Context<'a>, node: Option<NodeId>, at: Occurrence, is_presumed: bool) -> Self {
+impl<'b, 'a> FindingAlarm<'b, 'a> {
+    fn new(
+        context: &'b mut RuleContext<'a>,
+        node: Option<NodeId>,
+        at: Occurrence,
+        is_presumed: bool,
+    ) -> Self {
         Self {
             context,
             node,
-            about: About::Whole,
+            about: FindingSubject::Whole,
             severity: None,
             measure: None,
             word: None,
@@ -211,55 +216,55 @@ impl<'b, 'a> Alarm<'b, 'a> {
     }
 
     /// Sets the node (default: the node of the event).
-    pub fn node(mut self, node: Option<NodeId>) -> Self {
+    pub fn at_node(mut self, node: Option<NodeId>) -> Self {
         self.node = node;
         self
     }
 
     /// Sets the subject within the node.
-    pub fn about(mut self, about: About) -> Self {
+    pub fn with_subject(mut self, about: FindingSubject) -> Self {
         self.about = about;
         self
     }
 
     /// Overrides the severity of the rule.
-    pub fn severity(mut self, severity: Severity) -> Self {
+    pub fn with_severity(mut self, severity: Severity) -> Self {
         self.severity = Some(severity);
         self
     }
 
     /// Sets the size of the deviation; the largest one is reported as the worst.
-    pub(crate) fn measure(mut self, measure: f64) -> Self {
+    pub(crate) fn with_measure(mut self, measure: f64) -> Self {
         self.measure = Some(measure);
         self
     }
 
     /// Overrides the event word of the rule.
-    pub fn word(mut self, word: &'static str) -> Self {
+    pub fn with_word(mut self, word: &'static str) -> Self {
         self.word = Some(word);
         self
     }
 
     /// Sets the frames (default: the frames of the event).
-    pub fn frames(mut self, frames: FrameRange) -> Self {
+    pub fn with_frames(mut self, frames: FrameRange) -> Self {
         self.at.frames = frames;
         self
     }
 
     /// Sets whether the protocol was only presumed at the time of the defect.
-    pub fn presumed(mut self, is_presumed: bool) -> Self {
+    pub fn with_presumption(mut self, is_presumed: bool) -> Self {
         self.is_presumed = is_presumed;
         self
     }
 
     /// Lowers the severity by one step if the check depends on an assumed value; `None` if it does not.
-    pub(crate) fn assumed(mut self, reason: Option<&'static str>) -> Self {
+    pub(crate) fn with_assumption(mut self, reason: Option<&'static str>) -> Self {
         self.assumed = reason;
         self
     }
 
     /// Marks a finding about the bus itself, independent of its protocol.
-    pub(crate) fn certain(mut self) -> Self {
+    pub(crate) fn mark_certain(mut self) -> Self {
         self.is_presumed = false;
         self
     }
@@ -271,37 +276,37 @@ impl<'b, 'a> Alarm<'b, 'a> {
     }
 
     /// Sets the reason that findings printed as one have in common: an abort code, a closed gate.
-    pub(crate) fn reason(mut self, reason: &str) -> Self {
+    pub(crate) fn with_reason(mut self, reason: &str) -> Self {
         self.reason = Some(reason.into());
         self
     }
 
-    /// Marks a condition that lasts until [`Context::close`].
-    pub(crate) fn ongoing(mut self) -> Self {
+    /// Marks a condition that lasts until [`RuleContext::close_condition`].
+    pub(crate) fn mark_ongoing(mut self) -> Self {
         self.is_ongoing = true;
         self
     }
 
     /// Marks a condition that started before the event.
-    pub(crate) fn since(mut self, time: Option<Timestamp>) -> Self {
+    pub(crate) fn started_at(mut self, time: Option<Timestamp>) -> Self {
         self.since = time;
-        self.ongoing()
+        self.mark_ongoing()
     }
 
     /// Sets the time of the request that has no response: a node that was lost after it is not the cause.
-    pub(crate) fn requested(mut self, time: Option<Timestamp>) -> Self {
+    pub(crate) fn requested_at_timestamp(mut self, time: Option<Timestamp>) -> Self {
         self.requested = time;
         self
     }
 
-    /// As [`Alarm::requested`], in the clock of [`Context::now`].
+    /// As [`FindingAlarm::requested_at_timestamp`], in the clock of [`RuleContext::now`].
     pub(crate) fn requested_at(self, time: i64) -> Self {
         let time = self.context.timestamp_of(time);
-        self.requested(time)
+        self.requested_at_timestamp(time)
     }
 
     /// Reports the finding. `text` is called only for the first occurrence and for each worse one.
-    pub fn report(self, text: impl FnOnce() -> String) {
+    pub fn report_finding(self, text: impl FnOnce() -> String) {
         let Self {
             context,
             node,
@@ -328,12 +333,12 @@ impl<'b, 'a> Alarm<'b, 'a> {
         };
         let known = node.and_then(|node| bus.node(node));
         if let (Some(node), Some(info)) = (known, context.ledger.rules.get(usize::from(rule)))
-            && node.device().waivers.iter().any(|waiver| waives(waiver, &info.name, &about))
+            && node.device().waivers.iter().any(|waiver| waives_rule(waiver, &info.name, &about))
         {
-            return context.ledger.waive(rule);
+            return context.ledger.count_waiver(rule);
         }
-        let mut claim = Claim {
-            key: Key { rule, bus: bus.index(), node, about },
+        let mut claim = DefectClaim {
+            key: GroupKey { rule, bus: bus.index(), node, about },
             severity,
             measure,
             word,
@@ -347,15 +352,15 @@ impl<'b, 'a> Alarm<'b, 'a> {
             since: since.or(at.time),
             requested,
         };
-        let is_new = !context.ledger.knows(&claim.key);
+        let is_new = !context.ledger.has_group(&claim.key);
         let (traffic, meter, now) = (context.traffic, context.meter, context.now);
-        let view = View { bus, traffic, meter, now };
+        let view = SceneView { bus, traffic, meter, now };
         if is_new {
             claim.no_consumer = node.and_then(|node| view.no_consumer(node)).map(Arc::new);
         }
-        let waits = context.ledger.fail(&claim, (context.bus_name, known), text);
+        let waits = context.ledger.record_defect(&claim, (context.bus_name, known), text);
         if is_new {
-            context.ledger.set_scene(&claim.key, || view.scene(node, &claim.key.about));
+            context.ledger.set_scene(&claim.key, || view.build_scene(node, &claim.key.about));
         }
         if let Some(place) = waits {
             let quiet = context.now.saturating_add(super::ledger::QUIET);

@@ -1,8 +1,8 @@
 //! Statistics of the PDOs with one identifier.
 
-use crate::event::{FrameRange, Pdo};
+use crate::event::{DecodedPdo, FrameRange};
 use crate::frame::{CanId, low_bits};
-use crate::session::Preview;
+use crate::session::MessagePreview;
 
 /// Number of intervals for one median.
 const INTERVALS: usize = 15;
@@ -47,7 +47,7 @@ pub struct PdoSlot {
     /// Usual interval while the content was constant, before the second content.
     alone: Option<i64>,
     /// Usual interval of PDOs with unchanged content; None if they are irregular or rare.
-    period: Option<Period>,
+    period: Option<ResendInterval>,
     /// Number of SYNC messages before the last PDO.
     pub(super) sync: u64,
     /// Intervals for the next median.
@@ -61,7 +61,7 @@ pub struct PdoSlot {
 
 /// Interval at which a PDO is also sent with unchanged content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Period {
+pub struct ResendInterval {
     /// Interval in ns.
     pub time: i64,
     /// Start of the measurement, in ns.
@@ -114,20 +114,20 @@ impl PdoSlot {
 
     /// Counts a PDO of unchanged length; whether median and period were determined again.
     #[inline]
-    pub(in crate::rules) fn skip(
+    pub(in crate::rules) fn skip_pdo(
         &mut self,
-        preview: &Preview,
+        preview: &MessagePreview,
         (now, interval): (i64, i64),
         around: PdoSurroundings,
     ) -> bool {
         let content = PdoContent { payload: preview.payload, length: self.length };
         let is_unchanged = preview.change == 0;
-        self.add(PdoFrame { now, frame: preview.frame, content, is_unchanged }, interval, around)
+        self.add_pdo(PdoFrame { now, frame: preview.frame, content, is_unchanged }, interval, around)
     }
 
     /// Counts a PDO; whether median and period were determined again.
-    pub(super) fn take(&mut self, pdo: &PdoFrame, around: PdoSurroundings) -> bool {
-        self.add(*pdo, self.interval_at(pdo.now), around)
+    pub(super) fn take_pdo(&mut self, pdo: &PdoFrame, around: PdoSurroundings) -> bool {
+        self.add_pdo(*pdo, self.interval_at(pdo.now), around)
     }
 
     /// Time from the last PDO to the time `now`, in ns.
@@ -138,7 +138,7 @@ impl PdoSlot {
 
     #[expect(clippy::inline_always, reason = "passing the arguments costs a tenth of a skipped frame")]
     #[inline(always)]
-    fn add(&mut self, pdo: PdoFrame, interval: i64, around: PdoSurroundings) -> bool {
+    fn add_pdo(&mut self, pdo: PdoFrame, interval: i64, around: PdoSurroundings) -> bool {
         let PdoSurroundings { syncs: sync, resumed, longest_period: longest } = around;
         let interval = if self.frames.0 < resumed { NO_INTERVAL } else { interval };
         let (last, before) = self.intervals;
@@ -159,11 +159,11 @@ impl PdoSlot {
             self.pause -= 1;
             false
         } else {
-            interval != NO_INTERVAL && self.measure(interval, pdo.now, pdo.is_unchanged)
+            interval != NO_INTERVAL && self.add_interval(interval, pdo.now, pdo.is_unchanged)
         };
         let [content, previous] = &mut self.contents;
         if *content != pdo.content {
-            self.change((pdo.content, longest), before);
+            self.compare_content((pdo.content, longest), before);
         } else if *previous != pdo.content {
             *previous = pdo.content;
             self.alternations = 0;
@@ -172,7 +172,7 @@ impl PdoSlot {
     }
 
     /// Adds an interval; whether median and period were determined again.
-    fn measure(&mut self, interval: i64, now: i64, is_unchanged: bool) -> bool {
+    fn add_interval(&mut self, interval: i64, now: i64, is_unchanged: bool) -> bool {
         if let Some(place) = self.measured.get_mut(self.filled) {
             *place = interval;
             if self.filled == 0 {
@@ -184,12 +184,12 @@ impl PdoSlot {
         if self.filled < INTERVALS {
             return false;
         }
-        self.learn();
+        self.learn_period();
         true
     }
 
     /// Compares a new content with the last two; `before` is the third last interval.
-    fn change(&mut self, (content, longest): (PdoContent, i64), before: i64) {
+    fn compare_content(&mut self, (content, longest): (PdoContent, i64), before: i64) {
         if self.count <= 1 {
             return;
         }
@@ -254,16 +254,16 @@ pub(in crate::rules) struct PdoContent {
 }
 
 impl PdoFrame {
-    pub(in crate::rules) fn new(pdo: &Pdo, now: i64, frame: u64, is_unchanged: bool) -> Self {
+    pub(in crate::rules) fn new(pdo: &DecodedPdo, now: i64, frame: u64, is_unchanged: bool) -> Self {
         let used = low_bits(8 * u32::from(pdo.length));
-        let content = PdoContent { payload: pdo.word() & used, length: pdo.length };
+        let content = PdoContent { payload: pdo.first_word() & used, length: pdo.length };
         Self { now, frame, content, is_unchanged }
     }
 }
 
 impl PdoSlot {
     #[cold]
-    fn learn(&mut self) {
+    fn learn_period(&mut self) {
         let mut unchanged = [0; INTERVALS];
         let mut count = 0;
         for (place, interval) in self.measured.iter().enumerate() {
@@ -277,7 +277,7 @@ impl PdoSlot {
         if count > 0 {
             let measured = unchanged.get_mut(..count).filter(|measured| measured.len() >= UNCHANGED);
             let period = measured.and_then(unchanged_period);
-            self.period = period.map(|time| Period { time, from: self.began });
+            self.period = period.map(|time| ResendInterval { time, from: self.began });
         }
         // Often all of them precede unchanged content, and are sorted already.
         if count == INTERVALS {
@@ -302,7 +302,7 @@ impl PdoSlot {
     }
 
     /// Frames from the previous PDO to the last one.
-    pub fn between(&self) -> FrameRange {
+    pub fn frames_between(&self) -> FrameRange {
         FrameRange { first: self.frames.1, last: self.frames.0 }
     }
 }
@@ -333,27 +333,27 @@ mod tests {
 
     #[test]
     fn two_contents_at_two_intervals_alternate() {
-        let mut slot = PdoSlot::new(0, CanId::standard(0x181));
+        let mut slot = PdoSlot::new(0, CanId::from_standard(0x181));
         // Contents 1 and 6 at intervals of 30 and 70; the first PDO is not compared.
         for number in 0..20_i64 {
             let now = number / 2 * 100 + number % 2 * 30;
             let payload = if number % 2 == 0 { 1 } else { 6 };
             let content = PdoContent { payload, length: 1 };
-            slot.take(&PdoFrame { content, ..pdo_at(now, 1, false) }, around(0, 100));
+            slot.take_pdo(&PdoFrame { content, ..pdo_at(now, 1, false) }, around(0, 100));
         }
         // The contents of the second and the third PDO are new; the other 17 alternate.
         assert_eq!(slot.alternations, 17);
         let content = PdoContent { payload: 6, length: 1 };
-        slot.take(&PdoFrame { content, ..pdo_at(1_000, 1, true) }, around(0, 100));
+        slot.take_pdo(&PdoFrame { content, ..pdo_at(1_000, 1, true) }, around(0, 100));
         assert_eq!(slot.alternations, 0);
     }
 
     #[test]
     fn intervals_counts_and_the_median() {
-        let mut slot = PdoSlot::new(0, CanId::standard(0x181));
+        let mut slot = PdoSlot::new(0, CanId::from_standard(0x181));
         for number in 0..16_u64 {
             let now = i64::try_from(number).unwrap() * 10 + i64::from(number == 7);
-            slot.take(&pdo_at(now, number + 1, false), around(number / 4, 0));
+            slot.take_pdo(&pdo_at(now, number + 1, false), around(number / 4, 0));
         }
         assert_eq!((slot.count, slot.median, slot.since_sync), (16, Some(10), 4));
         assert_eq!((slot.interval(), slot.frames, slot.period_since(0)), (Some(10), (16, 15), None));
@@ -361,10 +361,10 @@ mod tests {
 
     /// Period after 16 PDOs, each with its time and whether its content is unchanged.
     fn period_of(pdo: impl Fn(i64) -> (i64, bool)) -> Option<i64> {
-        let mut slot = PdoSlot::new(0, CanId::standard(0x181));
+        let mut slot = PdoSlot::new(0, CanId::from_standard(0x181));
         for number in 0..16 {
             let (time, is_unchanged) = pdo(number);
-            slot.take(&pdo_at(time, number.unsigned_abs() + 1, is_unchanged), around(0, 0));
+            slot.take_pdo(&pdo_at(time, number.unsigned_abs() + 1, is_unchanged), around(0, 0));
         }
         slot.period_since(i64::MIN)
     }

@@ -1,11 +1,13 @@
 //! State of a node and its bus when a finding begins, as evidence for the diagnosis.
 
-use super::meter::Meter;
-use super::traffic::Traffic;
-use crate::event::{Certainty, FrameRange, MonitoringMethod};
-use crate::finding::{About, Advice, AdviceSource, Alive, CommandStream, FactCause, Occurrence, Scene};
-use crate::profile::{self, Device, PdoDirection, PdoName};
-use crate::session::{Bus, GateState, GateStatus, Node, Watch};
+use super::meter::FrameMeter;
+use super::traffic::PdoTraffic;
+use crate::event::{FrameRange, MonitoringMethod, StateCertainty};
+use crate::finding::{
+    Advice, AdviceSource, CommandStream, FactCause, FindingScene, FindingSubject, Occurrence, SceneLifeSign,
+};
+use crate::profile::{self, DeviceProfile, PdoDirection, PdoName};
+use crate::session::{Bus, GateState, GateStatus, LifeWatch, Node};
 use crate::wire::NodeId;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
@@ -16,35 +18,35 @@ const ADVICE: usize = 8;
 const RPDOS: u16 = 4;
 
 /// View of the bus at the beginning of a finding.
-pub(super) struct View<'a> {
+pub(super) struct SceneView<'a> {
     pub(super) bus: &'a Bus,
-    pub(super) traffic: &'a Traffic,
-    pub(super) meter: &'a Meter,
+    pub(super) traffic: &'a PdoTraffic,
+    pub(super) meter: &'a FrameMeter,
     /// Time of the traffic, in ns.
     pub(super) now: i64,
 }
 
-impl View<'_> {
+impl SceneView<'_> {
     /// Scene of a finding about a node.
-    pub(super) fn scene(&self, node: Option<NodeId>, about: &About) -> Scene {
-        let bus_only = Scene {
+    pub(super) fn build_scene(&self, node: Option<NodeId>, about: &FindingSubject) -> FindingScene {
+        let bus_only = FindingScene {
             error_frames: self.meter.errors,
             recent_error_frames: self.meter.last.errors,
-            ..Scene::default()
+            ..FindingScene::default()
         };
         let Some(node) = node.and_then(|id| self.bus.node(id)) else { return bus_only };
         let gates = self.bus.gates(node.id());
         let invisible = gates.iter().filter(|gate| gate.status == GateStatus::Invisible);
         let mut invisible: Vec<_> = invisible.map(|gate| gate.gate.clone()).collect();
         invisible.dedup();
-        let confirmed = node.nmt().filter(|nmt| nmt.certainty == Certainty::Confirmed);
-        Scene {
+        let confirmed = node.nmt().filter(|nmt| nmt.certainty == StateCertainty::Confirmed);
+        FindingScene {
             nmt: confirmed.map(|nmt| nmt.state),
-            alive: self.alive(node),
-            commands: self.commands(node.id()),
-            advice: advice(node, about, &gates),
+            alive: self.life_sign(node),
+            commands: self.command_stream(node.id()),
+            advice: collect_advice(node, about, &gates),
             invisible,
-            has_profile: node.assigned().is_some(),
+            has_profile: node.assigned_by().is_some(),
             ..bus_only
         }
     }
@@ -61,8 +63,9 @@ impl View<'_> {
         let rpdos = (1..=RPDOS).map(|number| PdoName { direction: PdoDirection::Receive, number });
         let mut configured = rpdos.filter_map(|pdo| {
             let (own, is_confirmed) = self.bus.pdo_identifier(id, pdo)?;
-            (is_confirmed && self.bus.identifier_index(own).and_then(|own| self.traffic.of(own)).is_none())
-                .then_some((pdo, own))
+            (is_confirmed
+                && self.bus.identifier_index(own).and_then(|own| self.traffic.slot_of(own)).is_none())
+            .then_some((pdo, own))
         });
         let (pdo, own) = configured.next()?;
         let object = ObjectAddress::new(pdo.communication_index(), 1);
@@ -83,20 +86,20 @@ impl View<'_> {
     }
 
     /// Heartbeat or guarding response, if it arrived within its configured time.
-    fn alive(&self, node: &Node) -> Option<Alive> {
+    fn life_sign(&self, node: &Node) -> Option<SceneLifeSign> {
         let sign = self.bus.sign_of_life(node.id())?;
         let by = match sign.by {
-            Watch::Heartbeat => MonitoringMethod::Heartbeat,
-            Watch::Guarding => MonitoringMethod::Guarding,
-            Watch::Message(_) | Watch::Boot | Watch::Any => return None,
+            LifeWatch::Heartbeat => MonitoringMethod::Heartbeat,
+            LifeWatch::Guarding => MonitoringMethod::Guarding,
+            LifeWatch::Message(_) | LifeWatch::Boot | LifeWatch::Any => return None,
         };
         let (expected, age) = (sign.expected?, self.bus.now().saturating_sub(sign.last));
         let is_timely = age <= expected.saturating_add(expected / 2) && !node.is_lost();
-        is_timely.then_some(Alive { by, expected, age })
+        is_timely.then_some(SceneLifeSign { by, expected, age })
     }
 
     /// The RPDO of the node with the shortest usual interval, if it arrived within twice this interval.
-    fn commands(&self, id: NodeId) -> Option<CommandStream> {
+    fn command_stream(&self, id: NodeId) -> Option<CommandStream> {
         let streams = self.traffic.slots().iter().filter_map(|slot| {
             let (pdo, node) = self.bus.pdo_on(slot.id)?;
             let is_command = node == id && pdo.direction == PdoDirection::Receive;
@@ -108,47 +111,47 @@ impl View<'_> {
 }
 
 /// Causes in the manual, conditions of closed gates, ways out of a fault, and hints of code tables.
-fn advice(node: &Node, about: &About, gates: &[GateState]) -> Vec<Advice> {
+fn collect_advice(node: &Node, about: &FindingSubject, gates: &[GateState]) -> Vec<Advice> {
     let mut all = Vec::new();
     let device = node.device();
-    causes(device, about, &mut all);
+    add_causes(device, about, &mut all);
     for gate in gates.iter().filter(|gate| gate.status == GateStatus::Closed) {
-        add(&mut all, &gate.advice(), &gate.source, AdviceSource::Gate);
+        add_advice(&mut all, &gate.gate_advice(), &gate.source, AdviceSource::Gate);
     }
     // Control words have no effect outside operational.
     if node.nmt().is_none_or(|nmt| nmt.state == NmtState::Operational) {
         ways_out(node, &mut all);
     }
     let code = match about {
-        About::Code(code) => profile::emcy_codes().find(u32::from(*code)),
-        About::Fault(_, fmi) => profile::failure_modes().find(u32::from(*fmi)),
+        FindingSubject::Code(code) => profile::emcy_codes().find_code(u32::from(*code)),
+        FindingSubject::Fault(_, fmi) => profile::failure_modes().find_code(u32::from(*fmi)),
         _ => None,
     };
-    add(&mut all, code.map_or("", |entry| &entry.hint), "", AdviceSource::Code);
+    add_advice(&mut all, code.map_or("", |entry| &entry.hint), "", AdviceSource::Code);
     all.truncate(ADVICE);
     all
 }
 
-fn add(all: &mut Vec<Advice>, text: &str, section: &str, by: AdviceSource) {
+fn add_advice(all: &mut Vec<Advice>, text: &str, section: &str, by: AdviceSource) {
     if !text.is_empty() && !all.iter().any(|known: &Advice| known.text == text) {
         all.push(Advice { text: text.to_owned(), section: section.to_owned(), by });
     }
 }
 
 /// Adds causes that the device manual lists for the code.
-fn causes(device: &Device, about: &About, all: &mut Vec<Advice>) {
+fn add_causes(device: &DeviceProfile, about: &FindingSubject, all: &mut Vec<Advice>) {
     let known = match about {
-        About::Code(code) => {
-            device.error(*code).map(|error| (&error.causes, &error.source, AdviceSource::Emcy))
+        FindingSubject::Code(code) => {
+            device.error_entry(*code).map(|error| (&error.causes, &error.source, AdviceSource::Emcy))
         }
-        About::Fault(spn, fmi) => {
-            device.dtc(*spn, *fmi).map(|own| (&own.causes, &own.source, AdviceSource::Dtc))
+        FindingSubject::Fault(spn, fmi) => {
+            device.trouble_code_entry(*spn, *fmi).map(|own| (&own.causes, &own.source, AdviceSource::Dtc))
         }
         _ => None,
     };
     let Some((causes, source, by)) = known else { return };
     for cause in causes {
-        add(all, cause, source, by);
+        add_advice(all, cause, source, by);
     }
 }
 
@@ -160,7 +163,7 @@ fn ways_out(node: &Node, all: &mut Vec<Advice>) {
             machine.transitions.iter().filter(|it| it.from.0.contains(&state.name) && it.to != state.name);
         for (it, text) in from.filter_map(|it| Some((it, it.text.as_deref()?))) {
             let text = format!("from {} to {}: {text}", state.name, it.to);
-            add(all, &text, &machine.source, AdviceSource::State);
+            add_advice(all, &text, &machine.source, AdviceSource::State);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! PDO statistics by identifier, updated once per PDO and shared by all rules.
 
 use super::pdo_slot::{PdoFrame, PdoSlot, PdoSurroundings};
-use crate::event::Pdo;
+use crate::event::DecodedPdo;
 use crate::frame::CanId;
 
 /// Maximum number of identifiers per bus.
@@ -20,15 +20,15 @@ impl<T> Default for BySlot<T> {
 impl<T: Default> BySlot<T> {
     /// Entry of an identifier, created if missing; never None.
     #[inline]
-    pub fn of(&mut self, slot: &PdoSlot) -> Option<&mut T> {
+    pub fn entry_of(&mut self, slot: &PdoSlot) -> Option<&mut T> {
         if self.0.len() <= slot.place {
-            self.grow(slot.place);
+            self.grow_to(slot.place);
         }
         self.0.get_mut(slot.place)
     }
 
     #[cold]
-    fn grow(&mut self, place: usize) {
+    fn grow_to(&mut self, place: usize) {
         self.0.resize_with(place + 1, T::default);
     }
 }
@@ -57,7 +57,7 @@ impl<T> BySlot<T> {
 
 /// PDO statistics of one bus.
 #[derive(Debug, Clone, Default)]
-pub struct Traffic {
+pub struct PdoTraffic {
     slots: Vec<PdoSlot>,
     /// Index + 1 by index of the identifier on the bus, 0 = none.
     places: Vec<u16>,
@@ -71,7 +71,7 @@ pub struct Traffic {
     longest_period: i64,
 }
 
-impl Traffic {
+impl PdoTraffic {
     /// Registers a hole in the capture that ended with the frame `resumed`: PDOs on both sides of it do not follow each
     /// other.
     pub(in crate::rules) fn saw_hole(&mut self, resumed: u64) {
@@ -92,17 +92,17 @@ impl Traffic {
     #[inline]
     pub(in crate::rules) fn saw_pdo(
         &mut self,
-        (pdo, identifier): (&Pdo, usize),
+        (pdo, identifier): (&DecodedPdo, usize),
         pdo_frame: &PdoFrame,
     ) -> bool {
-        self.current = self.place(identifier).or_else(|| self.add(identifier, pdo.cob_id));
+        self.current = self.place_of(identifier).or_else(|| self.add_entry(identifier, pdo.cob_id));
         let Some((slot, around)) = self.current.and_then(|place| self.slot_mut(place)) else { return false };
         if pdo.is_request {
             slot.is_requested = true;
             return false;
         }
         slot.length = pdo.length;
-        slot.take(pdo_frame, around)
+        slot.take_pdo(pdo_frame, around)
     }
 
     /// Statistics by index, and what they need of the bus for the next PDO.
@@ -114,7 +114,7 @@ impl Traffic {
 
     /// Makes a PDO that is counted already the current one.
     #[inline]
-    pub(in crate::rules) fn select(&mut self, place: usize) {
+    pub(in crate::rules) fn select_current(&mut self, place: usize) {
         self.current = Some(place);
     }
 
@@ -124,13 +124,13 @@ impl Traffic {
     }
 
     #[inline]
-    fn place(&self, identifier: usize) -> Option<usize> {
+    fn place_of(&self, identifier: usize) -> Option<usize> {
         usize::from(*self.places.get(identifier)?).checked_sub(1)
     }
 
     /// Adds the entry of an identifier; `None` if there are too many.
     #[cold]
-    pub(in crate::rules) fn add(&mut self, identifier: usize, id: CanId) -> Option<usize> {
+    pub(in crate::rules) fn add_entry(&mut self, identifier: usize, id: CanId) -> Option<usize> {
         let place = self.slots.len();
         let number = u16::try_from(place + 1).ok().filter(|_| place < SLOT_LIMIT)?;
         if self.places.len() <= identifier {
@@ -142,13 +142,13 @@ impl Traffic {
     }
 
     /// Statistics for the identifier of the current PDO.
-    pub fn current(&self) -> Option<&PdoSlot> {
+    pub fn current_slot(&self) -> Option<&PdoSlot> {
         self.slots.get(self.current?)
     }
 
     /// Statistics of an identifier, by its index on the bus.
-    pub(in crate::rules) fn of(&self, identifier: usize) -> Option<&PdoSlot> {
-        self.slots.get(self.place(identifier)?)
+    pub(in crate::rules) fn slot_of(&self, identifier: usize) -> Option<&PdoSlot> {
+        self.slots.get(self.place_of(identifier)?)
     }
 
     /// Statistics of all identifiers.
@@ -157,7 +157,7 @@ impl Traffic {
     }
 
     /// Number of SYNC messages.
-    pub fn syncs(&self) -> u64 {
+    pub fn sync_count(&self) -> u64 {
         self.syncs
     }
 

@@ -2,24 +2,30 @@
 
 use std::sync::Arc;
 
-use super::carrier::{CarrierPayload, CarrierPlan, WatchedField};
+use super::carrier::{CarrierPayload, CarrierPlan, RuleField};
 use super::kinds::{self, frames, messages};
 use super::node::NodeRules;
-use super::node_judge::{NodeJudge, Occasion};
+use super::node_judge::{CheckOccasion, NodeJudge};
 use super::pdo_targets::PdoTarget;
-use super::plan::triggers;
+use super::plan::rule_triggers;
 use super::progress::{FrameTime, PdoTask};
 use super::values::LastValue;
-use crate::event::{Event, J1939Message, Pdo};
-use crate::profile::device::{Direction, Trigger, TriggerEvent, UpdateSource, ValueUpdate};
-use crate::profile::{Field, PdoName};
-use crate::rules::Context;
+use crate::event::{DecodedPdo, Event, J1939Message};
+use crate::profile::device::{MessageDirection, ProfileTrigger, TriggerEvent, UpdateSource, ValueUpdate};
+use crate::profile::{PdoName, SignalField};
+use crate::rules::RuleContext;
 use crate::wire::j1939::ALL;
 
 impl NodeJudge<'_> {
     #[inline]
-    pub(super) fn on_pdo(&mut self, target: &PdoTarget, pdo: &Pdo, event: &Event, context: &mut Context<'_>) {
-        let occasion = Occasion::of(event);
+    pub(super) fn on_pdo(
+        &mut self,
+        target: &PdoTarget,
+        pdo: &DecodedPdo,
+        event: &Event,
+        context: &mut RuleContext<'_>,
+    ) {
+        let occasion = CheckOccasion::occasion_of(event);
         self.note_presence(occasion, context);
         if pdo.is_request {
             for number in target.requests.iter().copied() {
@@ -47,10 +53,10 @@ impl NodeJudge<'_> {
         &mut self,
         target: &PdoTarget,
         payload: &CarrierPayload<'_>,
-        occasion: Occasion<'_>,
-        context: &mut Context<'_>,
+        occasion: CheckOccasion<'_>,
+        context: &mut RuleContext<'_>,
     ) {
-        let differing = target.plan.fixed.differing(payload.word, payload.bytes.len());
+        let differing = target.plan.fixed.differing_bits(payload.word, payload.bytes.len());
         for number in target.plan.constants.iter().copied() {
             let is_new = self.own.progress.get(number).is_some_and(|progress| !progress.is_counting);
             if differing != 0 || is_new {
@@ -68,21 +74,21 @@ impl NodeJudge<'_> {
         address: u8,
         message: &J1939Message,
         event: &Event,
-        context: &mut Context<'_>,
+        context: &mut RuleContext<'_>,
     ) {
         let is_sender = message.id.source == address;
         let is_receiver = message.id.destination == ALL || message.id.destination == address;
         if is_sender && self.own.record.plan.requested.iter().any(|(pgn, _)| *pgn == message.id.pgn.number())
         {
-            self.on_group(message.id.pgn, Occasion::of(event), context);
+            self.on_group(message.id.pgn, CheckOccasion::occasion_of(event), context);
         }
         let device = Arc::clone(&self.own.record.plan.device);
         let spec = device.messages.iter().find(|spec| {
             let is_meant = match spec.direction {
-                Direction::Transmit => is_sender,
-                Direction::Receive => is_receiver && !is_sender,
+                MessageDirection::Transmit => is_sender,
+                MessageDirection::Receive => is_receiver && !is_sender,
             };
-            is_meant && spec.concerns(message.id.pgn, address)
+            is_meant && spec.is_for(message.id.pgn, address)
         });
         if let Some(spec) = spec {
             let source = if is_sender { UpdateSource::Sent } else { UpdateSource::Received };
@@ -96,17 +102,18 @@ impl NodeJudge<'_> {
         source: UpdateSource,
         message: &J1939Message,
         event: &Event,
-        context: &mut Context<'_>,
+        context: &mut RuleContext<'_>,
     ) {
-        self.note_presence(Occasion::of(event), context);
-        let plan = self.own.carriers.take(message, source).unwrap_or_else(|| {
-            let waits = |trigger: &Trigger| matches!(trigger, Trigger::Message(of) if of.name == name);
-            let rules = self.numbers(|rule| triggers(rule).any(waits));
+        self.note_presence(CheckOccasion::occasion_of(event), context);
+        let plan = self.own.carriers.take_plan(message, source).unwrap_or_else(|| {
+            let waits =
+                |trigger: &ProfileTrigger| matches!(trigger, ProfileTrigger::Message(of) if of.name == name);
+            let rules = self.active_rules(|rule| rule_triggers(rule).any(waits));
             CarrierPlan::new(message.layout.as_deref(), &|_| true, source, rules, &self.own.record.plan)
         });
         let payload = CarrierPayload::new(message.layout.as_ref(), message.payload(), &message.bytes);
         self.on_values((TriggerEvent::Message(name), None), &plan, &payload, event, context);
-        self.own.carriers.put(message, plan);
+        self.own.carriers.put_plan(message, plan);
         self.note_last_frame(context);
     }
 
@@ -117,34 +124,34 @@ impl NodeJudge<'_> {
         plan: &CarrierPlan,
         payload: &CarrierPayload<'_>,
         event: &Event,
-        context: &mut Context<'_>,
+        context: &mut RuleContext<'_>,
     ) {
-        let occasion = Occasion::of(event);
+        let occasion = CheckOccasion::occasion_of(event);
         let mut numbers = std::mem::take(&mut self.own.scratch);
         numbers.clear();
         let mut follows = false;
         let (time, frame, is_sent) = (context.now, event.frames.last, plan.source == UpdateSource::Sent);
         for field in &plan.fields {
-            let (before, now) = (self.own.record.last.raw(field.place), field.number(payload));
+            let (before, now) = (self.own.record.last.raw_value(field.place), field.field_number(payload));
             if let Some(raw) = now {
                 follows |= before != now && !field.stretches.is_empty();
                 if field.decides {
-                    self.own.record.last.count_value(before != now, self.node.store().changes());
+                    self.own.record.last.count_value(before != now, self.node.store().change_count());
                 }
                 let value = LastValue { raw, time, frame, is_sent };
-                self.own.record.last.put(field.place, value, number.zip(field.cut));
+                self.own.record.last.put_value(field.place, value, number.zip(field.cut));
             } else {
-                self.own.record.last.keep(field.place);
+                self.own.record.last.keep_value(field.place);
             }
             numbers.push((before, now));
         }
         if let (Some(number), TriggerEvent::Pdo(name)) = (number, carrier) {
             let payload = (payload.word, payload.bytes.len());
-            self.own.record.last.carry(number, payload, (time, frame));
+            self.own.record.last.store_payload(number, payload, (time, frame));
             self.list_awake((number, name), plan, time);
         }
         for number in plan.rules.iter().copied() {
-            if !self.facts(time).rests(number) {
+            if !self.proven_facts(time).can_rest(number) {
                 self.judge_one(number, occasion, context, |case, progress, context| {
                     kinds::judge_event(case, progress, &carrier, context);
                 });
@@ -153,7 +160,7 @@ impl NodeJudge<'_> {
         for (field, (before, now)) in plan.fields.iter().zip(numbers.iter().copied()) {
             let Some(raw) = now else { continue };
             for clause in &field.clauses {
-                if clause.judges(before, raw) && !self.facts(time).rests(clause.number) {
+                if clause.needs_check(before, raw) && !self.proven_facts(time).can_rest(clause.number) {
                     self.judge_value(field, clause.number, (before, raw), (plan, payload), occasion, context);
                 }
             }
@@ -166,11 +173,11 @@ impl NodeJudge<'_> {
 
     /// Determines which rules about a PDO do not rest, until conditions may change.
     fn list_awake(&mut self, (number, name): (u16, PdoName), plan: &CarrierPlan, time: i64) {
-        let age = self.facts(time).age();
+        let age = self.proven_facts(time).proof_age();
         let Some(carrier) = self.own.record.last.carrier_mut(number) else { return };
         let mut awake = std::mem::take(&mut carrier.awake);
         if awake.age != Some(age) {
-            let rests = |number: usize| self.facts(time).rests(number);
+            let rests = |number: usize| self.proven_facts(time).can_rest(number);
             awake.age = Some(age);
             awake.rules.clear();
             let rules = plan.rules.iter().copied().filter(|rule| !rests(*rule));
@@ -190,7 +197,8 @@ impl NodeJudge<'_> {
     /// What a PDO does to a rule that does not rest before values change.
     fn task_of(&self, number: usize, name: PdoName) -> PdoTask {
         let record = &self.own.record;
-        let (Some((rule, _)), Some(proof)) = (record.plan.rule(number), record.proofs.get(number)) else {
+        let (Some((rule, _)), Some(proof)) = (record.plan.active_rule(number), record.proofs.get(number))
+        else {
             return PdoTask::Evaluate;
         };
         let is_lasting = rule.during.0.is_empty() || proof.may_rest && proof.during.are_all;
@@ -206,17 +214,18 @@ impl NodeJudge<'_> {
         &mut self,
         (number, task): (usize, PdoTask),
         name: PdoName,
-        occasion: Occasion<'_>,
-        context: &mut Context<'_>,
+        occasion: CheckOccasion<'_>,
+        context: &mut RuleContext<'_>,
     ) {
         if task == PdoTask::Evaluate {
             return self.judge_one(number, occasion, context, |case, progress, context| {
                 kinds::judge_event(case, progress, &TriggerEvent::Pdo(name), context);
             });
         }
-        let is_operational = task == PdoTask::Count && self.facts(context.now).is_operational();
+        let is_operational = task == PdoTask::Count && self.proven_facts(context.now).is_operational();
         let NodeRules { record, progress, .. } = &mut *self.own;
-        let (Some((_, place)), Some(progress)) = (record.plan.rule(number), progress.get_mut(number)) else {
+        let (Some((_, place)), Some(progress)) = (record.plan.active_rule(number), progress.get_mut(number))
+        else {
             return;
         };
         if task == PdoTask::Count {
@@ -225,9 +234,9 @@ impl NodeJudge<'_> {
                 let moment = FrameTime { time: context.now, frame: occasion.frames.last };
                 kinds::count_pdo(progress, moment);
             }
-        } else if kinds::answer(progress) {
+        } else if kinds::on_answer(progress) {
             let before = std::mem::replace(&mut context.rule, place);
-            context.pass();
+            context.count_pass();
             context.rule = before;
         }
     }
@@ -240,33 +249,34 @@ impl NodeJudge<'_> {
         target: &PdoTarget,
         payload: &CarrierPayload<'_>,
         event: &Event,
-        context: &mut Context<'_>,
+        context: &mut RuleContext<'_>,
     ) -> bool {
         let (plan, time) = (&target.plan, context.now);
         let (Some(number), Some(watched)) = (target.carrier, plan.watched) else { return false };
-        let (age, length) = (self.facts(time).age(), payload.bytes.len());
+        let (age, length) = (self.proven_facts(time).proof_age(), payload.bytes.len());
         let moment = (time, event.frames.last);
         let last = &mut self.own.record.last;
-        let Some(before) = last.repeat(number, (payload.word, length), watched, age, moment) else {
+        let Some(before) = last.repeat_payload(number, (payload.word, length), watched, age, moment) else {
             return false;
         };
-        let occasion = Occasion::of(event);
+        let occasion = CheckOccasion::occasion_of(event);
         // The rules do not change the lists.
         let mut place = 0;
-        while let Some(rule) = self.own.record.last.awake(number).and_then(|it| it.rules.get(place)).copied()
+        while let Some(rule) =
+            self.own.record.last.awake_rules(number).and_then(|it| it.rules.get(place)).copied()
         {
             self.run_task(rule, target.name, occasion, context);
             place += 1;
         }
         let mut next = 0;
         while let Some((place, clause)) =
-            self.own.record.last.awake(number).and_then(|it| it.clauses.get(next)).copied()
+            self.own.record.last.awake_rules(number).and_then(|it| it.clauses.get(next)).copied()
         {
             next += 1;
             let Some(field) = plan.fields.get(place) else { continue };
             let (Some(clause), Some(cut)) = (field.clauses.get(clause), field.cut) else { continue };
             let (before, now) = (cut.number(before, length), cut.number(payload.word, length));
-            let Some(raw) = now.filter(|raw| clause.judges(before, *raw)) else { continue };
+            let Some(raw) = now.filter(|raw| clause.needs_check(before, *raw)) else { continue };
             self.judge_value(field, clause.number, (before, raw), (plan, payload), occasion, context);
         }
         true
@@ -275,16 +285,16 @@ impl NodeJudge<'_> {
     /// Runs one rule on one value of a PDO or message.
     fn judge_value(
         &mut self,
-        watched: &WatchedField,
+        watched: &RuleField,
         number: usize,
         (before, raw): (Option<i64>, i64),
         (plan, payload): (&CarrierPlan, &CarrierPayload<'_>),
-        occasion: Occasion<'_>,
-        context: &mut Context<'_>,
+        occasion: CheckOccasion<'_>,
+        context: &mut RuleContext<'_>,
     ) {
         let field = payload.layout.and_then(|layout| layout.fields.get(watched.field));
-        let (Some(object), Some(field)) = (field.and_then(Field::object), field) else { return };
-        let before = before.or_else(|| self.node.proven(object).map(|(raw, _)| raw));
+        let (Some(object), Some(field)) = (field.and_then(SignalField::object), field) else { return };
+        let before = before.or_else(|| self.node.proven_value(object).map(|(raw, _)| raw));
         let update = ValueUpdate {
             object,
             source: plan.source,
@@ -305,8 +315,8 @@ impl NodeJudge<'_> {
         &mut self,
         plan: &CarrierPlan,
         numbers: &[(Option<i64>, Option<i64>)],
-        occasion: Occasion<'_>,
-        context: &mut Context<'_>,
+        occasion: CheckOccasion<'_>,
+        context: &mut RuleContext<'_>,
     ) {
         let mut place = 0;
         while let Some(number) = self.own.record.plan.stretches.get(place).copied() {

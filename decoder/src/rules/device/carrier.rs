@@ -3,17 +3,17 @@
 
 use std::sync::Arc;
 
-use super::plan::{RulePlan, triggers};
-use crate::profile::device::{DeviceRule, RuleKind, Trigger, UpdateSource};
-use crate::profile::object::Numbers;
-use crate::profile::{Field, FixedBits, IntegerPosition, Layout, integer};
+use super::plan::{RulePlan, rule_triggers};
+use crate::profile::device::{DeviceRule, ProfileTrigger, RuleKind, UpdateSource};
+use crate::profile::object::NumberList;
+use crate::profile::{FixedBits, IntegerPosition, PayloadLayout, SignalField, as_integer};
 use crate::wire::canopen::ObjectAddress;
 
 /// Fields and rules that matter for a PDO or message.
 #[derive(Debug)]
 pub(super) struct CarrierPlan {
     pub(super) source: UpdateSource,
-    pub(super) fields: Vec<WatchedField>,
+    pub(super) fields: Vec<RuleField>,
     /// Rules that trigger on the PDO or message itself.
     pub(super) rules: Vec<usize>,
     /// Bits with a fixed content, and the rules about them.
@@ -26,7 +26,7 @@ pub(super) struct CarrierPlan {
 
 /// A field that at least one rule uses.
 #[derive(Debug)]
-pub(super) struct WatchedField {
+pub(super) struct RuleField {
     /// Index of the field in the layout.
     pub(super) field: usize,
     /// Index of the object in the rule plan.
@@ -36,14 +36,14 @@ pub(super) struct WatchedField {
     /// Conditions use the value, and it never expires.
     pub(super) decides: bool,
     /// Rules that check the value.
-    pub(super) clauses: Vec<Clause>,
+    pub(super) clauses: Vec<FieldClause>,
     /// Rules whose `while` depends on the value.
     pub(super) stretches: Vec<usize>,
 }
 
 /// Use of a field value by a rule.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Clause {
+pub(super) struct FieldClause {
     pub(super) number: usize,
     /// Bits that must change for a check; None: every value is checked.
     changed: Option<u64>,
@@ -54,7 +54,7 @@ pub(super) struct Clause {
 /// A payload, and its first eight bytes as a number.
 #[derive(Clone, Copy)]
 pub(super) struct CarrierPayload<'a> {
-    pub(super) layout: Option<&'a Layout>,
+    pub(super) layout: Option<&'a PayloadLayout>,
     pub(super) bytes: &'a [u8],
     pub(super) word: u64,
 }
@@ -62,7 +62,7 @@ pub(super) struct CarrierPayload<'a> {
 impl<'a> CarrierPayload<'a> {
     /// `payload` is the part of `all` that belongs to the message.
     #[inline]
-    pub(super) fn new(layout: Option<&'a Arc<Layout>>, payload: &'a [u8], all: &[u8]) -> Self {
+    pub(super) fn new(layout: Option<&'a Arc<PayloadLayout>>, payload: &'a [u8], all: &[u8]) -> Self {
         let word = all.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes));
         Self { layout: layout.map(|layout| &**layout), bytes: payload, word }
     }
@@ -72,8 +72,8 @@ impl CarrierPlan {
     /// Builds the table for the certain fields of a layout; `rules` trigger on the PDO or message itself.
     #[cold]
     pub(super) fn new(
-        layout: Option<&Layout>,
-        is_certain: &dyn Fn(&Field) -> bool,
+        layout: Option<&PayloadLayout>,
+        is_certain: &dyn Fn(&SignalField) -> bool,
         source: UpdateSource,
         rules: Vec<usize>,
         plan: &RulePlan,
@@ -81,13 +81,13 @@ impl CarrierPlan {
         let fields = layout.into_iter().flat_map(|layout| layout.fields.iter().enumerate());
         let fields = fields.filter(|(_, of)| is_certain(of));
         let fields: Vec<_> =
-            fields.filter_map(|(field, of)| WatchedField::new(field, of, source, plan)).collect();
+            fields.filter_map(|(field, of)| RuleField::new(field, of, source, plan)).collect();
         let watched = watched_bits(&fields);
         Self { source, fields, rules, fixed: FixedBits::default(), constants: Vec::new(), watched }
     }
 
     /// Adds the rules about bits with a fixed content.
-    pub(super) fn with_constants(mut self, layout: Option<&Layout>, rules: Vec<usize>) -> Self {
+    pub(super) fn with_constants(mut self, layout: Option<&PayloadLayout>, rules: Vec<usize>) -> Self {
         if let Some(layout) = layout.filter(|layout| layout.fixed.mask != 0 && !rules.is_empty()) {
             (self.fixed, self.constants) = (layout.fixed, rules);
         }
@@ -101,7 +101,7 @@ impl CarrierPlan {
 }
 
 /// See [`CarrierPlan::watched`].
-fn watched_bits(fields: &[WatchedField]) -> Option<u64> {
+fn watched_bits(fields: &[RuleField]) -> Option<u64> {
     let mut watched = 0;
     for (place, field) in fields.iter().enumerate() {
         let bits = field.cut?.bits();
@@ -117,20 +117,21 @@ fn watched_bits(fields: &[WatchedField]) -> Option<u64> {
     Some(watched)
 }
 
-impl WatchedField {
-    fn new(field: usize, of: &Field, source: UpdateSource, plan: &RulePlan) -> Option<Self> {
+impl RuleField {
+    fn new(field: usize, of: &SignalField, source: UpdateSource, plan: &RulePlan) -> Option<Self> {
         let object = of.object()?;
-        let (place, watched) = plan.watched(object)?;
+        let (place, watched) = plan.watched_object(object)?;
         let rules = watched.rules.iter();
-        let clauses = rules.filter_map(|number| Clause::new(*number, plan.rule(*number)?.0, object, source));
+        let clauses = rules
+            .filter_map(|number| FieldClause::new(*number, plan.active_rule(*number)?.0, object, source));
         let is_followed = |number: &&usize| {
-            let rule = plan.rule(**number).filter(|_| watched.is_condition);
+            let rule = plan.active_rule(**number).filter(|_| watched.is_condition);
             rule.is_some_and(|(rule, _)| plan.may_begin_or_end(rule, object))
         };
         Some(Self {
             field,
             place,
-            cut: IntegerPosition::of(of),
+            cut: IntegerPosition::position_of(of),
             decides: watched.is_condition && !watched.is_measured,
             clauses: clauses.collect(),
             stretches: plan.stretches.iter().filter(is_followed).copied().collect(),
@@ -139,24 +140,24 @@ impl WatchedField {
 
     /// Value of the field if it is numeric.
     #[inline]
-    pub(super) fn number(&self, payload: &CarrierPayload<'_>) -> Option<i64> {
+    pub(super) fn field_number(&self, payload: &CarrierPayload<'_>) -> Option<i64> {
         match &self.cut {
             Some(cut) => cut.number(payload.word, payload.bytes.len()),
-            None => self.other(payload),
+            None => self.other_number(payload),
         }
     }
 
     #[cold]
-    fn other(&self, payload: &CarrierPayload<'_>) -> Option<i64> {
+    fn other_number(&self, payload: &CarrierPayload<'_>) -> Option<i64> {
         let field = payload.layout?.fields.get(self.field)?;
-        integer(&field.value(field.extract(payload.bytes)?))
+        as_integer(&field.convert_raw(field.extract_bits(payload.bytes)?))
     }
 }
 
-impl Clause {
+impl FieldClause {
     /// Use of an object by a rule, for values from this source; None if the rule ignores them.
     fn new(number: usize, rule: &DeviceRule, object: ObjectAddress, source: UpdateSource) -> Option<Self> {
-        let is_subject = rule.subjects().any(|of| of.object == object);
+        let is_subject = rule.rule_objects().any(|of| of.object == object);
         let judges_all = match rule.kind {
             RuleKind::Limit => is_subject,
             RuleKind::Forbidden | RuleKind::Permitted => is_subject && source.is_command(),
@@ -165,14 +166,16 @@ impl Clause {
         if judges_all {
             return Some(Self { number, changed: None, set: 0 });
         }
-        if let Some(set) = valued(rule, object, source) {
+        if let Some(set) = proving_bits(rule, object, source) {
             return Some(Self { number, changed: None, set });
         }
         let mut changed = 0;
-        for trigger in triggers(rule) {
+        for trigger in rule_triggers(rule) {
             match trigger {
-                Trigger::Bit(bit, _) if bit.object.object == object => changed |= 1 << bit.bit,
-                Trigger::Set(set) if set.object.object == object && source == UpdateSource::Received => {
+                ProfileTrigger::Bit(bit, _) if bit.object.object == object => changed |= 1 << bit.bit,
+                ProfileTrigger::Set(set)
+                    if set.object.object == object && source == UpdateSource::Received =>
+                {
                     changed |= set.mask;
                 }
                 _ => {}
@@ -188,7 +191,7 @@ impl Clause {
 
     /// Whether the rule must check a value.
     #[inline]
-    pub(super) fn judges(self, before: Option<i64>, raw: i64) -> bool {
+    pub(super) fn needs_check(self, before: Option<i64>, raw: i64) -> bool {
         if self.set != 0 {
             return raw.cast_unsigned() & self.set != 0;
         }
@@ -203,22 +206,21 @@ impl Clause {
 /// it checks changes only.
 ///
 /// Bits are known if the only trigger on the object excludes 0.
-fn valued(rule: &DeviceRule, object: ObjectAddress, source: UpdateSource) -> Option<u64> {
-    let of_object = |trigger: &&Trigger| match trigger {
-        Trigger::Set(set) => source == UpdateSource::Received && set.object.object == object,
-        Trigger::Shows(set) => source == UpdateSource::Sent && set.object.object == object,
-        Trigger::Bit(bit, _) => bit.object.object == object,
+fn proving_bits(rule: &DeviceRule, object: ObjectAddress, source: UpdateSource) -> Option<u64> {
+    let of_object = |trigger: &&ProfileTrigger| match trigger {
+        ProfileTrigger::Set(set) => source == UpdateSource::Received && set.object.object == object,
+        ProfileTrigger::Shows(set) => source == UpdateSource::Sent && set.object.object == object,
+        ProfileTrigger::Bit(bit, _) => bit.object.object == object,
         _ => false,
     };
-    let mut matching = triggers(rule).filter(of_object);
+    let mut matching = rule_triggers(rule).filter(of_object);
     let (first, is_only) = (matching.next()?, matching.next().is_none());
-    let is_each =
-        |trigger: &Trigger| matches!(trigger, Trigger::Set(set) | Trigger::Shows(set) if !set.changed);
+    let is_each = |trigger: &ProfileTrigger| matches!(trigger, ProfileTrigger::Set(set) | ProfileTrigger::Shows(set) if !set.changed);
     match first {
-        Trigger::Set(set) | Trigger::Shows(set) if is_only && !set.changed => {
-            let is_nonzero = set.negated && set.values == Some(Numbers::One(0));
+        ProfileTrigger::Set(set) | ProfileTrigger::Shows(set) if is_only && !set.changed => {
+            let is_nonzero = set.negated && set.values == Some(NumberList::One(0));
             Some(if is_nonzero { set.mask } else { 0 })
         }
-        _ => triggers(rule).filter(of_object).any(is_each).then_some(0),
+        _ => rule_triggers(rule).filter(of_object).any(is_each).then_some(0),
     }
 }

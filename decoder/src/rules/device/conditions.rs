@@ -2,15 +2,15 @@
 
 use super::facts::ProvenFacts;
 use super::proofs::{LastingConditions, ProofAge, RuleProof};
-use crate::profile::device::{Condition, DeviceRule, GateStatus, evaluate_all};
+use crate::profile::device::{DeviceCondition, DeviceRule, GateStatus, evaluate_all};
 use crate::wire::canopen::ObjectAddress;
 
 impl ProvenFacts<'_> {
     /// Status of `needs`.
-    pub(super) fn needs(&self, rule: &DeviceRule, number: usize) -> GateStatus {
+    pub(super) fn needs_status(&self, rule: &DeviceRule, number: usize) -> GateStatus {
         match self.own.proofs.get(number) {
             Some(RuleProof { needs, .. }) if needs.are_all => {
-                self.lasting(needs, &rule.needs.0, rule.channel)
+                self.lasting_status(needs, &rule.needs.0, rule.channel)
             }
             _ => evaluate_all(&rule.needs.0, self, rule.channel),
         }
@@ -23,22 +23,22 @@ impl ProvenFacts<'_> {
             return true;
         }
         let Some(RuleProof { during, .. }) = self.own.proofs.get(number) else { return false };
-        (during.is_empty() || self.lasting(during, conditions, rule.channel) == GateStatus::Open)
+        (during.is_empty() || self.lasting_status(during, conditions, rule.channel) == GateStatus::Open)
             && (during.are_all || evaluate_all(conditions, self, rule.channel) == GateStatus::Open)
     }
 
     /// Whether a rule can skip a value or PDO, because its conditions do not hold.
     #[inline]
-    pub(super) fn rests(&self, number: usize) -> bool {
+    pub(super) fn can_rest(&self, number: usize) -> bool {
         self.own.proofs.get(number).is_some_and(|proof| proof.may_rest && self.is_at_rest(proof, number))
     }
 
     #[inline]
     fn is_at_rest(&self, proof: &RuleProof, number: usize) -> bool {
-        let status = |part: &LastingConditions, of: fn(&DeviceRule) -> &[Condition]| {
-            part.known(self.age()).or_else(|| {
-                let (rule, _) = self.own.plan.rule(number)?;
-                Some(self.lasting(part, of(rule), rule.channel))
+        let status = |part: &LastingConditions, of: fn(&DeviceRule) -> &[DeviceCondition]| {
+            part.cached_status(self.proof_age()).or_else(|| {
+                let (rule, _) = self.own.plan.active_rule(number)?;
+                Some(self.lasting_status(part, of(rule), rule.channel))
             })
         };
         !proof.during.is_empty() && status(&proof.during, |rule| &rule.during.0) != Some(GateStatus::Open)
@@ -46,55 +46,61 @@ impl ProvenFacts<'_> {
     }
 
     #[inline]
-    pub(super) fn age(&self) -> ProofAge {
-        (self.own.last.changes, self.node.store().changes())
+    pub(super) fn proof_age(&self) -> ProofAge {
+        (self.own.last.changes, self.node.store().change_count())
     }
 
     /// Status of the conditions on lasting values, cached.
-    fn lasting(&self, part: &LastingConditions, conditions: &[Condition], channel: Option<u8>) -> GateStatus {
-        if let Some(known) = part.known(self.age()) {
+    fn lasting_status(
+        &self,
+        part: &LastingConditions,
+        conditions: &[DeviceCondition],
+        channel: Option<u8>,
+    ) -> GateStatus {
+        if let Some(known) = part.cached_status(self.proof_age()) {
             return known;
         }
-        let status = evaluate_all(part.of(conditions), self, channel);
-        part.put(self.age(), status);
+        let status = evaluate_all(part.lasting_of(conditions), self, channel);
+        part.put_status(self.proof_age(), status);
         status
     }
 
     /// First condition that is proven not to hold: its object, and the actual fact as text.
-    pub(super) fn unmet(
+    pub(super) fn first_unmet(
         &self,
-        conditions: &[Condition],
+        conditions: &[DeviceCondition],
         channel: Option<u8>,
     ) -> Option<(Option<ObjectAddress>, String)> {
-        let is_unmet = |condition: &&Condition| condition.evaluate(self, channel) == GateStatus::Closed;
+        let is_unmet =
+            |condition: &&DeviceCondition| condition.evaluate_condition(self, channel) == GateStatus::Closed;
         let unmet = conditions.iter().find(is_unmet)?;
-        Some((unmet.object(), self.fact(unmet, channel)))
+        Some((unmet.object(), self.fact_text(unmet, channel)))
     }
 
     /// Actual fact for a condition that does not hold.
-    fn fact(&self, condition: &Condition, channel: Option<u8>) -> String {
+    fn fact_text(&self, condition: &DeviceCondition, channel: Option<u8>) -> String {
         if let Some(object) = condition.object() {
-            return self.shown(object);
+            return self.value_text(object);
         }
         match condition {
-            Condition::Nmt(_) => self.node.nmt().map_or("", |nmt| nmt.state.name()).to_owned(),
-            Condition::State(_) => {
+            DeviceCondition::Nmt(_) => self.node.nmt().map_or("", |nmt| nmt.state.name()).to_owned(),
+            DeviceCondition::State(_) => {
                 let mut states = self.node.device_states();
                 let own = states.find(|(of, _)| channel.is_none() || of.is_none() || *of == channel);
                 own.map_or_else(String::new, |(_, state)| format!("state {}", state.name))
             }
-            Condition::Sync => "no SYNC".to_owned(),
-            Condition::NoError => {
+            DeviceCondition::Sync => "no SYNC".to_owned(),
+            DeviceCondition::NoError => {
                 let codes: Vec<_> =
                     self.node.active_errors().iter().map(|code| format!("EMCY {code:04X}")).collect();
                 codes.join(", ")
             }
-            Condition::NoProcedure => {
+            DeviceCondition::NoProcedure => {
                 let names: Vec<_> = self.node.procedures().map(|it| it.name.as_str()).collect();
                 format!("procedure running: {}", names.join(", "))
             }
-            Condition::Other(_) => "no other device is ready".to_owned(),
-            Condition::Alone => "other nodes on the bus".to_owned(),
+            DeviceCondition::Other(_) => "no other device is ready".to_owned(),
+            DeviceCondition::Alone => "other nodes on the bus".to_owned(),
             _ => String::new(),
         }
     }

@@ -1,10 +1,10 @@
 //! Events and values as text for findings.
 
 use crate::event::{Event, EventKind};
-use crate::finding::About;
-use crate::profile::device::{Trigger, TriggerEvent, ValueUpdate};
-use crate::profile::object::Format;
-use crate::profile::{DataType, Meaning};
+use crate::finding::FindingSubject;
+use crate::profile::device::{ProfileTrigger, TriggerEvent, ValueUpdate};
+use crate::profile::object::NumberFormat;
+use crate::profile::{DataType, ObjectMeaning};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::j1939::Pgn;
 
@@ -20,7 +20,7 @@ pub(super) fn with_details(text: &str, details: &str) -> String {
 /// Value of an update as text.
 pub(super) fn show_update(update: &ValueUpdate<'_>) -> String {
     match (update.raw, update.meaning) {
-        (Some(raw), Some(meaning)) => show(meaning, raw),
+        (Some(raw), Some(meaning)) => show_number(meaning, raw),
         (Some(raw), None) => format!("{:X}h", raw.cast_unsigned()),
         (None, _) => "value".to_owned(),
     }
@@ -28,18 +28,18 @@ pub(super) fn show_update(update: &ValueUpdate<'_>) -> String {
 
 /// Number with its meaning; a bit field is printed as hexadecimal only, since the names of its bits are too
 /// long.
-pub(super) fn show(meaning: &Meaning, raw: i64) -> String {
+pub(super) fn show_number(meaning: &ObjectMeaning, raw: i64) -> String {
     let digits = meaning.data_type.and_then(DataType::bits).map_or(0, |bits| usize::from(bits.div_ceil(4)));
     match (&meaning.bits, meaning.format) {
         // A signature: the first character is in the least significant byte.
-        (_, Format::Ascii) => {
+        (_, NumberFormat::Ascii) => {
             let all = raw.to_le_bytes();
             let length = all.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
             let bytes = all.into_iter().take(if digits == 0 { length } else { digits / 2 });
             format!("'{}'", bytes.map(char::from).collect::<String>().escape_default())
         }
         (Some(_), _) => format!("{:0digits$X}h", raw.cast_unsigned()),
-        (None, _) => meaning.show(&meaning.number(raw)),
+        (None, _) => meaning.format_value(&meaning.convert_raw(raw)),
     }
 }
 
@@ -62,20 +62,22 @@ pub(super) fn show_event(event: &TriggerEvent<'_>) -> String {
 }
 
 /// Subject of a finding about an event; `cause` is the event on the bus.
-pub(super) fn about_event(event: &TriggerEvent<'_>, cause: Option<&Event>) -> About {
+pub(super) fn about_event(event: &TriggerEvent<'_>, cause: Option<&Event>) -> FindingSubject {
     match event {
-        TriggerEvent::Value(update) => About::Object(update.object),
-        TriggerEvent::Message(_) => cause.and_then(pgn).map_or(About::Whole, |pgn| About::Pgn(pgn.number())),
-        TriggerEvent::Emcy(code) => About::Code(*code),
-        TriggerEvent::Dtc(spn, fmi) => About::Fault(*spn, *fmi),
-        TriggerEvent::Pdo(name) => About::Name(name.to_string().into()),
-        TriggerEvent::Reports(state) => About::Name((*state).into()),
-        TriggerEvent::State(Some(channel), _) => About::Name(format!("channel {channel}").into()),
-        _ => About::Whole,
+        TriggerEvent::Value(update) => FindingSubject::Object(update.object),
+        TriggerEvent::Message(_) => {
+            cause.and_then(event_pgn).map_or(FindingSubject::Whole, |pgn| FindingSubject::Pgn(pgn.number()))
+        }
+        TriggerEvent::Emcy(code) => FindingSubject::Code(*code),
+        TriggerEvent::Dtc(spn, fmi) => FindingSubject::Fault(*spn, *fmi),
+        TriggerEvent::Pdo(name) => FindingSubject::Name(name.to_string().into()),
+        TriggerEvent::Reports(state) => FindingSubject::Name((*state).into()),
+        TriggerEvent::State(Some(channel), _) => FindingSubject::Name(format!("channel {channel}").into()),
+        _ => FindingSubject::Whole,
     }
 }
 
-fn pgn(event: &Event) -> Option<Pgn> {
+fn event_pgn(event: &Event) -> Option<Pgn> {
     match &event.kind {
         EventKind::J1939Message(message) => Some(message.id.pgn),
         EventKind::MessageGap(gap) => Some(gap.pgn),
@@ -84,14 +86,16 @@ fn pgn(event: &Event) -> Option<Pgn> {
 }
 
 /// Subject of a finding without an event: the first awaited trigger.
-pub(super) fn about_first(triggers: &[Trigger]) -> About {
+pub(super) fn about_first(triggers: &[ProfileTrigger]) -> FindingSubject {
     match triggers.first() {
-        Some(Trigger::Pdo(name)) => About::Name(name.to_string().into()),
-        Some(Trigger::Write(of, _) | Trigger::Read(of, _)) => About::Object(of.object),
-        Some(Trigger::Bit(bit, _)) => About::Object(bit.object.object),
-        Some(Trigger::Set(set) | Trigger::Shows(set)) => About::Object(set.object.object),
-        Some(Trigger::Message(message)) => About::Name(message.name.as_str().into()),
-        _ => About::Whole,
+        Some(ProfileTrigger::Pdo(name)) => FindingSubject::Name(name.to_string().into()),
+        Some(ProfileTrigger::Write(of, _) | ProfileTrigger::Read(of, _)) => FindingSubject::Object(of.object),
+        Some(ProfileTrigger::Bit(bit, _)) => FindingSubject::Object(bit.object.object),
+        Some(ProfileTrigger::Set(set) | ProfileTrigger::Shows(set)) => {
+            FindingSubject::Object(set.object.object)
+        }
+        Some(ProfileTrigger::Message(message)) => FindingSubject::Name(message.name.as_str().into()),
+        _ => FindingSubject::Whole,
     }
 }
 

@@ -1,8 +1,8 @@
 //! Proven facts about a node: values from the current PDO, and older values of all other objects.
 
-use super::describe::show;
-use super::node::{NodeRecord, NodeRules};
-use crate::profile::Number;
+use super::describe::show_number;
+use super::node::{JudgedNode, NodeRules};
+use crate::profile::DecidingNumber;
 use crate::profile::device::DeviceFacts;
 use crate::rules::context::{SETTLING, confirmed_state};
 use crate::session::{Bus, Node};
@@ -21,7 +21,7 @@ pub(super) struct ProvenFacts<'a> {
     pub(super) bus: &'a Bus,
     pub(super) id: NodeId,
     pub(super) node: &'a Node,
-    pub(super) own: &'a NodeRecord,
+    pub(super) own: &'a JudgedNode,
     pub(super) others: &'a NodeMap<Box<NodeRules>>,
     /// Monotonic time, as in [`crate::rules::Context::now`].
     pub(super) now: i64,
@@ -29,17 +29,18 @@ pub(super) struct ProvenFacts<'a> {
 
 impl ProvenFacts<'_> {
     /// Proven value of an object: the last one seen on the bus.
-    pub(super) fn value(&self, object: ObjectAddress) -> Option<i64> {
-        let watched = self.own.plan.watched(object);
+    pub(super) fn proven_value(&self, object: ObjectAddress) -> Option<i64> {
+        let watched = self.own.plan.watched_object(object);
         let is_measured = watched.is_some_and(|(_, watched)| watched.is_measured);
         let sent = watched.and_then(|(place, _)| self.own.last.get(place));
         let sent = sent.filter(|sent| !is_measured || self.now.saturating_sub(sent.time) <= MEASURED);
         // The store of the node may contain a later value from another service.
-        let is_later = |frame| self.node.store().seen(object).is_some_and(|entry| entry.origin.frame > frame);
+        let is_later =
+            |frame| self.node.store().seen_value(object).is_some_and(|entry| entry.origin.frame > frame);
         if let Some(sent) = sent.filter(|sent| !is_later(sent.frame)) {
             return Some(sent.raw);
         }
-        let stored = self.node.proven(object).filter(|(_, origin)| {
+        let stored = self.node.proven_value(object).filter(|(_, origin)| {
             let time = origin.time.map(|stamp| self.bus.monotonic(stamp));
             !is_measured || time.is_none_or(|time| self.bus.now().saturating_sub(time) <= MEASURED)
         });
@@ -57,11 +58,11 @@ impl ProvenFacts<'_> {
     }
 
     /// Object with its value: `5208:01 is 1`.
-    pub(super) fn shown(&self, object: ObjectAddress) -> String {
-        let value = self.value(object);
+    pub(super) fn value_text(&self, object: ObjectAddress) -> String {
+        let value = self.proven_value(object);
         let raw = value.unwrap_or_default();
         match self.node.meaning(object) {
-            Some(meaning) => format!("{object} is {}", show(&meaning, raw)),
+            Some(meaning) => format!("{object} is {}", show_number(&meaning, raw)),
             None => format!("{object} is {raw}"),
         }
     }
@@ -72,8 +73,8 @@ impl DeviceFacts for ProvenFacts<'_> {
         confirmed_state(self.bus, self.id)
     }
 
-    fn number(&self, object: ObjectAddress) -> Option<Number> {
-        self.value(object).map(|raw| Number { raw, assumed: false })
+    fn object_number(&self, object: ObjectAddress) -> Option<DecidingNumber> {
+        self.proven_value(object).map(|raw| DecidingNumber { raw, assumed: false })
     }
 
     /// None shortly after a change: a PDO may still contain the previous state.
@@ -81,23 +82,23 @@ impl DeviceFacts for ProvenFacts<'_> {
         if self.own.is_settling(channel, self.now, SETTLING) {
             return None;
         }
-        self.node.facts(self.bus.now()).state(channel).map(|state| state.name.as_str())
+        self.node.node_facts(self.bus.now()).machine_state(channel).map(|state| state.name.as_str())
     }
 
     fn is_commanded(&self, channel: Option<u8>, states: &[String]) -> bool {
-        self.node.facts(self.bus.now()).is_commanded(channel, states)
+        self.node.node_facts(self.bus.now()).is_commanded(channel, states)
     }
 
     fn sync_age(&self) -> Option<i64> {
-        self.node.facts(self.bus.now()).sync_age()
+        self.node.node_facts(self.bus.now()).sync_age()
     }
 
     fn has_error(&self) -> bool {
-        self.node.facts(self.bus.now()).has_error()
+        self.node.node_facts(self.bus.now()).has_error()
     }
 
     fn is_taken_over(&self) -> bool {
-        self.node.facts(self.bus.now()).is_taken_over()
+        self.node.node_facts(self.bus.now()).is_taken_over()
     }
 
     /// Always false: rules check PDOs and messages when they arrive.
@@ -105,7 +106,7 @@ impl DeviceFacts for ProvenFacts<'_> {
         false
     }
 
-    fn others(&self) -> Option<impl Iterator<Item = Self>> {
+    fn other_nodes(&self) -> Option<impl Iterator<Item = Self>> {
         let others = self.others.iter().filter(|(id, _)| *id != self.id);
         Some(others.filter_map(|(id, other)| {
             let own = &other.record;

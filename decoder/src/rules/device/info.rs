@@ -2,20 +2,21 @@
 
 use std::sync::Arc;
 
-use crate::finding::{Merge, RuleInfo, RuleOrigin};
-use crate::profile::Device;
+use crate::finding::{MergedFindings, RuleInfo, RuleOrigin};
+use crate::profile::DeviceProfile;
 use crate::profile::device::{DeviceRule, RuleKind};
 use crate::rules::ledger::RuleRelations;
 
 /// Name of a device rule in output: `rexroth-sydfec:mapping-is-static`.
-fn name(device: &Device, rule: &str) -> Arc<str> {
+fn rule_name(device: &DeviceProfile, rule: &str) -> Arc<str> {
     format!("{}:{rule}", device.id).into()
 }
 
 /// Full names of the rules in `takes_in` and `follows`: of the same profile, else general rules.
-pub(super) fn relations(device: &Device, rule: &DeviceRule) -> RuleRelations {
+pub(super) fn rule_relations(device: &DeviceProfile, rule: &DeviceRule) -> RuleRelations {
     let is_own = |wanted: &str| device.rules.iter().any(|own| own.name == wanted);
-    let full = |wanted: &String| if is_own(wanted) { name(device, wanted) } else { wanted.as_str().into() };
+    let full =
+        |wanted: &String| if is_own(wanted) { rule_name(device, wanted) } else { wanted.as_str().into() };
     RuleRelations {
         takes_in: rule.takes_in.iter().map(full).collect(),
         follows: rule.follows.iter().map(full).collect(),
@@ -23,36 +24,36 @@ pub(super) fn relations(device: &Device, rule: &DeviceRule) -> RuleRelations {
 }
 
 /// Description of a device rule.
-pub(super) fn of(device: &Device, rule: &DeviceRule) -> RuleInfo {
-    let source = device.cite(&rule.source);
+pub(super) fn rule_info(device: &DeviceProfile, rule: &DeviceRule) -> RuleInfo {
+    let source = device.cite_section(&rule.source);
     let note = if rule.note.is_empty() { String::new() } else { format!("\n# Assumption\n{}\n", rule.note) };
     let next = if rule.next.is_empty() {
         String::new()
     } else {
         format!("\n# What to look at first\n{}.\n", rule.next)
     };
-    let (text, kind) = (&rule.text, kind(rule.kind));
+    let (text, kind) = (&rule.text, kind_text(rule.kind));
     let explanation = format!("# What it checks\n{text}. {kind}\n{note}\n# Source\n{source}\n{next}");
     RuleInfo {
-        name: name(device, &rule.name),
+        name: rule_name(device, &rule.name),
         severity: rule.severity,
         title: rule.text.as_str().into(),
         explanation: explanation.into(),
-        needs: needs(rule).into(),
+        needs: needs_text(rule).into(),
         cases: Vec::new(),
         shows: Vec::new(),
         origin: RuleOrigin::Device,
         is_timing: matches!(rule.kind, RuleKind::MinInterval | RuleKind::MaxInterval | RuleKind::Follow),
-        merge: Merge::Index,
+        merge: MergedFindings::Index,
         is_on: true,
-        word: word(rule.kind),
+        word: event_word(rule.kind),
         source: Some(source.into()),
         next_step: (!rule.next.is_empty()).then(|| rule.next.as_str().into()),
     }
 }
 
 /// What a capture must contain for a verdict of the rule.
-fn needs(rule: &DeviceRule) -> String {
+fn needs_text(rule: &DeviceRule) -> String {
     let objects = || {
         let all: Vec<_> = rule.object.iter().chain(&rule.objects).map(|it| it.object.to_string()).collect();
         all.join(", ")
@@ -79,7 +80,7 @@ fn needs(rule: &DeviceRule) -> String {
 }
 
 /// KIND column of findings of a rule kind.
-const fn word(kind: RuleKind) -> &'static str {
+const fn event_word(kind: RuleKind) -> &'static str {
     match kind {
         RuleKind::Limit | RuleKind::Forbidden | RuleKind::Permitted | RuleKind::Ascending => "VALUE",
         RuleKind::Never | RuleKind::Precondition => "RULE",
@@ -99,7 +100,7 @@ const fn word(kind: RuleKind) -> &'static str {
 }
 
 /// Explanation of a rule kind, added to the text of the rule.
-const fn kind(kind: RuleKind) -> &'static str {
+const fn kind_text(kind: RuleKind) -> &'static str {
     match kind {
         RuleKind::Limit => "Every transferred value is compared with the limits in the manual.",
         RuleKind::Forbidden => {

@@ -9,12 +9,12 @@ use super::proofs::RuleProofs;
 use super::values::LastValues;
 use crate::event::J1939Message;
 use crate::profile::device::{RuleKind, UpdateSource};
-use crate::profile::{Layout, PdoName};
+use crate::profile::{PayloadLayout, PdoName};
 use crate::wire::j1939::Pgn;
 
 /// State of a node with device rules.
 pub(super) struct NodeRules {
-    pub(super) record: NodeRecord,
+    pub(super) record: JudgedNode,
     /// State of each rule, in the order of the profile.
     pub(super) progress: Vec<RuleProgress>,
     /// Whether the node has sent a frame.
@@ -26,13 +26,13 @@ pub(super) struct NodeRules {
 
 /// Cached dispatch tables of recent messages.
 #[derive(Debug, Default)]
-pub(super) struct CarrierPlans(Vec<(Pgn, Option<Arc<Layout>>, CarrierPlan)>);
+pub(super) struct CarrierPlans(Vec<(Pgn, Option<Arc<PayloadLayout>>, CarrierPlan)>);
 
 /// Maximum number of cached dispatch tables.
 const CARRIER_LIMIT: usize = 64;
 
 /// State of a node shared by all its rules.
-pub(super) struct NodeRecord {
+pub(super) struct JudgedNode {
     pub(super) plan: Arc<RulePlan>,
     pub(super) last: LastValues,
     pub(super) proofs: RuleProofs,
@@ -46,7 +46,7 @@ pub(super) struct NodeRecord {
 
 impl NodeRules {
     pub(super) fn new(plan: &Arc<RulePlan>) -> Self {
-        let record = NodeRecord {
+        let record = JudgedNode {
             plan: Arc::clone(plan),
             last: LastValues::new(plan.watched_count()),
             proofs: RuleProofs::new(plan),
@@ -64,17 +64,17 @@ impl NodeRules {
     }
 
     /// Clears all measurements and counts after a restart or a change of the node-ID.
-    pub(super) fn reset(&mut self) {
+    pub(super) fn reset_measurements(&mut self) {
         self.carriers = CarrierPlans::default();
         self.record.last.count_change();
-        self.progress.iter_mut().for_each(RuleProgress::reset);
+        self.progress.iter_mut().for_each(RuleProgress::reset_after_restart);
     }
 
     /// Interrupts all intervals, counts and orders after a silence or lost frames.
-    pub(super) fn interrupt(&mut self) {
+    pub(super) fn interrupt_measurements(&mut self) {
         for (progress, rule) in self.progress.iter_mut().zip(&self.record.plan.device.rules) {
             if matches!(rule.kind, RuleKind::MinInterval | RuleKind::MaxInterval | RuleKind::MaxCount) {
-                progress.interrupt();
+                progress.interrupt_intervals();
             }
             // The event that must come first may be in the gap.
             if rule.kind == RuleKind::Order && progress.is_prepared == Some(false) {
@@ -84,7 +84,7 @@ impl NodeRules {
     }
 
     /// Handles the reconfiguration of a PDO: its absence proves nothing until it occurs again.
-    pub(super) fn reconfigure(&mut self, name: PdoName) {
+    pub(super) fn on_reconfiguration(&mut self, name: PdoName) {
         for (progress, rule) in self.progress.iter_mut().zip(&self.record.plan.device.rules) {
             if matches!(rule.kind, RuleKind::MaxInterval | RuleKind::Follow) && waits_for(rule, name) {
                 (progress.last, progress.deadline, progress.is_counting) = (None, None, false);
@@ -95,8 +95,8 @@ impl NodeRules {
 
 impl CarrierPlans {
     /// Removes and returns the dispatch table of a message.
-    pub(super) fn take(&mut self, message: &J1939Message, source: UpdateSource) -> Option<CarrierPlan> {
-        let is_same = |known: &Option<Arc<Layout>>| match (known, &message.layout) {
+    pub(super) fn take_plan(&mut self, message: &J1939Message, source: UpdateSource) -> Option<CarrierPlan> {
+        let is_same = |known: &Option<Arc<PayloadLayout>>| match (known, &message.layout) {
             (Some(known), Some(layout)) => Arc::ptr_eq(known, layout),
             (None, None) => true,
             _ => false,
@@ -107,7 +107,7 @@ impl CarrierPlans {
         Some(self.0.swap_remove(place).2)
     }
 
-    pub(super) fn put(&mut self, message: &J1939Message, plan: CarrierPlan) {
+    pub(super) fn put_plan(&mut self, message: &J1939Message, plan: CarrierPlan) {
         if self.0.len() >= CARRIER_LIMIT {
             self.0.clear();
         }
@@ -115,7 +115,7 @@ impl CarrierPlans {
     }
 }
 
-impl NodeRecord {
+impl JudgedNode {
     /// Records a state change of an output.
     pub(super) fn note_change(&mut self, channel: Option<u8>, now: i64) {
         match self.changes.iter_mut().find(|(known, _)| *known == channel) {

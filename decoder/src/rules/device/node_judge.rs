@@ -6,17 +6,17 @@ use super::case::RuleCase;
 use super::facts::ProvenFacts;
 use super::kinds::{self, address, frames, messages, reports};
 use super::node::NodeRules;
-use super::plan::concerns;
+use super::plan::concerns_rule;
 use super::progress::{FrameTime, RuleProgress};
 use super::transfer::update_of;
 use crate::event::{
-    BootCause, DtcAction, Emergency, Event, EventKind, FrameRange, MessageGap, Outcome, SdoTransfer,
+    BootCause, DtcAction, Emergency, Event, EventKind, FrameRange, MessageGap, SdoOutcome, SdoTransfer,
 };
 use crate::profile::device::{DeviceRule, LssEvent, RuleKind, TriggerEvent, UpdateSource, ValueUpdate};
-use crate::profile::{PdoName, integer, lss};
-use crate::rules::Context;
+use crate::profile::{PdoName, as_integer, lss_names};
+use crate::rules::RuleContext;
 use crate::session::{Bus, Node};
-use crate::wire::canopen::lss::Content;
+use crate::wire::canopen::lss::LssContent;
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 use crate::wire::j1939::Pgn;
@@ -36,13 +36,13 @@ pub(super) struct NodeJudge<'a> {
 
 /// The event to check with its frames; without an event at a deadline.
 #[derive(Clone, Copy)]
-pub(super) struct Occasion<'a> {
+pub(super) struct CheckOccasion<'a> {
     pub(super) event: Option<&'a Event>,
     pub(super) frames: FrameRange,
 }
 
-impl<'a> Occasion<'a> {
-    pub(super) fn of(event: &'a Event) -> Self {
+impl<'a> CheckOccasion<'a> {
+    pub(super) fn occasion_of(event: &'a Event) -> Self {
         Self { event: Some(event), frames: event.frames }
     }
 
@@ -54,13 +54,19 @@ impl<'a> Occasion<'a> {
 
 impl NodeJudge<'_> {
     /// Indices of the active rules that `picks` selects.
-    pub(super) fn numbers(&self, picks: impl Fn(&DeviceRule) -> bool) -> Vec<usize> {
-        self.own.record.plan.rules().filter(|(_, rule)| picks(rule)).map(|(number, _)| number).collect()
+    pub(super) fn active_rules(&self, picks: impl Fn(&DeviceRule) -> bool) -> Vec<usize> {
+        self.own
+            .record
+            .plan
+            .active_rules()
+            .filter(|(_, rule)| picks(rule))
+            .map(|(number, _)| number)
+            .collect()
     }
 
     /// Facts at a monotonic time.
     #[inline]
-    pub(super) fn facts(&self, now: i64) -> ProvenFacts<'_> {
+    pub(super) fn proven_facts(&self, now: i64) -> ProvenFacts<'_> {
         let Self { bus, id, node, ref own, others } = *self;
         ProvenFacts { bus, id, node, own: &own.record, others, now }
     }
@@ -70,12 +76,13 @@ impl NodeJudge<'_> {
     pub(super) fn judge_one(
         &mut self,
         number: usize,
-        occasion: Occasion<'_>,
-        context: &mut Context<'_>,
-        task: impl FnOnce(&RuleCase<'_>, &mut RuleProgress, &mut Context<'_>),
+        occasion: CheckOccasion<'_>,
+        context: &mut RuleContext<'_>,
+        task: impl FnOnce(&RuleCase<'_>, &mut RuleProgress, &mut RuleContext<'_>),
     ) {
         let NodeRules { record, progress, .. } = &mut *self.own;
-        let (Some((rule, place)), Some(progress)) = (record.plan.rule(number), progress.get_mut(number))
+        let (Some((rule, place)), Some(progress)) =
+            (record.plan.active_rule(number), progress.get_mut(number))
         else {
             return;
         };
@@ -83,21 +90,21 @@ impl NodeJudge<'_> {
         let Self { bus, id, node, others, .. } = *self;
         let facts = ProvenFacts { bus, id, node, own, others, now: context.now };
         let before = std::mem::replace(&mut context.rule, place);
-        let Occasion { event, frames } = occasion;
+        let CheckOccasion { event, frames } = occasion;
         task(&RuleCase { facts, rule, number, event, frames }, progress, context);
         context.rule = before;
     }
 
     /// At the first frame of the node: passes the rules that the presence of the device alone exercises.
     #[inline]
-    pub(super) fn note_presence(&mut self, occasion: Occasion<'_>, context: &mut Context<'_>) {
+    pub(super) fn note_presence(&mut self, occasion: CheckOccasion<'_>, context: &mut RuleContext<'_>) {
         if !self.own.is_present && self.node.last_seen().0 != 0 {
             self.pass_by_presence(occasion, context);
         }
     }
 
     #[cold]
-    fn pass_by_presence(&mut self, occasion: Occasion<'_>, context: &mut Context<'_>) {
+    fn pass_by_presence(&mut self, occasion: CheckOccasion<'_>, context: &mut RuleContext<'_>) {
         self.own.is_present = true;
         self.own.record.present = Some(context.now);
         let by_presence = |rule: &DeviceRule| match rule.kind {
@@ -105,16 +112,20 @@ impl NodeJudge<'_> {
             RuleKind::ReservedId => true,
             _ => false,
         };
-        for number in self.numbers(by_presence) {
-            self.judge_one(number, occasion, context, |_, _, context| context.pass());
+        for number in self.active_rules(by_presence) {
+            self.judge_one(number, occasion, context, |_, _, context| context.count_pass());
         }
-        for number in self.numbers(|rule| matches!(rule.kind, RuleKind::NodeId | RuleKind::SourceAddress)) {
-            self.judge_one(number, occasion, context, |case, _, context| address::judge(case, context));
+        for number in
+            self.active_rules(|rule| matches!(rule.kind, RuleKind::NodeId | RuleKind::SourceAddress))
+        {
+            self.judge_one(number, occasion, context, |case, _, context| {
+                address::judge_address(case, context)
+            });
         }
     }
 
     /// Records the time of the node's last frame.
-    pub(super) fn note_last_frame(&mut self, context: &Context<'_>) {
+    pub(super) fn note_last_frame(&mut self, context: &RuleContext<'_>) {
         let (frame, stamp) = self.node.last_seen();
         if let Some(stamp) = stamp.filter(|_| frame != 0) {
             self.own.record.heard = Some(self.bus.monotonic(stamp).saturating_sub(context.silence));
@@ -122,8 +133,13 @@ impl NodeJudge<'_> {
     }
 
     /// Runs all rules that the event concerns.
-    fn judge(&mut self, event: &TriggerEvent<'_>, occasion: Occasion<'_>, context: &mut Context<'_>) {
-        for number in self.numbers(|rule| concerns(rule, event)) {
+    fn judge_event(
+        &mut self,
+        event: &TriggerEvent<'_>,
+        occasion: CheckOccasion<'_>,
+        context: &mut RuleContext<'_>,
+    ) {
+        for number in self.active_rules(|rule| concerns_rule(rule, event)) {
             self.judge_one(number, occasion, context, |case, progress, context| {
                 kinds::judge_event(case, progress, event, context);
             });
@@ -131,7 +147,7 @@ impl NodeJudge<'_> {
     }
 
     /// Uses a precomputed list, since SYNC is frequent.
-    fn on_sync(&mut self, occasion: Occasion<'_>, context: &mut Context<'_>) {
+    fn on_sync(&mut self, occasion: CheckOccasion<'_>, context: &mut RuleContext<'_>) {
         if self.own.record.plan.syncs.is_empty() || self.bus.last_sync() != Some(self.node.sync()) {
             return;
         }
@@ -147,23 +163,24 @@ impl NodeJudge<'_> {
     }
 
     /// Ends a count between SYNCs that is within its limit; `false`, without any effect, for all other rules.
-    fn ends_count(&mut self, number: usize, context: &mut Context<'_>) -> bool {
+    fn ends_count(&mut self, number: usize, context: &mut RuleContext<'_>) -> bool {
         let NodeRules { record, progress, .. } = &mut *self.own;
-        let (Some((rule, place)), Some(progress)) = (record.plan.rule(number), progress.get_mut(number))
+        let (Some((rule, place)), Some(progress)) =
+            (record.plan.active_rule(number), progress.get_mut(number))
         else {
             return false;
         };
         let Some(passes) = kinds::end_count(rule, progress, context.now) else { return false };
         if passes {
             let before = std::mem::replace(&mut context.rule, place);
-            context.pass();
+            context.count_pass();
             context.rule = before;
         }
         true
     }
 
     /// Updates all rules whose `while` may begin or end.
-    fn follow_while(&mut self, occasion: Occasion<'_>, context: &mut Context<'_>) {
+    fn follow_while(&mut self, occasion: CheckOccasion<'_>, context: &mut RuleContext<'_>) {
         let mut place = 0;
         while let Some(number) = self.own.record.plan.stretches.get(place).copied() {
             self.judge_one(number, occasion, context, kinds::follow_while);
@@ -172,23 +189,23 @@ impl NodeJudge<'_> {
     }
 
     /// Handles any event other than a PDO, a message or a frame.
-    pub(super) fn on_event(&mut self, event: &Event, context: &mut Context<'_>) {
-        let occasion = Occasion::of(event);
+    pub(super) fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
+        let occasion = CheckOccasion::occasion_of(event);
         self.note_presence(occasion, context);
         match &event.kind {
             EventKind::Sync { .. } => return self.on_sync(occasion, context),
             EventKind::Lss { command, from_master, content } => {
                 let lss = LssEvent {
-                    service: lss().service(*command),
+                    service: lss_names().service_name(*command),
                     is_answer: !from_master,
-                    value: parameter(content),
+                    value: lss_parameter(content),
                 };
-                return self.judge(&TriggerEvent::Lss(lss), occasion, context);
+                return self.judge_event(&TriggerEvent::Lss(lss), occasion, context);
             }
-            EventKind::GuardRequest => return self.judge(&TriggerEvent::Guard, occasion, context),
+            EventKind::GuardRequest => return self.judge_event(&TriggerEvent::Guard, occasion, context),
             EventKind::Heartbeat { state, .. } | EventKind::GuardReply { state, .. } => {
                 let state = state.map_or("undefined", NmtState::name);
-                return self.judge(&TriggerEvent::Reports(state), occasion, context);
+                return self.judge_event(&TriggerEvent::Reports(state), occasion, context);
             }
             EventKind::SdoTransfer(transfer) => self.on_transfer(transfer, occasion, context),
             EventKind::NmtCommand { service, .. } => self.on_command(*service, occasion, context),
@@ -206,10 +223,10 @@ impl NodeJudge<'_> {
             }
             EventKind::DeviceState(state) => {
                 self.own.record.note_change(state.channel, context.now);
-                self.judge(&TriggerEvent::State(state.channel, &state.to), occasion, context);
+                self.judge_event(&TriggerEvent::State(state.channel, &state.to), occasion, context);
             }
             EventKind::UdsExchange(exchange) => {
-                for number in self.numbers(|rule| rule.kind == RuleKind::UdsServices) {
+                for number in self.active_rules(|rule| rule.kind == RuleKind::UdsServices) {
                     self.judge_one(number, occasion, context, |case, _, context| {
                         messages::judge_service(case, exchange, context);
                     });
@@ -222,7 +239,7 @@ impl NodeJudge<'_> {
             }
             EventKind::MessageGap(gap) if gap.came_again => self.on_gap_end(gap, occasion, context),
             EventKind::Dtc(dtc) if matches!(dtc.action, DtcAction::Raised | DtcAction::Recurred) => {
-                self.judge(&TriggerEvent::Dtc(dtc.spn, dtc.fmi), occasion, context);
+                self.judge_event(&TriggerEvent::Dtc(dtc.spn, dtc.fmi), occasion, context);
             }
             _ => {}
         }
@@ -231,23 +248,23 @@ impl NodeJudge<'_> {
     }
 
     /// Rules about a group that is sent on request only; none for most groups.
-    fn requested(&self, pgn: Pgn) -> Vec<usize> {
+    fn requested_rules(&self, pgn: Pgn) -> Vec<usize> {
         let of_group = self.own.record.plan.requested.iter().filter(|(group, _)| *group == pgn.number());
         of_group.map(|(_, number)| *number).collect()
     }
 
     /// Handles a request for a group of this node.
-    pub(super) fn on_request(&mut self, pgn: Pgn, event: &Event, context: &mut Context<'_>) {
-        for number in self.requested(pgn) {
-            self.judge_one(number, Occasion::of(event), context, |_, progress, context| {
+    pub(super) fn on_request(&mut self, pgn: Pgn, event: &Event, context: &mut RuleContext<'_>) {
+        for number in self.requested_rules(pgn) {
+            self.judge_one(number, CheckOccasion::occasion_of(event), context, |_, progress, context| {
                 progress.last = Some(FrameTime { time: context.now, frame: event.frames.last });
             });
         }
     }
 
     /// Runs the rules about groups that are sent on request only.
-    pub(super) fn on_group(&mut self, pgn: Pgn, occasion: Occasion<'_>, context: &mut Context<'_>) {
-        for number in self.requested(pgn) {
+    pub(super) fn on_group(&mut self, pgn: Pgn, occasion: CheckOccasion<'_>, context: &mut RuleContext<'_>) {
+        for number in self.requested_rules(pgn) {
             self.judge_one(number, occasion, context, |case, progress, context| {
                 messages::judge_group(case, progress, pgn, context);
             });
@@ -255,12 +272,14 @@ impl NodeJudge<'_> {
     }
 
     /// Runs the interval rules at the end of a gap, before the event of the message itself.
-    fn on_gap_end(&mut self, gap: &MessageGap, occasion: Occasion<'_>, context: &mut Context<'_>) {
+    fn on_gap_end(&mut self, gap: &MessageGap, occasion: CheckOccasion<'_>, context: &mut RuleContext<'_>) {
         let device = Arc::clone(&self.own.record.plan.device);
         let address = self.id.number();
-        let Some(spec) = device.messages.iter().find(|spec| spec.concerns(gap.pgn, address)) else { return };
+        let Some(spec) = device.messages.iter().find(|spec| spec.is_for(gap.pgn, address)) else { return };
         let message = TriggerEvent::Message(&spec.name);
-        for number in self.numbers(|rule| rule.kind == RuleKind::MaxInterval && concerns(rule, &message)) {
+        for number in
+            self.active_rules(|rule| rule.kind == RuleKind::MaxInterval && concerns_rule(rule, &message))
+        {
             self.judge_one(number, occasion, context, |case, progress, context| {
                 kinds::judge_event(case, progress, &message, context);
             });
@@ -268,27 +287,33 @@ impl NodeJudge<'_> {
     }
 
     /// A reset command ends all measurements; not every device sends a boot-up after it.
-    fn on_command(&mut self, service: NmtService, occasion: Occasion<'_>, context: &mut Context<'_>) {
-        self.judge(&TriggerEvent::Nmt(service.name()), occasion, context);
+    fn on_command(
+        &mut self,
+        service: NmtService,
+        occasion: CheckOccasion<'_>,
+        context: &mut RuleContext<'_>,
+    ) {
+        self.judge_event(&TriggerEvent::Nmt(service.name()), occasion, context);
         if matches!(service, NmtService::ResetNode | NmtService::ResetCommunication) {
-            self.own.reset();
+            self.own.reset_measurements();
             self.own.record.last.clear();
         }
     }
 
-    fn on_emcy(&mut self, emergency: &Emergency, occasion: Occasion<'_>, context: &mut Context<'_>) {
+    fn on_emcy(&mut self, emergency: &Emergency, occasion: CheckOccasion<'_>, context: &mut RuleContext<'_>) {
         if let Some(code) = emergency.code {
-            self.judge(&TriggerEvent::Emcy(code), occasion, context);
+            self.judge_event(&TriggerEvent::Emcy(code), occasion, context);
         }
         let is_about =
             |kind| matches!(kind, RuleKind::EmcyLength | RuleKind::EmcyCode | RuleKind::EmcyRegister);
-        for number in self.numbers(|rule| is_about(rule.kind)) {
+        for number in self.active_rules(|rule| is_about(rule.kind)) {
             self.judge_one(number, occasion, context, |case, _, context| {
                 reports::judge_emcy(case, emergency, context);
             });
         }
         // An EMCY contains the value of 1001 (CiA 301 §7.2.7.1).
-        let Some(register) = emergency.register.filter(|_| self.own.record.plan.watched(REGISTER).is_some())
+        let Some(register) =
+            emergency.register.filter(|_| self.own.record.plan.watched_object(REGISTER).is_some())
         else {
             return;
         };
@@ -303,24 +328,34 @@ impl NodeJudge<'_> {
             meaning: meaning.as_ref(),
             is_fresh: false,
         };
-        self.judge(&TriggerEvent::Value(update), occasion, context);
+        self.judge_event(&TriggerEvent::Value(update), occasion, context);
     }
 
-    fn on_start(&mut self, cause: Option<BootCause>, occasion: Occasion<'_>, context: &mut Context<'_>) {
+    fn on_start(
+        &mut self,
+        cause: Option<BootCause>,
+        occasion: CheckOccasion<'_>,
+        context: &mut RuleContext<'_>,
+    ) {
         let is_commanded = matches!(cause, Some(BootCause::Commanded { .. }));
-        self.judge(&TriggerEvent::Boot { is_commanded }, occasion, context);
-        self.own.reset();
+        self.judge_event(&TriggerEvent::Boot { is_commanded }, occasion, context);
+        self.own.reset_measurements();
         self.own.record.last.clear();
         self.own.record.last.is_fresh = true;
     }
 
-    fn on_transfer(&mut self, transfer: &SdoTransfer, occasion: Occasion<'_>, context: &mut Context<'_>) {
-        for number in self.numbers(|rule| rule.kind == RuleKind::AbortCode) {
+    fn on_transfer(
+        &mut self,
+        transfer: &SdoTransfer,
+        occasion: CheckOccasion<'_>,
+        context: &mut RuleContext<'_>,
+    ) {
+        for number in self.active_rules(|rule| rule.kind == RuleKind::AbortCode) {
             self.judge_one(number, occasion, context, |case, _, context| {
                 reports::judge_abort(case, transfer, context);
             });
         }
-        for number in self.numbers(|rule| rule.kind == RuleKind::Expedited) {
+        for number in self.active_rules(|rule| rule.kind == RuleKind::Expedited) {
             self.judge_one(number, occasion, context, |case, _, context| {
                 frames::judge_transfer(case, transfer, context);
             });
@@ -329,23 +364,23 @@ impl NodeJudge<'_> {
         let before = self.last_number(object);
         let Some(mut update) = update_of(transfer, before) else { return };
         update.is_fresh = before.is_none() && self.own.record.last.is_fresh;
-        self.judge(&TriggerEvent::Value(update), occasion, context);
-        if transfer.outcome == Outcome::Complete
+        self.judge_event(&TriggerEvent::Value(update), occasion, context);
+        if transfer.outcome == SdoOutcome::Complete
             && let Some(name) = PdoName::of_parameter(object.index)
         {
-            self.own.reconfigure(name);
+            self.own.on_reconfiguration(name);
         }
     }
 
     /// Last value of an object, also if it was written but takes effect only after a restart.
     fn last_number(&self, object: ObjectAddress) -> Option<i64> {
-        if let Some(waiting) = self.node.store().waiting(object) {
+        if let Some(waiting) = self.node.store().waiting_value(object) {
             let meaning = self.node.meaning(object)?;
-            return integer(&meaning.decode(&waiting.value));
+            return as_integer(&meaning.decode(&waiting.value));
         }
         let record = &self.own.record;
-        let sent = record.plan.watched(object).and_then(|(place, _)| record.last.get(place));
-        match (sent, self.node.proven(object)) {
+        let sent = record.plan.watched_object(object).and_then(|(place, _)| record.last.get(place));
+        match (sent, self.node.proven_value(object)) {
             (Some(sent), Some((raw, origin))) => Some(if origin.frame > sent.frame { raw } else { sent.raw }),
             (sent, stored) => sent.map(|sent| sent.raw).or(stored.map(|(raw, _)| raw)),
         }
@@ -353,10 +388,12 @@ impl NodeJudge<'_> {
 }
 
 /// Parameter byte after the LSS command specifier.
-const fn parameter(content: &Content) -> Option<u8> {
+const fn lss_parameter(content: &LssContent) -> Option<u8> {
     match content {
-        Content::Mode(value) | Content::NodeId(value) | Content::Result { code: value, .. } => Some(*value),
-        Content::BitTiming { table, .. } => Some(*table),
+        LssContent::Mode(value) | LssContent::NodeId(value) | LssContent::Result { code: value, .. } => {
+            Some(*value)
+        }
+        LssContent::BitTiming { table, .. } => Some(*table),
         _ => None,
     }
 }

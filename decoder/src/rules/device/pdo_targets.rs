@@ -6,9 +6,9 @@ use super::carrier::CarrierPlan;
 use super::kinds::frames;
 use super::node::NodeRules;
 use super::plan::{RulePlan, waits_for};
-use crate::event::{Event, Pdo};
-use crate::profile::device::{DeviceRule, Mapping, PdoSpec, RuleKind, Trigger, UpdateSource};
-use crate::profile::{Device, Field, Layout, LayoutOrigin, PdoDirection, PdoName};
+use crate::event::{DecodedPdo, Event};
+use crate::profile::device::{DeviceRule, MappingSource, PdoSpec, ProfileTrigger, RuleKind, UpdateSource};
+use crate::profile::{DeviceProfile, LayoutOrigin, PayloadLayout, PdoDirection, PdoName, SignalField};
 use crate::session::Bus;
 use crate::wire::{NodeId, NodeMap};
 
@@ -19,7 +19,7 @@ pub(super) struct PdoTargets(Vec<Option<IdentifierTargets>>);
 /// Targets of one identifier.
 #[derive(Debug, Default)]
 pub(super) struct IdentifierTargets {
-    layout: Option<Arc<Layout>>,
+    layout: Option<Arc<PayloadLayout>>,
     pub(super) targets: Vec<PdoTarget>,
     /// A device reserves the identifier.
     pub(super) is_reserved: bool,
@@ -47,7 +47,7 @@ impl PdoTargets {
 
     /// Targets by index of the identifier; None if not yet computed for this layout.
     #[inline]
-    pub(super) fn get(&self, place: usize, pdo: &Pdo) -> Option<&IdentifierTargets> {
+    pub(super) fn get(&self, place: usize, pdo: &DecodedPdo) -> Option<&IdentifierTargets> {
         let known = self.0.get(place)?.as_ref()?;
         let is_same = match (&known.layout, &pdo.layout) {
             (Some(known), Some(layout)) => Arc::ptr_eq(known, layout),
@@ -57,7 +57,7 @@ impl PdoTargets {
         is_same.then_some(known)
     }
 
-    pub(super) fn put(&mut self, place: usize, targets: IdentifierTargets) {
+    pub(super) fn put_targets(&mut self, place: usize, targets: IdentifierTargets) {
         if self.0.len() <= place {
             self.0.resize_with(place + 1, || None);
         }
@@ -76,7 +76,7 @@ impl IdentifierTargets {
     /// Computes the targets for the identifier of a PDO.
     #[cold]
     pub(super) fn new(
-        (place, pdo): (usize, &Pdo),
+        (place, pdo): (usize, &DecodedPdo),
         event: &Event,
         nodes: &mut NodeMap<Box<NodeRules>>,
         bus: &Bus,
@@ -84,13 +84,14 @@ impl IdentifierTargets {
         let mut all = Self { layout: pdo.layout.clone(), ..Self::default() };
         for (id, own) in nodes.iter().filter(|(id, _)| id.canopen().is_some()) {
             let plan = &own.record.plan;
-            all.is_reserved |= plan.rules().any(|(_, rule)| frames::is_reserved(rule, pdo.cob_id));
+            all.is_reserved |= plan.active_rules().any(|(_, rule)| frames::is_reserved(rule, pdo.cob_id));
             let is_own = event.node == Some(id);
             let names = plan.pdos.iter().copied().filter(|name| !is_own || *name != pdo.name);
             let consumed =
                 names.filter(|name| bus.pdo_identifier(id, *name).is_some_and(|(of, _)| of == pdo.cob_id));
             let all_names = consumed.map(|name| (name, false)).chain(is_own.then_some((pdo.name, true)));
-            all.targets.extend(all_names.filter_map(|(name, is_own)| target(id, plan, name, is_own, pdo)));
+            all.targets
+                .extend(all_names.filter_map(|(name, is_own)| pdo_target(id, plan, name, is_own, pdo)));
         }
         for target in all.targets.iter_mut().filter(|target| target.plan.watched.is_some()) {
             let own = nodes.get_mut(target.id);
@@ -101,19 +102,25 @@ impl IdentifierTargets {
 }
 
 /// Rules of a node about a PDO; None if there are none.
-fn target(id: NodeId, plan: &RulePlan, name: PdoName, is_own: bool, pdo: &Pdo) -> Option<PdoTarget> {
+fn pdo_target(
+    id: NodeId,
+    plan: &RulePlan,
+    name: PdoName,
+    is_own: bool,
+    pdo: &DecodedPdo,
+) -> Option<PdoTarget> {
     let layout = pdo.layout.as_deref().filter(|_| is_own);
     let device = &plan.device;
     let is_whole = layout.is_some_and(|layout| is_trusted(layout, device, pdo));
     let numbers = |picks: &dyn Fn(&DeviceRule) -> bool| {
-        let picked = plan.rules().filter(|(_, rule)| picks(rule));
+        let picked = plan.active_rules().filter(|(_, rule)| picks(rule));
         picked.map(|(number, _)| number).collect::<Vec<_>>()
     };
     let is_received = name.direction == PdoDirection::Receive;
     let source = if is_received { UpdateSource::Received } else { UpdateSource::Sent };
     let constants =
-        numbers(&|rule| rule.kind == RuleKind::Constant && rule.on.0.contains(&Trigger::Pdo(name)));
-    let is_certain = |field: &Field| is_whole || is_in_all_layouts(field, device, name);
+        numbers(&|rule| rule.kind == RuleKind::Constant && rule.on.0.contains(&ProfileTrigger::Pdo(name)));
+    let is_certain = |field: &SignalField| is_whole || is_in_all_layouts(field, device, name);
     let plan = CarrierPlan::new(layout, &is_certain, source, numbers(&|rule| waits_for(rule, name)), plan)
         .with_constants(layout.filter(|_| is_whole), constants);
     let requests = numbers(&|rule| is_own && rule.kind == RuleKind::RemoteLength);
@@ -123,11 +130,11 @@ fn target(id: NodeId, plan: &RulePlan, name: PdoName, is_own: bool, pdo: &Pdo) -
 
 /// Whether a field is at the same place in all layouts of a PDO that the profile defines as fixed, so that its value is
 /// certain in an unknown mode.
-fn is_in_all_layouts(field: &Field, device: &Device, name: PdoName) -> bool {
+fn is_in_all_layouts(field: &SignalField, device: &DeviceProfile, name: PdoName) -> bool {
     let Some(object) = field.object() else { return false };
     let has_field = |spec: &PdoSpec| {
         let mut bit: u16 = 0;
-        spec.mapping == Mapping::Fixed
+        spec.mapping == MappingSource::Fixed
             && spec.fields.iter().any(|own| {
                 let start = bit;
                 bit = bit.saturating_add(own.bits);
@@ -141,10 +148,10 @@ fn is_in_all_layouts(field: &Field, device: &Device, name: PdoName) -> bool {
 
 /// Whether the fields of a PDO are reliable: the mapping was seen on the wire, set by the user or is fixed. A
 /// default mapping is reliable if the length matches and no mode selects the mapping.
-fn is_trusted(layout: &Layout, device: &Device, pdo: &Pdo) -> bool {
+fn is_trusted(layout: &PayloadLayout, device: &DeviceProfile, pdo: &DecodedPdo) -> bool {
     let mut specs = device.pdos.iter().filter(|spec| spec.pdo == pdo.name);
     !layout.assumed
         || layout.origin == LayoutOrigin::Profile
             && layout.bits == u16::from(pdo.length) * 8
-            && specs.all(|spec| spec.mapping == Mapping::Default && spec.when.is_none())
+            && specs.all(|spec| spec.mapping == MappingSource::Default && spec.when.is_none())
 }

@@ -5,16 +5,17 @@ use std::sync::Arc;
 use super::info;
 use crate::event::{Kind, KindSet};
 use crate::profile::device::{
-    Condition, Conditions, CountWindow, DeviceRule, RuleKind, Trigger, TriggerEvent, Triggers, VariableWindow,
+    CountWindow, DeviceCondition, DeviceConditions, DeviceRule, ProfileTrigger, ProfileTriggers, RuleKind,
+    TriggerEvent, VariableWindow,
 };
-use crate::profile::{Device, PdoName, Role};
-use crate::rules::ledger::Ledger;
+use crate::profile::{DeviceProfile, ObjectRole, PdoName};
+use crate::rules::ledger::FindingLedger;
 use crate::wire::canopen::ObjectAddress;
 
 /// Rules of a device with their index.
 #[derive(Debug)]
 pub(super) struct RulePlan {
-    pub(super) device: Arc<Device>,
+    pub(super) device: Arc<DeviceProfile>,
     /// Ledger index of each rule, in profile order; None for a rule that is switched off.
     pub(super) places: Vec<Option<u16>>,
     /// Objects that rules use, sorted.
@@ -45,7 +46,7 @@ pub(super) struct WatchedObject {
 
 impl RulePlan {
     /// Creates the plan of a device and registers its rules in the ledger.
-    pub(super) fn new(device: &Arc<Device>, ledger: &mut Ledger) -> Self {
+    pub(super) fn new(device: &Arc<DeviceProfile>, ledger: &mut FindingLedger) -> Self {
         let mut plan = Self {
             device: Arc::clone(device),
             places: Vec::new(),
@@ -58,10 +59,10 @@ impl RulePlan {
         };
         let mut kinds = ALWAYS;
         for (number, rule) in device.rules.iter().enumerate() {
-            let place = ledger.add_rule(info::of(device, rule), info::relations(device, rule));
+            let place = ledger.add_rule(info::rule_info(device, rule), info::rule_relations(device, rule));
             plan.places.push(place);
             if place.is_some() {
-                plan.take(number, rule, &mut kinds);
+                plan.take_rule(number, rule, &mut kinds);
             }
         }
         plan.watched.sort_by_key(|watched| watched.object);
@@ -72,7 +73,7 @@ impl RulePlan {
     }
 
     /// Entry of an object with its index.
-    pub(super) fn watched(&self, object: ObjectAddress) -> Option<(usize, &WatchedObject)> {
+    pub(super) fn watched_object(&self, object: ObjectAddress) -> Option<(usize, &WatchedObject)> {
         let place = self.watched.binary_search_by_key(&object, |watched| watched.object).ok()?;
         Some((place, self.watched.get(place)?))
     }
@@ -84,13 +85,13 @@ impl RulePlan {
 
     /// A rule and its ledger index; None if it is switched off.
     #[inline]
-    pub(super) fn rule(&self, number: usize) -> Option<(&DeviceRule, u16)> {
+    pub(super) fn active_rule(&self, number: usize) -> Option<(&DeviceRule, u16)> {
         let place = self.places.get(number).copied().flatten()?;
         Some((self.device.rules.get(number)?, place))
     }
 
     /// Active rules with their indices.
-    pub(super) fn rules(&self) -> impl Iterator<Item = (usize, &DeviceRule)> {
+    pub(super) fn active_rules(&self) -> impl Iterator<Item = (usize, &DeviceRule)> {
         let on = self.device.rules.iter().zip(&self.places).enumerate();
         on.filter(|(_, (_, place))| place.is_some()).map(|(number, (rule, _))| (number, rule))
     }
@@ -98,34 +99,36 @@ impl RulePlan {
     /// Whether a new value of an object may change the `while` of a rule. If all conditions are on lasting
     /// values, only these values can change it.
     pub(super) fn may_begin_or_end(&self, rule: &DeviceRule, object: ObjectAddress) -> bool {
-        let concerns = |condition: &Condition| {
+        let concerns = |condition: &DeviceCondition| {
             condition.object().is_none_or(|of| of == object || !self.is_lasting(condition))
         };
         rule.during.0.iter().any(concerns)
     }
 
     /// Whether a condition is on a value that never expires.
-    pub(super) fn is_lasting(&self, condition: &Condition) -> bool {
-        let watched = condition.object().and_then(|object| self.watched(object));
+    pub(super) fn is_lasting(&self, condition: &DeviceCondition) -> bool {
+        let watched = condition.object().and_then(|object| self.watched_object(object));
         watched.is_some_and(|(_, watched)| !watched.is_measured)
     }
 
-    fn take(&mut self, number: usize, rule: &DeviceRule, kinds: &mut KindSet) {
-        for trigger in triggers(rule) {
+    fn take_rule(&mut self, number: usize, rule: &DeviceRule, kinds: &mut KindSet) {
+        for trigger in rule_triggers(rule) {
             *kinds = kinds.or(kinds_of(trigger));
             match trigger {
-                Trigger::Bit(bit, _) => self.watch(bit.object.object, Some(number)),
-                Trigger::Set(set) | Trigger::Shows(set) => self.watch(set.object.object, Some(number)),
-                Trigger::Pdo(name) => self.pdos.push(*name),
+                ProfileTrigger::Bit(bit, _) => self.watch_object(bit.object.object, Some(number)),
+                ProfileTrigger::Set(set) | ProfileTrigger::Shows(set) => {
+                    self.watch_object(set.object.object, Some(number))
+                }
+                ProfileTrigger::Pdo(name) => self.pdos.push(*name),
                 _ => {}
             }
         }
         for condition in rule.needs.0.iter().chain(&rule.during.0) {
-            self.condition(condition, kinds);
+            self.watch_condition(condition, kinds);
         }
-        for object in rule.subjects() {
+        for object in rule.rule_objects() {
             *kinds = kinds.or(VALUES);
-            self.watch(object.object, Some(number));
+            self.watch_object(object.object, Some(number));
         }
         let own: &[Kind] = match rule.kind {
             RuleKind::ReservedId => &[Kind::Frame, Kind::Pdo, Kind::SdoTransfer],
@@ -142,7 +145,7 @@ impl RulePlan {
             _ => &[],
         };
         *kinds = kinds.or(KindSet::of(own));
-        if concerns(rule, &TriggerEvent::Sync) {
+        if concerns_rule(rule, &TriggerEvent::Sync) {
             self.syncs.push(number);
         }
         if follows_while(rule) {
@@ -150,27 +153,29 @@ impl RulePlan {
         }
     }
 
-    fn condition(&mut self, condition: &Condition, kinds: &mut KindSet) {
+    fn watch_condition(&mut self, condition: &DeviceCondition, kinds: &mut KindSet) {
         if let Some(object) = condition.object() {
             *kinds = kinds.or(VALUES);
-            self.watch(object, None);
+            self.watch_object(object, None);
             if let Some(watched) = self.watched.iter_mut().find(|watched| watched.object == object) {
                 watched.is_condition = true;
             }
         }
         match condition {
-            Condition::State(_) => *kinds = kinds.or(KindSet::of(&[Kind::DeviceState])),
-            Condition::Other(Conditions(all)) => all.iter().for_each(|one| self.condition(one, kinds)),
+            DeviceCondition::State(_) => *kinds = kinds.or(KindSet::of(&[Kind::DeviceState])),
+            DeviceCondition::Other(DeviceConditions(all)) => {
+                all.iter().for_each(|one| self.watch_condition(one, kinds))
+            }
             _ => {}
         }
     }
 
-    fn watch(&mut self, object: ObjectAddress, rule: Option<usize>) {
+    fn watch_object(&mut self, object: ObjectAddress, rule: Option<usize>) {
         let known = self.watched.iter().position(|watched| watched.object == object);
         let place = known.unwrap_or(self.watched.len());
         if known.is_none() {
-            let entry = self.device.dictionary.find(object).and_then(|found| found.entry);
-            let is_measured = entry.is_some_and(|entry| entry.look.role == Some(Role::Actual));
+            let entry = self.device.dictionary.find_object(object).and_then(|found| found.entry);
+            let is_measured = entry.is_some_and(|entry| entry.look.role == Some(ObjectRole::Actual));
             self.watched.push(WatchedObject { object, rules: Vec::new(), is_measured, is_condition: false });
         }
         if let (Some(watched), Some(rule)) = (self.watched.get_mut(place), rule)
@@ -216,44 +221,48 @@ fn follows_while(rule: &DeviceRule) -> bool {
 }
 
 /// All triggers of a rule.
-pub(super) fn triggers(rule: &DeviceRule) -> impl Iterator<Item = &Trigger> {
-    let lists: [&Triggers; 6] = [&rule.on, &rule.then, &rule.before, &rule.since, &rule.until, &rule.after];
+pub(super) fn rule_triggers(rule: &DeviceRule) -> impl Iterator<Item = &ProfileTrigger> {
+    let lists: [&ProfileTriggers; 6] =
+        [&rule.on, &rule.then, &rule.before, &rule.since, &rule.until, &rule.after];
     lists.into_iter().chain(&rule.steps).flat_map(|triggers| &triggers.0)
 }
 
 /// Whether an event concerns a rule.
-pub(super) fn concerns(rule: &DeviceRule, event: &TriggerEvent<'_>) -> bool {
+pub(super) fn concerns_rule(rule: &DeviceRule, event: &TriggerEvent<'_>) -> bool {
     let always = match event {
-        TriggerEvent::Value(update) => rule.subjects().any(|of| of.object == update.object),
+        TriggerEvent::Value(update) => rule.rule_objects().any(|of| of.object == update.object),
         TriggerEvent::Boot { .. } => {
             matches!(rule.kind, RuleKind::Order | RuleKind::Follow | RuleKind::Sequence) || rule.is_scoped()
         }
         TriggerEvent::Sync => rule.per == Some(CountWindow::Variable(VariableWindow::Sync)),
         _ => false,
     };
-    always || triggers(rule).any(|trigger| trigger.is_attempted_by(event))
+    always || rule_triggers(rule).any(|trigger| trigger.is_attempted_by(event))
 }
 
 /// Whether a PDO is a trigger of a rule.
 pub(super) fn waits_for(rule: &DeviceRule, name: PdoName) -> bool {
-    rule.kind != RuleKind::Constant && triggers(rule).any(|trigger| *trigger == Trigger::Pdo(name))
+    rule.kind != RuleKind::Constant
+        && rule_triggers(rule).any(|trigger| *trigger == ProfileTrigger::Pdo(name))
 }
 
 /// Event kinds that may match a trigger.
-fn kinds_of(trigger: &Trigger) -> KindSet {
+fn kinds_of(trigger: &ProfileTrigger) -> KindSet {
     KindSet::of(match trigger {
-        Trigger::Write(..) | Trigger::Read(..) | Trigger::Writes(_) => &[Kind::SdoTransfer],
-        Trigger::Bit(..) | Trigger::Set(_) | Trigger::Shows(_) => return VALUES,
-        Trigger::Pdo(_) => &[Kind::Pdo],
-        Trigger::Message(_) => &[Kind::J1939Message, Kind::MessageGap],
-        Trigger::Dtc(_) => &[Kind::Dtc],
-        Trigger::Nmt(_) => &[Kind::NmtCommand],
-        Trigger::State(_) => &[Kind::DeviceState],
-        Trigger::Sync => &[Kind::Sync],
-        Trigger::Emcy(_) => &[Kind::Emcy],
-        Trigger::Boot | Trigger::PowerOn => &[Kind::BootUp, Kind::Emcy],
-        Trigger::Lss(_) => &[Kind::Lss],
-        Trigger::Guard => &[Kind::GuardRequest],
-        Trigger::Reports(_) => &[Kind::Heartbeat, Kind::GuardReply],
+        ProfileTrigger::Write(..) | ProfileTrigger::Read(..) | ProfileTrigger::Writes(_) => {
+            &[Kind::SdoTransfer]
+        }
+        ProfileTrigger::Bit(..) | ProfileTrigger::Set(_) | ProfileTrigger::Shows(_) => return VALUES,
+        ProfileTrigger::Pdo(_) => &[Kind::Pdo],
+        ProfileTrigger::Message(_) => &[Kind::J1939Message, Kind::MessageGap],
+        ProfileTrigger::Dtc(_) => &[Kind::Dtc],
+        ProfileTrigger::Nmt(_) => &[Kind::NmtCommand],
+        ProfileTrigger::State(_) => &[Kind::DeviceState],
+        ProfileTrigger::Sync => &[Kind::Sync],
+        ProfileTrigger::Emcy(_) => &[Kind::Emcy],
+        ProfileTrigger::Boot | ProfileTrigger::PowerOn => &[Kind::BootUp, Kind::Emcy],
+        ProfileTrigger::Lss(_) => &[Kind::Lss],
+        ProfileTrigger::Guard => &[Kind::GuardRequest],
+        ProfileTrigger::Reports(_) => &[Kind::Heartbeat, Kind::GuardReply],
     })
 }

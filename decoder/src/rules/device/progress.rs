@@ -57,7 +57,10 @@ const OBJECT_LIMIT: usize = 256;
 
 impl RuleProgress {
     /// Recent events of an object (or of all); None above [`OBJECT_LIMIT`].
-    pub(super) fn recent(&mut self, object: Option<ObjectAddress>) -> Option<&mut VecDeque<FrameTime>> {
+    pub(super) fn recent_events(
+        &mut self,
+        object: Option<ObjectAddress>,
+    ) -> Option<&mut VecDeque<FrameTime>> {
         let place = match self.recent.iter().position(|(known, _)| *known == object) {
             Some(place) => place,
             None if self.recent.len() < OBJECT_LIMIT => {
@@ -70,13 +73,13 @@ impl RuleProgress {
     }
 
     /// The node restarted: all but the order of events is void.
-    pub(super) fn reset(&mut self) {
+    pub(super) fn reset_after_restart(&mut self) {
         let Self { is_prepared, voided, has_begun, .. } = *self;
         *self = Self { is_prepared, has_begun, voided, ..Self::default() };
     }
 
     /// Neither an interval nor a count continues.
-    pub(super) fn interrupt(&mut self) {
+    pub(super) fn interrupt_intervals(&mut self) {
         self.recent.clear();
         (self.last, self.since, self.count, self.is_counting) = (None, None, 0, false);
     }

@@ -3,7 +3,7 @@
 use std::cell::Cell;
 
 use super::plan::RulePlan;
-use crate::profile::device::{Condition, DeviceRule, GateStatus, RuleKind};
+use crate::profile::device::{DeviceCondition, DeviceRule, GateStatus, RuleKind};
 
 /// Cached results by rule, in profile order.
 #[derive(Debug)]
@@ -81,7 +81,7 @@ impl RuleProof {
 }
 
 impl LastingConditions {
-    fn new(conditions: &[Condition], plan: &RulePlan) -> Self {
+    fn new(conditions: &[DeviceCondition], plan: &RulePlan) -> Self {
         let lasting = (0..u64::BITS).zip(conditions).filter(|(_, condition)| plan.is_lasting(condition));
         let places = lasting.fold(0_u64, |all, (place, _)| all | 1 << place);
         let are_all = usize::try_from(places.count_ones()).is_ok_and(|count| count == conditions.len());
@@ -94,18 +94,21 @@ impl LastingConditions {
     }
 
     /// The conditions of the list that are on lasting values.
-    pub(super) fn of<'c>(&self, conditions: &'c [Condition]) -> impl Iterator<Item = &'c Condition> {
+    pub(super) fn lasting_of<'c>(
+        &self,
+        conditions: &'c [DeviceCondition],
+    ) -> impl Iterator<Item = &'c DeviceCondition> {
         let numbered = (0..u64::BITS).zip(conditions);
         numbered.filter(|(place, _)| self.places >> place & 1 == 1).map(|(_, condition)| condition)
     }
 
     /// Last result, if no value has changed since.
     #[inline]
-    pub(super) fn known(&self, age: ProofAge) -> Option<GateStatus> {
+    pub(super) fn cached_status(&self, age: ProofAge) -> Option<GateStatus> {
         self.proof.get().filter(|(known, _)| *known == age).map(|(_, proof)| proof)
     }
 
-    pub(super) fn put(&self, age: ProofAge, proof: GateStatus) {
+    pub(super) fn put_status(&self, age: ProofAge, proof: GateStatus) {
         self.proof.set(Some((age, proof)));
     }
 }

@@ -6,8 +6,8 @@ use super::node::NodeRules;
 use super::node_judge::NodeJudge;
 use super::plan::RulePlan;
 use crate::event::{Event, EventKind, Kind, KindSet};
-use crate::profile::Device;
-use crate::rules::ledger::Ledger;
+use crate::profile::DeviceProfile;
+use crate::rules::ledger::FindingLedger;
 use crate::session::{Bus, Node};
 use crate::wire::{NodeId, NodeMap};
 
@@ -21,18 +21,18 @@ const ATTACHING: KindSet = KindSet::of(&[Kind::NodeIdentified, Kind::NodeIdChang
 
 /// Nodes with their rules.
 #[derive(Default)]
-pub(super) struct Roster {
+pub(super) struct NodeRoster {
     pub(super) nodes: NodeMap<Box<NodeRules>>,
     pub(super) ids: Vec<NodeId>,
     /// Shared rule plans, one per device.
     plans: Vec<Arc<RulePlan>>,
 }
 
-impl Roster {
+impl NodeRoster {
     /// Assigns the rules of its current device to each node.
-    pub(super) fn attach(&mut self, bus: &Bus, ledger: &mut Ledger) {
-        for id in NodeId::all() {
-            let device = bus.node(id).filter(|node| node.assigned().is_some()).map(Node::device);
+    pub(super) fn attach_rules(&mut self, bus: &Bus, ledger: &mut FindingLedger) {
+        for id in NodeId::all_ids() {
+            let device = bus.node(id).filter(|node| node.assigned_by().is_some()).map(Node::device);
             let device = device.filter(|device| !device.rules.is_empty());
             let is_same = match (self.nodes.get(id), device) {
                 (Some(own), Some(device)) => Arc::ptr_eq(&own.record.plan.device, device),
@@ -44,7 +44,7 @@ impl Roster {
             }
             self.nodes.remove(id);
             if let Some(device) = device {
-                let plan = self.plan(device, ledger);
+                let plan = self.plan_for(device, ledger);
                 self.nodes.insert(id, Box::new(NodeRules::new(&plan)));
             }
         }
@@ -52,7 +52,7 @@ impl Roster {
         self.ids = self.nodes.iter().map(|(id, _)| id).collect();
     }
 
-    fn plan(&mut self, device: &Arc<Device>, ledger: &mut Ledger) -> Arc<RulePlan> {
+    fn plan_for(&mut self, device: &Arc<DeviceProfile>, ledger: &mut FindingLedger) -> Arc<RulePlan> {
         if let Some(known) = self.plans.iter().find(|plan| Arc::ptr_eq(&plan.device, device)) {
             return Arc::clone(known);
         }
@@ -62,7 +62,7 @@ impl Roster {
     }
 
     /// Event kinds that the rules need.
-    pub(super) fn kinds(&self) -> KindSet {
+    pub(super) fn needed_kinds(&self) -> KindSet {
         self.nodes.iter().fold(ATTACHING, |kinds, (id, own)| {
             let (canopen, j1939) = own.record.plan.kinds;
             kinds.or(if id.canopen().is_some() { canopen } else { j1939 })
@@ -85,7 +85,7 @@ impl Roster {
             && to.is_valid()
             && let Some(mut own) = self.nodes.remove(from)
         {
-            own.reset();
+            own.reset_measurements();
             // The new number is checked at its first frame.
             (own.is_present, own.record.present) = (false, None);
             self.nodes.insert(to, own);

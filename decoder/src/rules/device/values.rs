@@ -17,7 +17,7 @@ pub(super) struct LastValues {
     pub(super) changes: u64,
     /// Change count of the node's store at the last such value.
     stored: u64,
-    carriers: Vec<Carrier>,
+    carriers: Vec<CarrierPayload>,
     /// Number of times at which the last value of an object ceased to be the one in a payload.
     handovers: u64,
 }
@@ -42,7 +42,7 @@ struct StoredValue {
 
 /// Last payload of a PDO.
 #[derive(Debug)]
-pub(super) struct Carrier {
+pub(super) struct CarrierPayload {
     identifier: usize,
     name: PdoName,
     pub(super) word: u64,
@@ -85,7 +85,7 @@ impl LastValues {
 
     /// Last raw value by object index in the plan.
     #[inline]
-    pub(super) fn raw(&self, place: usize) -> Option<i64> {
+    pub(super) fn raw_value(&self, place: usize) -> Option<i64> {
         self.get(place).map(|value| value.raw)
     }
 
@@ -103,9 +103,14 @@ impl LastValues {
         self.changes = self.changes.wrapping_add(1);
     }
 
-    /// Stores a value, or that it is contained in a PDO, whose payload [`Self::carry`] stores.
+    /// Stores a value, or that it is contained in a PDO, whose payload [`Self::store_payload`] stores.
     #[inline]
-    pub(super) fn put(&mut self, place: usize, value: LastValue, carrier: Option<(u16, IntegerPosition)>) {
+    pub(super) fn put_value(
+        &mut self,
+        place: usize,
+        value: LastValue,
+        carrier: Option<(u16, IntegerPosition)>,
+    ) {
         let Some(known) = self.values.get_mut(place) else { return };
         let before = known.and_then(|known| known.carrier);
         *known = Some(StoredValue { value, carrier });
@@ -115,9 +120,9 @@ impl LastValues {
     }
 
     /// Keeps the value of an object that the next payload of a PDO does not contain.
-    pub(super) fn keep(&mut self, place: usize) {
+    pub(super) fn keep_value(&mut self, place: usize) {
         if let Some(value) = self.get(place) {
-            self.put(place, value, None);
+            self.put_value(place, value, None);
         }
     }
 
@@ -125,7 +130,7 @@ impl LastValues {
         for place in 0..self.values.len() {
             let stored = self.values.get(place).copied().flatten();
             if stored.and_then(|stored| stored.carrier).is_some_and(|(of, _)| is_meant(of)) {
-                self.keep(place);
+                self.keep_value(place);
             }
         }
     }
@@ -164,7 +169,8 @@ impl LastValues {
         let number = u16::try_from(place).ok()?;
         self.keep_all(|of| of == number);
         let awake = AwakeRules::default();
-        let new = Carrier { identifier, name, word: 0, length: 0, time: 0, frame: 0, held: None, awake };
+        let new =
+            CarrierPayload { identifier, name, word: 0, length: 0, time: 0, frame: 0, held: None, awake };
         match self.carriers.get_mut(place) {
             Some(known) => *known = new,
             None => self.carriers.push(new),
@@ -174,20 +180,20 @@ impl LastValues {
 
     /// Rules that do not rest at a PDO.
     #[inline]
-    pub(super) fn awake(&self, number: u16) -> Option<&AwakeRules> {
+    pub(super) fn awake_rules(&self, number: u16) -> Option<&AwakeRules> {
         self.carriers.get(usize::from(number)).map(|carrier| &carrier.awake)
     }
 
     /// A PDO by index.
     #[inline]
-    pub(super) fn carrier_mut(&mut self, number: u16) -> Option<&mut Carrier> {
+    pub(super) fn carrier_mut(&mut self, number: u16) -> Option<&mut CarrierPayload> {
         self.carriers.get_mut(usize::from(number))
     }
 
     /// Stores the next payload of a PDO, if its values are the last ones of their objects and none of the `watched` bits
     /// changes; then the payload before.
     #[inline]
-    pub(super) fn repeat(
+    pub(super) fn repeat_payload(
         &mut self,
         number: u16,
         (word, length): (u64, usize),
@@ -207,8 +213,13 @@ impl LastValues {
         })
     }
 
-    /// Stores the payload of a PDO after [`Self::put`] for all its values.
-    pub(super) fn carry(&mut self, number: u16, (word, length): (u64, usize), (time, frame): (i64, u64)) {
+    /// Stores the payload of a PDO after [`Self::put_value`] for all its values.
+    pub(super) fn store_payload(
+        &mut self,
+        number: u16,
+        (word, length): (u64, usize),
+        (time, frame): (i64, u64),
+    ) {
         let held = Some(self.handovers);
         if let Some(carrier) = self.carriers.get_mut(usize::from(number)) {
             (carrier.word, carrier.length) = (word, length);
@@ -220,7 +231,7 @@ impl LastValues {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::profile::{DataType, Field, PdoDirection};
+    use crate::profile::{DataType, PdoDirection, SignalField};
     use crate::wire::canopen::ObjectAddress;
 
     const AGE: ProofAge = (0, 0);
@@ -233,8 +244,8 @@ mod tests {
     /// Byte 0 is object 0, byte 1 is object 1.
     fn positions() -> [IntegerPosition; 2] {
         let object = ObjectAddress::new(0x2000, 0);
-        let field = |bit| Field::of_object(object, bit, 8, DataType::Unsigned8);
-        [0, 8].map(|bit| IntegerPosition::of(&field(bit)).unwrap())
+        let field = |bit| SignalField::of_object(object, bit, 8, DataType::Unsigned8);
+        [0, 8].map(|bit| IntegerPosition::position_of(&field(bit)).unwrap())
     }
 
     /// Values of a PDO with the contents 01 02 at the time 5.
@@ -242,51 +253,51 @@ mod tests {
         let mut last = LastValues::new(3);
         let number = last.add_carrier(7, NAME).unwrap();
         let [first, second] = positions();
-        last.put(0, value(1), Some((number, first)));
-        last.put(1, value(2), Some((number, second)));
-        last.carry(number, (0x0201, 2), (5, 50));
+        last.put_value(0, value(1), Some((number, first)));
+        last.put_value(1, value(2), Some((number, second)));
+        last.store_payload(number, (0x0201, 2), (5, 50));
         last.carrier_mut(number).unwrap().awake.age = Some(AGE);
         (last, number)
     }
 
-    fn raw(last: &LastValues) -> [Option<i64>; 2] {
-        [last.raw(0), last.raw(1)]
+    fn raw_value(last: &LastValues) -> [Option<i64>; 2] {
+        [last.raw_value(0), last.raw_value(1)]
     }
 
     #[test]
     fn values_are_read_from_the_last_payload() {
         let (mut last, number) = carried();
-        assert_eq!(last.repeat(number, (0x0301, 2), 0xFF, AGE, (6, 60)), Some(0x0201));
+        assert_eq!(last.repeat_payload(number, (0x0301, 2), 0xFF, AGE, (6, 60)), Some(0x0201));
         assert_eq!(last.get(1), Some(LastValue { raw: 3, time: 6, frame: 60, is_sent: true }));
         // A watched bit, another length, and another age of the conditions.
-        assert_eq!(last.repeat(number, (0x0300, 2), 0xFF, AGE, (7, 70)), None);
-        assert_eq!(last.repeat(number, (0x0301, 1), 0xFF, AGE, (7, 70)), None);
-        assert_eq!(last.repeat(number, (0x0301, 2), 0xFF, (1, 0), (7, 70)), None);
-        assert_eq!((raw(&last), last.get(0).unwrap().time), ([Some(1), Some(3)], 6));
+        assert_eq!(last.repeat_payload(number, (0x0300, 2), 0xFF, AGE, (7, 70)), None);
+        assert_eq!(last.repeat_payload(number, (0x0301, 1), 0xFF, AGE, (7, 70)), None);
+        assert_eq!(last.repeat_payload(number, (0x0301, 2), 0xFF, (1, 0), (7, 70)), None);
+        assert_eq!((raw_value(&last), last.get(0).unwrap().time), ([Some(1), Some(3)], 6));
     }
 
     #[test]
     fn another_source_of_an_object_ends_the_repetition() {
         let (mut last, number) = carried();
-        last.put(1, value(9), None);
-        assert_eq!(raw(&last), [Some(1), Some(9)]);
-        assert_eq!(last.repeat(number, (0x0201, 2), 0, AGE, (6, 60)), None);
+        last.put_value(1, value(9), None);
+        assert_eq!(raw_value(&last), [Some(1), Some(9)]);
+        assert_eq!(last.repeat_payload(number, (0x0201, 2), 0, AGE, (6, 60)), None);
         let (mut last, number) = carried();
         last.forget_sent();
-        assert_eq!(raw(&last), [None; 2]);
-        assert_eq!(last.repeat(number, (0x0201, 2), 0, AGE, (6, 60)), None);
+        assert_eq!(raw_value(&last), [None; 2]);
+        assert_eq!(last.repeat_payload(number, (0x0201, 2), 0, AGE, (6, 60)), None);
     }
 
     #[test]
     fn values_stay_without_their_pdo() {
         let (mut last, number) = carried();
         // A shorter payload does not contain object 1.
-        last.put(0, value(4), Some((number, positions()[0])));
-        last.keep(1);
-        last.carry(number, (0x04, 1), (6, 60));
-        assert_eq!(raw(&last), [Some(4), Some(2)]);
+        last.put_value(0, value(4), Some((number, positions()[0])));
+        last.keep_value(1);
+        last.store_payload(number, (0x04, 1), (6, 60));
+        assert_eq!(raw_value(&last), [Some(4), Some(2)]);
         last.drop_carriers();
-        assert_eq!((raw(&last), last.get(0).unwrap().frame), ([Some(4), Some(2)], 60));
-        assert_eq!(last.repeat(number, (0x04, 1), 0, AGE, (7, 70)), None);
+        assert_eq!((raw_value(&last), last.get(0).unwrap().frame), ([Some(4), Some(2)], 60));
+        assert_eq!(last.repeat_payload(number, (0x04, 1), 0, AGE, (7, 70)), None);
     }
 }

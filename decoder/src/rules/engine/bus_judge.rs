@@ -4,17 +4,17 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::sync::Arc;
 
-use super::interests::Interests;
+use super::interests::RuleInterests;
 use super::needs::NeedsTable;
-use super::setup::Setup;
-use crate::event::{Event, EventKind, FrameRange, Pdo};
-use crate::rules::context::meter::Meter;
+use super::setup::RuleSetup;
+use crate::event::{DecodedPdo, Event, EventKind, FrameRange};
+use crate::rules::context::meter::FrameMeter;
 use crate::rules::context::pdo_slot::PdoFrame;
-use crate::rules::context::traffic::Traffic;
-use crate::rules::context::{Context, LEDGER, Wake};
+use crate::rules::context::traffic::PdoTraffic;
+use crate::rules::context::{LEDGER, RuleContext, Wake};
 use crate::rules::device::{self, DeviceRules};
 use crate::rules::general::longest_period;
-use crate::rules::ledger::{Ledger, occurrence};
+use crate::rules::ledger::{FindingLedger, build_occurrence};
 use crate::rules::{REGISTRY, Rule};
 use crate::session::Bus;
 
@@ -36,8 +36,8 @@ pub(super) struct RuleInstance {
 /// Rule instances of one bus with their shared state.
 pub(super) struct BusJudge {
     pub(super) rules: Vec<RuleInstance>,
-    pub(super) interests: Interests,
-    pub(super) shared: Shared,
+    pub(super) interests: RuleInterests,
+    pub(super) shared: SharedBusState,
     has_begun: bool,
     /// Per rule: whether it wants PDOs; `None` for a rule without PDOs. `has_turned` is set when the answer of a rule
     /// may have changed.
@@ -62,10 +62,10 @@ pub(super) struct CountedFrame {
 }
 
 /// State that all rules of one bus share.
-pub(super) struct Shared {
+pub(super) struct SharedBusState {
     name: Arc<str>,
-    pub(super) traffic: Traffic,
-    pub(super) meter: Meter,
+    pub(super) traffic: PdoTraffic,
+    pub(super) meter: FrameMeter,
     is_tested: bool,
     pub(super) wakes: BinaryHeap<Wake>,
     pub(super) now: i64,
@@ -79,11 +79,15 @@ pub(super) struct Shared {
     pub(super) has_news: bool,
 }
 
-impl Shared {
+impl SharedBusState {
     /// Context for the rules of this bus; the caller sets `rule` and `place`.
     #[inline]
-    pub(super) fn context<'a>(&'a mut self, bus: &'a Bus, ledger: &'a mut Ledger) -> Context<'a> {
-        Context {
+    pub(super) fn rule_context<'a>(
+        &'a mut self,
+        bus: &'a Bus,
+        ledger: &'a mut FindingLedger,
+    ) -> RuleContext<'a> {
+        RuleContext {
             bus,
             now: self.now,
             has_time: self.has_time,
@@ -104,11 +108,11 @@ impl Shared {
 }
 
 impl BusJudge {
-    pub(super) fn new(bus: &Bus, setup: &Setup, ledger: &mut Ledger) -> Self {
-        let shared = Shared {
+    pub(super) fn new(bus: &Bus, setup: &RuleSetup, ledger: &mut FindingLedger) -> Self {
+        let shared = SharedBusState {
             name: bus.name().into(),
-            traffic: Traffic::new(longest_period(&setup.policy)),
-            meter: Meter::new(bus.bit_rate()),
+            traffic: PdoTraffic::new(longest_period(&setup.policy)),
+            meter: FrameMeter::new(bus.bit_rate()),
             is_tested: false,
             wakes: BinaryHeap::new(),
             now: i64::MIN,
@@ -118,7 +122,7 @@ impl BusJudge {
             granularity: 0,
             has_news: false,
         };
-        let interests = Interests::default();
+        let interests = RuleInterests::default();
         let mut judge = Self {
             rules: Vec::new(),
             interests,
@@ -132,10 +136,10 @@ impl BusJudge {
             last_counted: None,
         };
         let devices = DeviceRules::new(bus, ledger);
-        let kinds = devices.wanted();
+        let kinds = devices.needed_kinds();
         let instance =
             RuleInstance { number: 0, rule: Box::new(devices), skips_holes: false, has_pdos: false };
-        judge.add(instance, |interests, place| interests.kinds(kinds, place));
+        judge.add_rule(instance, |interests, place| interests.register_kinds(kinds, place));
         for (place, entry) in REGISTRY.iter().enumerate() {
             let is_on = ledger.rules.get(place).is_some_and(|rule| rule.is_on);
             if let (true, Ok(number)) = (is_on, u16::try_from(place)) {
@@ -146,28 +150,32 @@ impl BusJudge {
                     skips_holes: entry.declaration.skips_holes,
                     has_pdos: false,
                 };
-                judge.add(instance, |interests, place| interests.declared(entry.declaration, place));
+                judge.add_rule(instance, |interests, place| interests.declare_rule(entry.declaration, place));
             }
         }
         for (number, expectation) in setup.expectations_on(bus.name()) {
             if ledger.rules.get(usize::from(number)).is_some_and(|info| info.is_on) {
-                let kinds = expectation.kinds();
-                let instance =
-                    RuleInstance { number, rule: expectation.make(), skips_holes: false, has_pdos: false };
-                judge.add(instance, |interests, place| interests.kinds(kinds, place));
+                let kinds = expectation.needed_kinds();
+                let instance = RuleInstance {
+                    number,
+                    rule: expectation.build_rule(),
+                    skips_holes: false,
+                    has_pdos: false,
+                };
+                judge.add_rule(instance, |interests, place| interests.register_kinds(kinds, place));
             }
         }
         judge
     }
 
-    fn add(&mut self, instance: RuleInstance, interested: impl Fn(&mut Interests, u16)) {
+    fn add_rule(&mut self, instance: RuleInstance, interested: impl Fn(&mut RuleInterests, u16)) {
         let Ok(place) = u16::try_from(self.rules.len()) else { return };
         self.rules.push(instance);
         interested(&mut self.interests, place);
     }
 
     #[inline]
-    pub(super) fn event(&mut self, event: &Event, bus: &Bus, ledger: &mut Ledger) {
+    pub(super) fn on_event(&mut self, event: &Event, bus: &Bus, ledger: &mut FindingLedger) {
         self.quiet_until = i64::MIN;
         if let Some(stamp) = event.time {
             let monotonic = bus.monotonic(stamp);
@@ -186,38 +194,38 @@ impl BusJudge {
         // A notice of the reader has no frame and no time: the capture begins after it.
         let is_of_capture = event.time.is_some() || event.frames.last > 0;
         if is_of_capture && !std::mem::replace(&mut self.has_begun, true) {
-            self.all(bus, ledger, |rule, context| rule.begin(context));
+            self.call_all(bus, ledger, |rule, context| rule.begin_bus(context));
         }
         if self.shared.meter.take_over() {
-            self.all(bus, ledger, |rule, context| rule.second(context));
+            self.call_all(bus, ledger, |rule, context| rule.on_second(context));
         }
         match &event.kind {
-            EventKind::Pdo(pdo) => self.pdo(pdo, event, bus, ledger),
-            _ => self.other(event, bus, ledger),
+            EventKind::Pdo(pdo) => self.on_pdo(pdo, event, bus, ledger),
+            _ => self.on_other(event, bus, ledger),
         }
     }
 
     /// Hot path: only a PDO request can change whether a rule wants PDOs.
     #[inline]
-    fn pdo(&mut self, pdo: &Pdo, event: &Event, bus: &Bus, ledger: &mut Ledger) {
+    fn on_pdo(&mut self, pdo: &DecodedPdo, event: &Event, bus: &Bus, ledger: &mut FindingLedger) {
         let identifier = bus.identifier_of_event(pdo.cob_id).unwrap_or(usize::MAX);
-        if self.needs.counted(identifier).is_some() {
+        if self.needs.counted_entry(identifier).is_some() {
             self.pass_on_skipped(identifier, bus, ledger);
         }
         if !pdo.is_request {
-            self.needs.hear(identifier);
+            self.needs.count_event(identifier);
         }
         let frame = PdoFrame::new(pdo, self.shared.now, event.frames.last, event.routine);
         self.shared.has_news = self.shared.traffic.saw_pdo((pdo, identifier), &frame);
-        let mut context = self.shared.context(bus, ledger);
+        let mut context = self.shared.rule_context(bus, ledger);
         for place in self.interests.of_pdo(pdo, event) {
             if let Some(RuleInstance { number, rule, .. }) = self.rules.get_mut(usize::from(*place)) {
                 (context.rule, context.place) = (*number, *place);
-                rule.event(event, &mut context);
+                rule.on_event(event, &mut context);
             }
         }
         if std::mem::take(&mut self.shared.has_news) {
-            self.needs.forget(identifier);
+            self.needs.forget_identifier(identifier);
         }
         if pdo.is_request || self.has_turned {
             self.ask_for_pdos();
@@ -226,7 +234,7 @@ impl BusJudge {
         }
     }
 
-    fn other(&mut self, event: &Event, bus: &Bus, ledger: &mut Ledger) {
+    fn on_other(&mut self, event: &Event, bus: &Bus, ledger: &mut FindingLedger) {
         match &event.kind {
             EventKind::Sync { .. } => self.shared.traffic.saw_sync(),
             EventKind::TestCase(_) => self.shared.is_tested = true,
@@ -237,14 +245,14 @@ impl BusJudge {
             }
             _ => {}
         }
-        let mut context = self.shared.context(bus, ledger);
+        let mut context = self.shared.rule_context(bus, ledger);
         let is_across_hole = context.is_across_hole(event.frames.first);
-        for place in self.interests.of(&event.kind) {
+        for place in self.interests.rules_for(&event.kind) {
             if let Some(instance) = self.rules.get_mut(usize::from(*place))
                 && !(is_across_hole && instance.skips_holes)
             {
                 (context.rule, context.place) = (instance.number, *place);
-                instance.rule.event(event, &mut context);
+                instance.rule.on_event(event, &mut context);
                 if instance.has_pdos {
                     let wants = self.wants.get(usize::from(*place)).copied().flatten();
                     self.has_turned |= wants.is_some_and(|wants| wants != instance.rule.wants_pdos());
@@ -263,15 +271,15 @@ impl BusJudge {
             self.ask_for_needs(identifier, event, bus, ledger);
         }
         if device::may_attach(&event.kind) {
-            self.listen();
+            self.update_kinds();
         }
     }
 
     /// Updates the event kinds of the device rules (index 0).
     #[cold]
-    fn listen(&mut self) {
-        if let Some(kinds) = self.rules.first().and_then(|devices| devices.rule.kinds()) {
-            self.interests.renew(0, kinds);
+    fn update_kinds(&mut self) {
+        if let Some(kinds) = self.rules.first().and_then(|devices| devices.rule.changed_kinds()) {
+            self.interests.renew_kinds(0, kinds);
             self.needs.forget_all();
         }
     }
@@ -301,7 +309,7 @@ impl BusJudge {
 
     /// Advances to a monotonic time and processes all wake-ups due before it.
     #[inline]
-    pub(super) fn pass_time(&mut self, monotonic: i64, bus: &Bus, ledger: &mut Ledger) {
+    pub(super) fn pass_time(&mut self, monotonic: i64, bus: &Bus, ledger: &mut FindingLedger) {
         let now = monotonic.saturating_sub(self.shared.silence).max(self.shared.now);
         let mut left = WAKES_AT_ONCE;
         while let Some(Reverse((due, place, token))) = self.shared.wakes.peek().copied()
@@ -312,25 +320,25 @@ impl BusJudge {
             if left == 0 {
                 self.shared.now = now;
             }
-            self.wake((due, place, token), bus, ledger);
+            self.on_wake((due, place, token), bus, ledger);
         }
         self.shared.now = now;
     }
 
     #[cold]
-    fn wake(&mut self, (due, place, token): (i64, u16, u64), bus: &Bus, ledger: &mut Ledger) {
+    fn on_wake(&mut self, (due, place, token): (i64, u16, u64), bus: &Bus, ledger: &mut FindingLedger) {
         let shared = &mut self.shared;
         shared.now = shared.now.max(due);
         if place == LEDGER {
-            let at = occurrence(bus.stamp_of(due.saturating_add(shared.silence)), last_frame(bus));
-            let again = usize::try_from(token).ok().and_then(|group| ledger.quiet(group, due, at));
+            let at = build_occurrence(bus.stamp_of(due.saturating_add(shared.silence)), last_frame(bus));
+            let again = usize::try_from(token).ok().and_then(|group| ledger.close_if_quiet(group, due, at));
             shared.wakes.extend(again.map(|time| Reverse((time, LEDGER, token))));
             return;
         }
         let Some(RuleInstance { number, rule, .. }) = self.rules.get_mut(usize::from(place)) else { return };
-        let mut context = shared.context(bus, ledger);
+        let mut context = shared.rule_context(bus, ledger);
         (context.rule, context.place) = (*number, place);
-        rule.wake(token, &mut context);
+        rule.on_wake(token, &mut context);
         let wants = self.wants.get(usize::from(place)).copied().flatten();
         self.has_turned |= wants.is_some_and(|wants| wants != rule.wants_pdos());
         if std::mem::take(&mut self.shared.has_news) {
@@ -339,8 +347,13 @@ impl BusJudge {
     }
 
     #[cold]
-    pub(super) fn all(&mut self, bus: &Bus, ledger: &mut Ledger, call: fn(&mut dyn Rule, &mut Context<'_>)) {
-        let mut context = self.shared.context(bus, ledger);
+    pub(super) fn call_all(
+        &mut self,
+        bus: &Bus,
+        ledger: &mut FindingLedger,
+        call: fn(&mut dyn Rule, &mut RuleContext<'_>),
+    ) {
+        let mut context = self.shared.rule_context(bus, ledger);
         for (place, RuleInstance { number, rule, .. }) in self.rules.iter_mut().enumerate() {
             (context.rule, context.place) = (*number, u16::try_from(place).unwrap_or(LEDGER));
             call(&mut **rule, &mut context);

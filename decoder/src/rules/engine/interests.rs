@@ -3,7 +3,7 @@
 
 use strum::EnumCount as _;
 
-use crate::event::{Event, EventKind, Kind, KindSet, Pdo};
+use crate::event::{DecodedPdo, Event, EventKind, Kind, KindSet};
 use crate::profile::PdoDirection;
 use crate::rules::declaration::{Declaration, PdoSubset, TransferSubset};
 use crate::wire::canopen::ObjectAddress;
@@ -39,7 +39,7 @@ const COMMUNICATION: std::ops::Range<u16> = 0x1000..0x2000;
 
 /// Indices of the rules that receive an event.
 #[derive(Debug)]
-pub(super) struct Interests {
+pub(super) struct RuleInterests {
     by_kind: [Vec<u16>; Kind::COUNT],
     /// Rules that also receive SDO transfers of objects outside of [`COMMUNICATION`].
     other_objects: Vec<u16>,
@@ -49,7 +49,7 @@ pub(super) struct Interests {
     members: Vec<(u16, u16, bool)>,
 }
 
-impl Default for Interests {
+impl Default for RuleInterests {
     fn default() -> Self {
         Self {
             by_kind: std::array::from_fn(|_| Vec::new()),
@@ -60,9 +60,9 @@ impl Default for Interests {
     }
 }
 
-impl Interests {
+impl RuleInterests {
     /// Registers a rule for the events that it declares.
-    pub(super) fn declared(&mut self, rule: &Declaration, place: u16) {
+    pub(super) fn declare_rule(&mut self, rule: &Declaration, place: u16) {
         self.add(rule.kinds, rule.pdos, place);
         if rule.transfers == TransferSubset::Communication {
             self.other_objects.retain(|other| *other != place);
@@ -70,7 +70,7 @@ impl Interests {
     }
 
     /// Registers a rule for all events of these kinds.
-    pub(super) fn kinds(&mut self, kinds: KindSet, place: u16) {
+    pub(super) fn register_kinds(&mut self, kinds: KindSet, place: u16) {
         self.add(kinds, PdoSubset::All, place);
     }
 
@@ -118,7 +118,7 @@ impl Interests {
 
     /// Replaces the event kinds of a rule and moves it to the front of every list: device rules run first
     /// because their findings can explain others.
-    pub(super) fn renew(&mut self, place: u16, kinds: KindSet) {
+    pub(super) fn renew_kinds(&mut self, place: u16, kinds: KindSet) {
         for list in &mut self.by_kind {
             list.retain(|other| *other != place);
         }
@@ -140,7 +140,7 @@ impl Interests {
 
     /// Rules for an event other than a PDO, in rule order.
     #[inline]
-    pub(super) fn of(&self, kind: &EventKind) -> &[u16] {
+    pub(super) fn rules_for(&self, kind: &EventKind) -> &[u16] {
         match kind {
             EventKind::SdoTransfer(transfer) => self.of_transfer(transfer.object),
             _ => self.of_kind(kind.kind()),
@@ -162,24 +162,24 @@ impl Interests {
     pub(super) fn of_next(&self, event: &Event) -> impl Iterator<Item = (u16, bool)> {
         let (changed, unchanged) = match &event.kind {
             EventKind::Pdo(pdo) => {
-                let class = class(event, pdo);
+                let class = pdo_class(event, pdo);
                 let list = |class: usize| self.pdo.get(class).map_or(&[][..], Vec::as_slice);
                 (list(class & !ROUTINE), list(class | ROUTINE))
             }
-            kind => (self.of(kind), self.of(kind)),
+            kind => (self.rules_for(kind), self.rules_for(kind)),
         };
         changed.iter().map(|place| (*place, !unchanged.contains(place)))
     }
 
     /// Rules for a PDO, in rule order.
     #[inline]
-    pub(super) fn of_pdo(&self, pdo: &Pdo, event: &Event) -> &[u16] {
-        self.pdo.get(class(event, pdo)).map_or(&[], Vec::as_slice)
+    pub(super) fn of_pdo(&self, pdo: &DecodedPdo, event: &Event) -> &[u16] {
+        self.pdo.get(pdo_class(event, pdo)).map_or(&[], Vec::as_slice)
     }
 }
 
 #[inline]
-fn class(event: &Event, pdo: &Pdo) -> usize {
+fn pdo_class(event: &Event, pdo: &DecodedPdo) -> usize {
     let bit = |is_set: bool, bit: usize| if is_set { bit } else { 0 };
     bit(pdo.name.direction == PdoDirection::Receive, RECEIVED)
         | bit(pdo.is_request, REQUEST)
@@ -197,12 +197,12 @@ mod tests {
 
     #[test]
     fn sdo_transfers_of_other_objects_reach_fewer_rules() {
-        let mut interests = Interests::default();
-        interests.declared(&rule(&[Kind::SdoTransfer], PdoSubset::All, TransferSubset::All), 1);
+        let mut interests = RuleInterests::default();
+        interests.declare_rule(&rule(&[Kind::SdoTransfer], PdoSubset::All, TransferSubset::All), 1);
         let kinds = [Kind::Sync, Kind::SdoTransfer];
-        interests.declared(&rule(&kinds, PdoSubset::All, TransferSubset::Communication), 2);
-        interests.kinds(KindSet::of(&[Kind::SdoTransfer]), 3);
-        let places = |interests: &Interests, object: Option<(u16, u8)>| {
+        interests.declare_rule(&rule(&kinds, PdoSubset::All, TransferSubset::Communication), 2);
+        interests.register_kinds(KindSet::of(&[Kind::SdoTransfer]), 3);
+        let places = |interests: &RuleInterests, object: Option<(u16, u8)>| {
             let object = object.map(|(index, sub)| ObjectAddress::new(index, sub));
             interests.of_transfer(object).to_vec()
         };
@@ -211,17 +211,17 @@ mod tests {
         assert_eq!(places(&interests, Some((0x0FFF, 0))), [1, 3]);
         assert_eq!(places(&interests, Some((0x2000, 0))), [1, 3]);
         assert_eq!(places(&interests, None), [1, 3]);
-        interests.renew(3, KindSet::of(&[Kind::SdoTransfer]));
+        interests.renew_kinds(3, KindSet::of(&[Kind::SdoTransfer]));
         assert_eq!(places(&interests, None), [3, 1]);
-        interests.renew(3, KindSet::NONE);
+        interests.renew_kinds(3, KindSet::NONE);
         assert_eq!(places(&interests, None), [1]);
     }
 
     #[test]
     fn subsets_of_pdos_are_classes() {
-        let mut interests = Interests::default();
-        let declare = |interests: &mut Interests, pdos: PdoSubset, place: u16| {
-            interests.declared(&rule(&[Kind::Pdo], pdos, TransferSubset::All), place);
+        let mut interests = RuleInterests::default();
+        let declare = |interests: &mut RuleInterests, pdos: PdoSubset, place: u16| {
+            interests.declare_rule(&rule(&[Kind::Pdo], pdos, TransferSubset::All), place);
         };
         declare(&mut interests, PdoSubset::Received, 1);
         declare(&mut interests, PdoSubset::ReceivedChanged, 2);
@@ -231,7 +231,7 @@ mod tests {
         // By class: direction is bit 0, request bit 1, unchanged payload bit 2.
         let wanted: [&[u16]; 8] = [&[3, 4], &[1, 2, 4], &[4], &[4], &[3, 4], &[1, 4], &[4], &[4]];
         assert_eq!(lists, [wanted, wanted].concat());
-        let mut interests = Interests::default();
+        let mut interests = RuleInterests::default();
         declare(&mut interests, PdoSubset::Mapped, 1);
         declare(&mut interests, PdoSubset::MappedChanged, 2);
         let lists: Vec<_> = interests.pdo.iter().skip(MAPPED).map(Vec::as_slice).collect();

@@ -10,14 +10,14 @@ mod short_path;
 use std::sync::Arc;
 
 use self::bus_judge::BusJudge;
-use self::setup::Setup;
-use super::ledger::causes::causes;
-use super::ledger::{GroupChange, Ledger, News};
-use crate::event::{Event, EventKind, Kind, KindSet, Protocol};
-use crate::finding::Findings;
+use self::setup::RuleSetup;
+use super::ledger::causes::cause_table;
+use super::ledger::{FindingLedger, GroupChange, LedgerNews};
+use crate::event::{Event, EventKind, EventProtocol, Kind, KindSet};
+use crate::finding::CaptureFindings;
 use crate::frame::{Frame, FrameFlags};
 use crate::session::{Bus, Buses, Observer};
-use crate::statistics::{Quality, is_evidence};
+use crate::statistics::{CaptureQuality, is_evidence};
 use crate::suggestion::{Suggestion, firm_suggestions};
 
 /// Number of frames after which the timestamp resolution is final.
@@ -37,36 +37,36 @@ const LIMITING: KindSet = KindSet::of(&[
 const FACTS: KindSet = KindSet::of(&[Kind::NmtCommand, Kind::SdoTransfer, Kind::CanError]);
 
 /// Runs the rules over one capture. Each bus has its own instances of the rules.
-pub struct Engine {
-    setup: Arc<Setup>,
-    ledger: Ledger,
+pub struct RuleEngine {
+    setup: Arc<RuleSetup>,
+    ledger: FindingLedger,
     buses: Vec<BusJudge>,
-    quality: Quality,
+    quality: CaptureQuality,
     /// Findings about times, held back until the timestamps are known to be real.
-    held: Vec<News>,
+    held: Vec<LedgerNews>,
     /// Event kinds that may explain findings or limit verdicts.
     explaining: KindSet,
 }
 
-impl Engine {
+impl RuleEngine {
     /// Creates an engine in its initial state.
-    pub fn new(setup: Arc<Setup>) -> Self {
+    pub fn new(setup: Arc<RuleSetup>) -> Self {
         Self {
-            ledger: Ledger::new(&setup.policy),
+            ledger: FindingLedger::new(&setup.policy),
             setup,
             buses: Vec::new(),
-            quality: Quality::default(),
+            quality: CaptureQuality::default(),
             held: Vec::new(),
-            explaining: causes().explaining().or(FACTS).or(LIMITING),
+            explaining: cause_table().explaining_names().or(FACTS).or(LIMITING),
         }
     }
 
     /// Processes a frame before its events; its timestamp shows how reliable times are.
     #[inline]
-    pub fn frame(&mut self, frame: &Frame) {
-        self.quality.frame(frame);
+    pub fn on_frame(&mut self, frame: &Frame) {
+        self.quality.count_frame(frame);
         if let Some(judge) = self.buses.get_mut(usize::from(frame.bus.0)) {
-            judge.shared.meter.frame(frame);
+            judge.shared.meter.measure_frame(frame);
             if judge.shared.meter.is_over() {
                 judge.quiet_until = i64::MIN;
             }
@@ -75,11 +75,11 @@ impl Engine {
 
     /// Processes the next frames before the events of the first one: the first frame as [`Self::frame`], or as many as only
     /// add to counts. Returns their number, 0 only without any frame.
-    pub fn frames(&mut self, frames: &[Frame]) -> usize {
+    pub fn on_frames(&mut self, frames: &[Frame]) -> usize {
         let Some(first) = frames.first() else { return 0 };
         let judge = self.buses.get_mut(usize::from(first.bus.0));
         let Some((judge, latest)) = judge.zip(self.quality.latest_final()) else {
-            self.frame(first);
+            self.on_frame(first);
             return 1;
         };
         let meter = &mut judge.shared.meter;
@@ -92,7 +92,7 @@ impl Engine {
         };
         match frames.iter().take_while(is_counted).count() {
             0 => {
-                self.frame(first);
+                self.on_frame(first);
                 1
             }
             count => {
@@ -106,7 +106,7 @@ impl Engine {
 
     /// Runs the rules on an event. Findings that open or close are emitted to `out` as events.
     #[inline]
-    pub fn event(&mut self, event: &Event, bus: &Bus, out: &mut dyn Observer) {
+    pub fn on_event(&mut self, event: &Event, bus: &Bus, out: &mut dyn Observer) {
         if matches!(event.kind, EventKind::Pdo(_)) && self.event_for_few(event, bus) {
             return self.emit_if_any(bus, out);
         }
@@ -125,19 +125,19 @@ impl Engine {
             if self.quality.frames <= STAMPS_JUDGED {
                 judge.shared.granularity = self.quality.granularity().unwrap_or(0);
             }
-            judge.event(event, bus, &mut self.ledger);
+            judge.on_event(event, bus, &mut self.ledger);
             let explains = self.explaining.contains(&event.kind);
             if explains {
-                self.ledger.saw(event.kind.kind(), bus.index(), judge.shared.now);
-                self.ledger.observe(event, bus, judge.shared.now);
+                self.ledger.note_event(event.kind.kind(), bus.index(), judge.shared.now);
+                self.ledger.observe_event(event, bus, judge.shared.now);
             }
             if explains || is_evidence(&event.kind) {
-                self.quality.event(event);
+                self.quality.count_event(event);
             }
         }
         // After the rules: findings at the end marker still belong to the case.
         if let EventKind::TestCase(marker) = &event.kind {
-            self.ledger.mark(*marker, event.frames.last);
+            self.ledger.on_marker(*marker, event.frames.last);
         }
         self.emit_if_any(bus, out);
     }
@@ -152,7 +152,7 @@ impl Engine {
 
     /// Advances the time of a quiet live bus. Only the next frame shows whether the whole bus was silent,
     /// which suspends deadlines. Deadlines are therefore not checked while a silence is possible.
-    pub fn advance(&mut self, bus: &Bus, out: &mut dyn Observer) {
+    pub fn advance_time(&mut self, bus: &Bus, out: &mut dyn Observer) {
         if let Some(judge) = self.buses.get_mut(usize::from(bus.index().0))
             && bus.silence_limit().is_none()
         {
@@ -163,30 +163,30 @@ impl Engine {
     }
 
     /// Ends the capture: closes open findings and returns all results.
-    pub fn finish(mut self, buses: Buses<'_>, out: &mut dyn Observer) -> Findings {
+    pub fn finish_capture(mut self, buses: Buses<'_>, out: &mut dyn Observer) -> CaptureFindings {
         for (judge, bus) in self.buses.iter_mut().zip(buses) {
             judge.pass_on_all_skipped(bus, &mut self.ledger);
-            judge.all(bus, &mut self.ledger, |rule, context| rule.finish(context));
+            judge.call_all(bus, &mut self.ledger, |rule, context| rule.on_end(context));
             self.ledger.close_all(bus);
         }
         for (rule, bus) in self.setup.expectations_elsewhere(buses) {
             if self.ledger.rules.get(usize::from(rule)).is_some_and(|info| info.is_on) {
-                self.ledger.unexercised(rule, format!("no bus '{bus}' in the capture"));
+                self.ledger.note_unexercised(rule, format!("no bus '{bus}' in the capture"));
             }
         }
         let is_timed = self.quality.is_timed();
         for bus in buses {
             self.emit_news(bus, is_timed, out);
         }
-        let mut notes = self.quality.limits();
+        let mut notes = self.quality.limit_texts();
         notes.extend(buses.iter().flat_map(|bus| profile_notes(bus, buses.len() == 1)));
         let error_frames = self.quality.error_frames;
-        Findings { error_frames, ..self.ledger.into_findings(is_timed, notes) }
+        CaptureFindings { error_frames, ..self.ledger.into_findings(is_timed, notes) }
     }
 
     /// Results up to now, with open findings as at an end of the capture. Conditions that rules judge only at the
     /// end are not among them. Costs a copy of all groups.
-    pub fn so_far(&mut self, buses: Buses<'_>) -> Findings {
+    pub fn so_far(&mut self, buses: Buses<'_>) -> CaptureFindings {
         for (judge, bus) in self.buses.iter_mut().zip(buses) {
             judge.pass_on_all_skipped(bus, &mut self.ledger);
         }
@@ -196,7 +196,7 @@ impl Engine {
             ledger.close_all(bus);
         }
         let error_frames = self.quality.error_frames;
-        Findings { error_frames, ..ledger.into_findings(self.quality.is_timed(), Vec::new()) }
+        CaptureFindings { error_frames, ..ledger.into_findings(self.quality.is_timed(), Vec::new()) }
     }
 
     /// Emits new findings; those about times are held back until times are known to be real.
@@ -221,13 +221,13 @@ impl Engine {
                 time: one.at.time,
                 bus: group.key.bus,
                 frames: one.at.frames,
-                protocol: Protocol::Can,
+                protocol: EventProtocol::Can,
                 node: group.key.node,
                 presumed: false,
                 routine: matches!(kind, EventKind::FindingClosed(_)) && !is_repeated,
                 kind,
             };
-            out.event(&event, bus);
+            out.on_event(&event, bus);
         }
     }
 }

@@ -2,32 +2,33 @@
 
 use crate::profile::TextError;
 use crate::profile::device::ProfileFile;
-use crate::query::fields::distance;
-use crate::rules::declarations;
-use crate::rules::ledger::causes::causes;
+use crate::query::fields::edit_distance;
+use crate::rules::all_declarations;
+use crate::rules::ledger::causes::cause_table;
 
 /// Number of suggestions for an unknown name.
 const NEAREST: usize = 3;
 
 /// Rule names in a profile that do not match any general rule; `text` is the source of `file`.
 pub fn check_names(text: &str, file: &ProfileFile) -> Vec<TextError> {
-    let is_known = |name: &str| causes().is_fact(name) || declarations().any(|rule| rule.name == name);
-    let waived = file.waived().map(|(name, span)| (name, span, "waiver"));
+    let is_known =
+        |name: &str| cause_table().is_fact(name) || all_declarations().any(|rule| rule.name == name);
+    let waived = file.waived_rules().map(|(name, span)| (name, span, "waiver"));
     let taken = file.taken_in().map(|(name, span)| (name, span, "takes_in or follows"));
     let unknown = waived.chain(taken).filter(|(name, ..)| !is_known(name));
     let wrong = unknown.map(|(name, span, key)| {
-        let message = format!("unknown rule '{name}' in {key}; similar rules: {}", near(name));
-        TextError::at(text, span, message)
+        let message = format!("unknown rule '{name}' in {key}; similar rules: {}", similar_rules(name));
+        TextError::at_place(text, span, message)
     });
     wrong.collect()
 }
 
 /// Rules that share most words with `name`, then by edit distance.
-fn near(name: &str) -> String {
+fn similar_rules(name: &str) -> String {
     let words: Vec<&str> = name.split('-').collect();
     let common = |known: &str| known.split('-').filter(|word| words.contains(word)).count();
-    let mut all: Vec<&str> = declarations().map(|rule| rule.name).collect();
-    all.sort_by_key(|known| (usize::MAX - common(known), distance(known, name), *known));
+    let mut all: Vec<&str> = all_declarations().map(|rule| rule.name).collect();
+    all.sort_by_key(|known| (usize::MAX - common(known), edit_distance(known, name), *known));
     all.truncate(NEAREST);
     all.join(", ")
 }

@@ -1,9 +1,9 @@
 //! What the rules together need of the next PDOs or messages of each identifier.
 
 use crate::rules::context::pdo_slot::PdoSlot;
-use crate::rules::context::traffic::Traffic;
-use crate::rules::need::Need;
-use crate::session::Preview;
+use crate::rules::context::traffic::PdoTraffic;
+use crate::rules::need::FrameNeed;
+use crate::session::MessagePreview;
 
 /// Maximum number of rules in one of the lists of an identifier; with more, each event is needed.
 const LISTED: usize = 6;
@@ -17,7 +17,7 @@ struct RuleList {
 
 impl RuleList {
     /// Adds a rule; whether there was room.
-    fn add(&mut self, rule: u16) -> bool {
+    fn add_rule(&mut self, rule: u16) -> bool {
         let Some(free) = self.rules.get_mut(usize::from(self.count)) else { return false };
         *free = rule;
         self.count += 1;
@@ -25,7 +25,7 @@ impl RuleList {
     }
 
     #[inline]
-    fn all(&self) -> &[u16] {
+    fn all_rules(&self) -> &[u16] {
         self.rules.get(..usize::from(self.count)).unwrap_or(&[])
     }
 }
@@ -41,7 +41,7 @@ pub(super) struct NeedsOf {
     /// Index of the PDO statistics; `None` for a J1939 message.
     statistics: Option<u16>,
     /// All answers as one.
-    need: Need,
+    need: FrameNeed,
     /// Numbers of the rules for which each frame is passed, and of those for which each frame with changed payload is.
     passed: RuleList,
     passed_if_changed: RuleList,
@@ -72,7 +72,7 @@ impl NeedsOf {
             version,
             length,
             statistics,
-            need: Need::NOTHING,
+            need: FrameNeed::NOTHING,
             passed,
             passed_if_changed,
             counting,
@@ -83,39 +83,39 @@ impl NeedsOf {
     }
 
     /// Adds the answer of a rule that receives all frames of the identifier.
-    fn add(&mut self, rule: &Answer) {
+    fn add_answer(&mut self, rule: &NeedAnswer) {
         let (all, need) = (&mut self.need, rule.need);
         // Messages have no intervals, and their events no short path of their own.
-        if need.is_each() && self.statistics.is_some() && self.each.add(rule.place) {
+        if need.is_each() && self.statistics.is_some() && self.each.add_rule(rule.place) {
             all.follows_interval |= need.follows_interval;
             return;
         }
         all.bits |= need.bits;
-        all.codes = all.codes.or(need.codes);
+        all.codes = all.codes.union_with(need.codes);
         all.shortest = all.shortest.max(need.shortest);
         all.longest = all.longest.min(need.longest);
         all.alternations = all.alternations.min(need.alternations);
         all.frames = all.frames.min(need.frames);
         all.follows_interval |= need.follows_interval;
-        let is_listed = (!need.is_passed || self.passed.add(rule.number))
-            && (!need.is_passed_if_changed || self.passed_if_changed.add(rule.number))
-            && (!need.is_counted || self.counting.add(rule.place));
+        let is_listed = (!need.is_passed || self.passed.add_rule(rule.number))
+            && (!need.is_passed_if_changed || self.passed_if_changed.add_rule(rule.number))
+            && (!need.is_counted || self.counting.add_rule(rule.place));
         if !is_listed {
-            *all = Need::EACH;
+            *all = FrameNeed::EACH;
         }
     }
 
     /// Adds the answer of a rule that receives only frames with changed payload.
-    fn add_if_changed(&mut self, rule: &Answer) {
+    fn add_if_changed(&mut self, rule: &NeedAnswer) {
         let need = rule.need;
         let place = self.each.count;
-        if need.is_each() && self.statistics.is_some() && self.each.add(rule.place) {
+        if need.is_each() && self.statistics.is_some() && self.each.add_rule(rule.place) {
             self.if_changed |= 1 << place;
             self.need.follows_interval |= need.follows_interval;
             return;
         }
         let is_bounded = need.shortest > i64::MIN || need.longest < i64::MAX || need.is_counted;
-        let is_listed = !need.is_passed || self.passed_if_changed.add(rule.number);
+        let is_listed = !need.is_passed || self.passed_if_changed.add_rule(rule.number);
         self.need.follows_interval |= need.follows_interval;
         self.need.bits |= if is_bounded || !is_listed { u64::MAX } else { need.bits };
     }
@@ -138,28 +138,28 @@ impl NeedsOf {
 
     /// Whether rules need the event of the next message.
     #[inline]
-    fn needs_message(&self, preview: &Preview) -> bool {
+    fn needs_message(&self, preview: &MessagePreview) -> bool {
         self.need.is_each() || preview.change != 0 && self.need.codes.are_in(preview.payload)
     }
 
     /// Places of the rules that take the number of frames.
-    pub(super) fn counting(&self) -> &[u16] {
-        self.counting.all()
+    pub(super) fn counting_rules(&self) -> &[u16] {
+        self.counting.all_rules()
     }
 
     /// Index of the PDO statistics.
-    pub(super) fn statistics(&self) -> Option<usize> {
+    pub(super) fn statistics_index(&self) -> Option<usize> {
         self.statistics.map(usize::from)
     }
 
     /// Numbers of the rules for which each frame without an event is a check without a defect.
-    pub(super) fn passed(&self) -> &[u16] {
-        self.passed.all()
+    pub(super) fn passed_rules(&self) -> &[u16] {
+        self.passed.all_rules()
     }
 
     /// The same, for frames with changed payload.
     pub(super) fn passed_if_changed(&self) -> &[u16] {
-        self.passed_if_changed.all()
+        self.passed_if_changed.all_rules()
     }
 
     /// Frames without an event since the last call.
@@ -170,7 +170,7 @@ impl NeedsOf {
 
 /// Rules that need the event of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Recipients {
+pub(super) enum FrameRecipients {
     /// No rule.
     None,
     /// Only rules that need each event of the identifier; for the others, the frame is counted.
@@ -181,18 +181,18 @@ pub(super) enum Recipients {
 
 /// Rules that need each event of an identifier.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Few {
+pub(super) struct FewRecipients {
     rules: RuleList,
     if_changed: u8,
 }
 
-impl Few {
+impl FewRecipients {
     /// Places of the rules that receive a frame with changed or unchanged payload.
     #[inline]
-    pub(super) fn places(&self, is_changed: bool) -> impl Iterator<Item = u16> {
+    pub(super) fn rule_places(&self, is_changed: bool) -> impl Iterator<Item = u16> {
         let is_meant = move |number: &usize| is_changed || self.if_changed >> *number & 1 == 0;
         self.rules
-            .all()
+            .all_rules()
             .iter()
             .enumerate()
             .filter(move |(number, _)| is_meant(number))
@@ -201,10 +201,10 @@ impl Few {
 }
 
 /// Answer of a rule.
-pub(super) struct Answer {
+pub(super) struct NeedAnswer {
     pub(super) number: u16,
     pub(super) place: u16,
-    pub(super) need: Need,
+    pub(super) need: FrameNeed,
     /// The rule receives only frames with changed payload.
     pub(super) is_for_changes: bool,
 }
@@ -225,7 +225,7 @@ impl NeedsTable {
 
     /// Whether rules need the event of a frame at the time `now` of the rules.
     #[inline]
-    pub(super) fn has(&self, preview: &Preview, now: i64, pdos: &[PdoSlot]) -> bool {
+    pub(super) fn has_need(&self, preview: &MessagePreview, now: i64, pdos: &[PdoSlot]) -> bool {
         let Some(known) = self.identifiers.get(preview.identifier) else { return true };
         let is_changed = preview.change != 0;
         if known.answer != self.valid || known.has_few(is_changed) || preview.change & known.need.bits != 0 {
@@ -239,45 +239,50 @@ impl NeedsTable {
         }
     }
 
-    /// Counts a frame at the time `now` of the rules, unless its event is for [`Recipients::All`].
+    /// Counts a frame at the time `now` of the rules, unless its event is for [`FrameRecipients::All`].
     #[inline]
-    pub(super) fn skip(&mut self, preview: &Preview, now: i64, traffic: &mut Traffic) -> Recipients {
-        let Some(known) = self.identifiers.get_mut(preview.identifier) else { return Recipients::All };
+    pub(super) fn skip_frame(
+        &mut self,
+        preview: &MessagePreview,
+        now: i64,
+        traffic: &mut PdoTraffic,
+    ) -> FrameRecipients {
+        let Some(known) = self.identifiers.get_mut(preview.identifier) else { return FrameRecipients::All };
         if known.answer != self.valid || preview.change & known.need.bits != 0 {
-            return Recipients::All;
+            return FrameRecipients::All;
         }
         match known.statistics {
             Some(place) => {
                 let Some((pdo, context)) = traffic.slot_mut(usize::from(place)) else {
-                    return Recipients::All;
+                    return FrameRecipients::All;
                 };
                 let interval = pdo.interval_at(now);
                 if known.needs_pdo(pdo, interval) {
-                    return Recipients::All;
+                    return FrameRecipients::All;
                 }
-                if pdo.skip(preview, (now, interval), context) && known.need.follows_interval {
+                if pdo.skip_pdo(preview, (now, interval), context) && known.need.follows_interval {
                     known.answer = 0;
                 }
             }
-            None if known.needs_message(preview) => return Recipients::All,
+            None if known.needs_message(preview) => return FrameRecipients::All,
             None => {}
         }
         known.skipped.count = known.skipped.count.saturating_add(1);
         known.skipped.changed = known.skipped.changed.saturating_add(u32::from(preview.change != 0));
         known.need.frames = known.need.frames.saturating_sub(1);
-        if known.has_few(preview.change != 0) { Recipients::Few } else { Recipients::None }
+        if known.has_few(preview.change != 0) { FrameRecipients::Few } else { FrameRecipients::None }
     }
 
     /// Rules that need each event of an identifier, and the index of its PDO statistics.
     #[inline]
-    pub(super) fn few(&self, identifier: usize) -> Option<(Few, usize)> {
+    pub(super) fn few_recipients(&self, identifier: usize) -> Option<(FewRecipients, usize)> {
         let known = self.identifiers.get(identifier)?;
-        Some((Few { rules: known.each, if_changed: known.if_changed }, known.statistics()?))
+        Some((FewRecipients { rules: known.each, if_changed: known.if_changed }, known.statistics_index()?))
     }
 
     /// Counts a PDO with an event.
     #[inline]
-    pub(super) fn hear(&mut self, identifier: usize) {
+    pub(super) fn count_event(&mut self, identifier: usize) {
         if let Some(known) = self.identifiers.get_mut(identifier) {
             known.need.frames = known.need.frames.saturating_sub(1);
         }
@@ -293,7 +298,7 @@ impl NeedsTable {
     }
 
     /// Drops the answers about one identifier.
-    pub(super) fn forget(&mut self, identifier: usize) {
+    pub(super) fn forget_identifier(&mut self, identifier: usize) {
         if let Some(known) = self.identifiers.get_mut(identifier) {
             known.answer = 0;
         }
@@ -305,12 +310,12 @@ impl NeedsTable {
     }
 
     /// Stores the answers of the rules about an identifier.
-    pub(super) fn store(
+    pub(super) fn store_needs(
         &mut self,
         identifier: usize,
         (version, length): (u32, usize),
         statistics: Option<usize>,
-        answers: impl Iterator<Item = Answer>,
+        answers: impl Iterator<Item = NeedAnswer>,
     ) {
         let (number, is_known) = match statistics.map(u16::try_from) {
             Some(number) => (number.ok(), number.is_ok()),
@@ -318,14 +323,15 @@ impl NeedsTable {
         };
         let mut known = NeedsOf::new(self.valid, (version, length), number);
         for answer in answers {
-            if answer.is_for_changes { known.add_if_changed(&answer) } else { known.add(&answer) }
+            if answer.is_for_changes { known.add_if_changed(&answer) } else { known.add_answer(&answer) }
         }
         // Intervals and the numbers of frames are known of PDOs only.
         let is_beyond_messages = statistics.is_none()
-            && (known.need != Need { bits: known.need.bits, codes: known.need.codes, ..Need::NOTHING }
+            && (known.need
+                != FrameNeed { bits: known.need.bits, codes: known.need.codes, ..FrameNeed::NOTHING }
                 || known.counting.count > 0);
         if !is_known || is_beyond_messages {
-            known.need = Need::EACH;
+            known.need = FrameNeed::EACH;
         }
         if self.identifiers.len() <= identifier {
             let Some(count) = identifier.checked_add(1) else { return };
@@ -339,7 +345,7 @@ impl NeedsTable {
 
     /// Entry of an identifier with frames since its last event.
     #[inline]
-    pub(super) fn counted(&mut self, identifier: usize) -> Option<&mut NeedsOf> {
+    pub(super) fn counted_entry(&mut self, identifier: usize) -> Option<&mut NeedsOf> {
         self.identifiers.get_mut(identifier).filter(|known| known.skipped.count > 0)
     }
 
@@ -354,151 +360,163 @@ mod tests {
     use super::*;
     use crate::frame::{CanId, Timestamp};
 
-    fn table(answers: &[(Need, bool)]) -> NeedsTable {
+    fn table(answers: &[(FrameNeed, bool)]) -> NeedsTable {
         let mut table = NeedsTable::new();
-        let answers = answers.iter().zip(0..).map(|((need, is_for_changes), place)| Answer {
+        let answers = answers.iter().zip(0..).map(|((need, is_for_changes), place)| NeedAnswer {
             number: place + 10,
             place,
             need: *need,
             is_for_changes: *is_for_changes,
         });
-        table.store(2, (0, 8), Some(0), answers);
+        table.store_needs(2, (0, 8), Some(0), answers);
         table
     }
 
-    const fn preview(change: u64) -> Preview {
-        Preview { identifier: 2, frame: 9, time: Timestamp(0), now: 0, payload: change, change }
+    const fn preview(change: u64) -> MessagePreview {
+        MessagePreview { identifier: 2, frame: 9, time: Timestamp(0), now: 0, payload: change, change }
     }
 
     /// Whether an event is needed after `interval`, if the bits of `change` change.
     fn is_needed(table: &NeedsTable, interval: i64, change: u64) -> bool {
-        table.has(&preview(change), interval, &[PdoSlot::new(0, CanId::standard(0x181))])
+        table.has_need(&preview(change), interval, &[PdoSlot::new(0, CanId::from_standard(0x181))])
     }
 
     /// Whether a frame in which the bits of `change` change is skipped, 10 after the last one.
     fn skip(table: &mut NeedsTable, change: u64) -> bool {
-        let mut traffic = Traffic::new(0);
-        traffic.add(2, CanId::standard(0x181)).unwrap();
-        let is_needed = table.has(&preview(change), 10, traffic.slots());
-        let is_skipped = table.skip(&preview(change), 10, &mut traffic) == Recipients::None;
+        let mut traffic = PdoTraffic::new(0);
+        traffic.add_entry(2, CanId::from_standard(0x181)).unwrap();
+        let is_needed = table.has_need(&preview(change), 10, traffic.slots());
+        let is_skipped = table.skip_frame(&preview(change), 10, &mut traffic) == FrameRecipients::None;
         assert_eq!(is_skipped, !is_needed);
-        assert_eq!(traffic.of(2).unwrap().count, u64::from(is_skipped));
+        assert_eq!(traffic.slot_of(2).unwrap().count, u64::from(is_skipped));
         is_skipped
     }
 
-    const fn within(shortest: i64, longest: i64) -> Need {
-        Need { shortest, longest, ..Need::PASSED }
+    const fn within(shortest: i64, longest: i64) -> FrameNeed {
+        FrameNeed { shortest, longest, ..FrameNeed::PASSED }
     }
 
     #[test]
     fn intervals_that_all_rules_permit() {
-        let table = table(&[(within(5, 20), false), (Need::NOTHING, false), (within(8, 30), false)]);
+        let table = table(&[(within(5, 20), false), (FrameNeed::NOTHING, false), (within(8, 30), false)]);
         let needed = [7, 8, 20, 21].map(|interval| is_needed(&table, interval, 0));
         assert_eq!(needed, [true, false, false, true]);
     }
 
     #[test]
     fn one_rule_that_needs_each_decides() {
-        let needs = table(&[(Need::PASSED, false), (Need::EACH, false), (Need::PASSED, false)]);
+        let needs =
+            table(&[(FrameNeed::PASSED, false), (FrameNeed::EACH, false), (FrameNeed::PASSED, false)]);
         assert!(is_needed(&needs, 10, 0) && !needs.is_unknown(2, 0, 8));
-        let of_changes = table(&[(Need::PASSED, false), (Need::EACH, true)]);
+        let of_changes = table(&[(FrameNeed::PASSED, false), (FrameNeed::EACH, true)]);
         assert!(!is_needed(&of_changes, 10, 0) && is_needed(&of_changes, 10, 1));
     }
 
     #[test]
     fn events_for_few_are_counted_for_the_others() {
-        let needs = [(Need::EACH, false), (Need::PASSED, false), (Need::EACH, true), (within(5, 20), false)];
+        let needs = [
+            (FrameNeed::EACH, false),
+            (FrameNeed::PASSED, false),
+            (FrameNeed::EACH, true),
+            (within(5, 20), false),
+        ];
         let mut table = table(&needs);
-        let mut traffic = Traffic::new(0);
-        traffic.add(2, CanId::standard(0x181)).unwrap();
-        let mut skip = |change, now| table.skip(&preview(change), now, &mut traffic);
+        let mut traffic = PdoTraffic::new(0);
+        traffic.add_entry(2, CanId::from_standard(0x181)).unwrap();
+        let mut skip = |change, now| table.skip_frame(&preview(change), now, &mut traffic);
         // The last interval is too long for one of the others.
         let found = [(0, 10), (1, 20), (0, 41)].map(|(change, now)| skip(change, now));
-        assert_eq!(found, [Recipients::Few, Recipients::Few, Recipients::All]);
-        let (few, _) = table.few(2).unwrap();
-        let places = |is_changed| few.places(is_changed).collect::<Vec<_>>();
+        assert_eq!(found, [FrameRecipients::Few, FrameRecipients::Few, FrameRecipients::All]);
+        let (few, _) = table.few_recipients(2).unwrap();
+        let places = |is_changed| few.rule_places(is_changed).collect::<Vec<_>>();
         assert_eq!((places(false), places(true)), (vec![0], vec![0, 2]));
-        let counted = table.counted(2).unwrap();
-        assert_eq!(counted.passed(), &[11, 13][..]);
+        let counted = table.counted_entry(2).unwrap();
+        assert_eq!(counted.passed_rules(), &[11, 13][..]);
         assert_eq!(counted.take_skipped(), SkippedFrames { count: 2, changed: 1 });
-        let of_changes = self::table(&[(Need::EACH, true)]);
+        let of_changes = self::table(&[(FrameNeed::EACH, true)]);
         assert!(!is_needed(&of_changes, 10, 0) && is_needed(&of_changes, 10, 1));
     }
 
     #[test]
     fn bits_and_two_producers_in_turn() {
-        let needs = table(&[(Need { bits: 6, ..Need::NOTHING }, false)]);
+        let needs = table(&[(FrameNeed { bits: 6, ..FrameNeed::NOTHING }, false)]);
         assert_eq!([1, 2, 4, 8].map(|bits| is_needed(&needs, 10, bits)), [false, true, true, false]);
-        assert!(is_needed(&table(&[(Need { alternations: 1, ..Need::NOTHING }, false)]), 10, 0));
-        assert!(!is_needed(&table(&[(Need { alternations: 2, ..Need::NOTHING }, false)]), 10, 0));
+        assert!(is_needed(&table(&[(FrameNeed { alternations: 1, ..FrameNeed::NOTHING }, false)]), 10, 0));
+        assert!(!is_needed(&table(&[(FrameNeed { alternations: 2, ..FrameNeed::NOTHING }, false)]), 10, 0));
     }
 
     #[test]
     fn the_third_pdo_is_needed() {
-        let mut table = table(&[(Need { frames: 3, ..Need::NOTHING }, false)]);
+        let mut table = table(&[(FrameNeed { frames: 3, ..FrameNeed::NOTHING }, false)]);
         assert!(skip(&mut table, 0));
         assert!(!is_needed(&table, 10, 0));
-        table.hear(2);
+        table.count_event(2);
         assert!(!skip(&mut table, 0));
     }
 
     #[test]
     fn frames_are_counted_until_the_next_event() {
-        let needs = [(Need::PASSED, false), (Need::NOTHING.counted(), false), (Need::PASSED, true)];
+        let needs =
+            [(FrameNeed::PASSED, false), (FrameNeed::NOTHING.with_count(), false), (FrameNeed::PASSED, true)];
         let mut table = table(&needs);
         assert_eq!([0, 5].map(|change| skip(&mut table, change)), [true; 2]);
-        let counted = table.counted(2).unwrap();
-        assert_eq!((counted.passed(), counted.passed_if_changed()), (&[10][..], &[12][..]));
-        assert_eq!(counted.counting(), &[1][..]);
+        let counted = table.counted_entry(2).unwrap();
+        assert_eq!((counted.passed_rules(), counted.passed_if_changed()), (&[10][..], &[12][..]));
+        assert_eq!(counted.counting_rules(), &[1][..]);
         assert_eq!(counted.take_skipped(), SkippedFrames { count: 2, changed: 1 });
-        assert!(table.counted(2).is_none());
+        assert!(table.counted_entry(2).is_none());
     }
 
     #[test]
     fn answers_are_dropped() {
-        let mut table = table(&[(Need::PASSED, false)]);
+        let mut table = table(&[(FrameNeed::PASSED, false)]);
         assert!(table.is_unknown(2, 1, 8), "another layout");
         assert!(table.is_unknown(2, 0, 7), "another length");
-        table.forget(2);
+        table.forget_identifier(2);
         assert!(table.is_unknown(2, 0, 8) && is_needed(&table, 10, 0));
-        table.store(2, (0, 8), Some(0), std::iter::empty());
+        table.store_needs(2, (0, 8), Some(0), std::iter::empty());
         table.forget_all();
         assert!(table.is_unknown(2, 0, 8) && is_needed(&table, 10, 0));
     }
 
     #[test]
     fn an_answer_that_follows_the_interval_holds_until_the_next_median() {
-        let skipped = |need: Need| {
+        let skipped = |need: FrameNeed| {
             let mut table = table(&[(need, false)]);
-            let mut traffic = Traffic::new(0);
-            traffic.add(2, CanId::standard(0x181)).unwrap();
+            let mut traffic = PdoTraffic::new(0);
+            traffic.add_entry(2, CanId::from_standard(0x181)).unwrap();
             (0..20)
-                .filter(|number| table.skip(&preview(0), number * 10, &mut traffic) == Recipients::None)
+                .filter(|number| {
+                    table.skip_frame(&preview(0), number * 10, &mut traffic) == FrameRecipients::None
+                })
                 .count()
         };
         // The sixteenth PDO is the last one of fifteen intervals.
-        assert_eq!(skipped(Need { follows_interval: true, ..Need::PASSED }), 16);
-        assert_eq!(skipped(Need::PASSED), 20);
+        assert_eq!(skipped(FrameNeed { follows_interval: true, ..FrameNeed::PASSED }), 16);
+        assert_eq!(skipped(FrameNeed::PASSED), 20);
     }
 
     #[test]
     fn messages_have_no_intervals() {
-        let needed =
-            [Need::PASSED, within(5, 20), Need::NOTHING.counted(), Need { bits: 4, ..Need::NOTHING }].map(
-                |need| {
-                    let mut table = NeedsTable::new();
-                    let answer = Answer { number: 10, place: 0, need, is_for_changes: false };
-                    table.store(2, (0, 8), None, std::iter::once(answer));
-                    is_needed(&table, 10, 0)
-                },
-            );
+        let needed = [
+            FrameNeed::PASSED,
+            within(5, 20),
+            FrameNeed::NOTHING.with_count(),
+            FrameNeed { bits: 4, ..FrameNeed::NOTHING },
+        ]
+        .map(|need| {
+            let mut table = NeedsTable::new();
+            let answer = NeedAnswer { number: 10, place: 0, need, is_for_changes: false };
+            table.store_needs(2, (0, 8), None, std::iter::once(answer));
+            is_needed(&table, 10, 0)
+        });
         assert_eq!(needed, [false, true, true, false]);
     }
 
     #[test]
     fn more_rules_than_can_be_listed_need_each() {
-        assert!(!is_needed(&table(&[(Need::PASSED, false); LISTED]), 10, 0));
-        assert!(is_needed(&table(&[(Need::PASSED, false); LISTED + 1]), 10, 0));
-        assert!(is_needed(&table(&[(Need::PASSED, true); LISTED + 1]), 10, 1));
+        assert!(!is_needed(&table(&[(FrameNeed::PASSED, false); LISTED]), 10, 0));
+        assert!(is_needed(&table(&[(FrameNeed::PASSED, false); LISTED + 1]), 10, 0));
+        assert!(is_needed(&table(&[(FrameNeed::PASSED, true); LISTED + 1]), 10, 1));
     }
 }

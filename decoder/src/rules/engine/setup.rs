@@ -8,34 +8,34 @@ use crate::bus_file::{self, BusFile, RuleSettings};
 use crate::finding::RuleInfo;
 use crate::profile::device::DeviceRule;
 use crate::profile::{Catalogue, TextError};
-use crate::query::fields::distance;
+use crate::query::fields::edit_distance;
 use crate::rules::declaration::Declaration;
-use crate::rules::expectation::Expectation;
-use crate::rules::general::declarations;
-use crate::rules::policy::Policy;
+use crate::rules::expectation::CompiledExpectation;
+use crate::rules::general::all_declarations;
+use crate::rules::policy::RulePolicy;
 use crate::rules::selection::RuleSelection;
 use crate::session::Buses;
 
 /// Configured rules and expectations.
 #[derive(Debug, Clone)]
-pub struct Setup {
-    pub(super) policy: Arc<Policy>,
+pub struct RuleSetup {
+    pub(super) policy: Arc<RulePolicy>,
     /// Expectations with the indices of their rules.
-    expectations: Vec<(u16, Expectation)>,
+    expectations: Vec<(u16, CompiledExpectation)>,
 }
 
-impl Default for Setup {
+impl Default for RuleSetup {
     fn default() -> Self {
-        Self { policy: Arc::new(plain()), expectations: Vec::new() }
+        Self { policy: Arc::new(default_policy()), expectations: Vec::new() }
     }
 }
 
 /// Default policy: all general rules with their default settings.
-fn plain() -> Policy {
-    Policy { rules: declarations().map(Declaration::info).collect(), ..Policy::default() }
+fn default_policy() -> RulePolicy {
+    RulePolicy { rules: all_declarations().map(Declaration::rule_info).collect(), ..RulePolicy::default() }
 }
 
-impl Setup {
+impl RuleSetup {
     /// Applies `file` to the default rules; `text` is the source of `file`. `today` (`2026-01-31`) disables
     /// suppressions after their end date.
     ///
@@ -44,18 +44,18 @@ impl Setup {
     /// `text`.
     pub fn new(file: &BusFile, text: &str, today: Option<String>) -> Result<Self, TextError> {
         let suppressions = file.judgement.suppressions.clone();
-        let mut policy = Policy { suppressions, today, ..plain() };
+        let mut policy = RulePolicy { suppressions, today, ..default_policy() };
         let mut expectations = Vec::new();
         for written in &file.judgement.expectations {
-            expectations.push(expect(&mut policy, written, text)?);
+            expectations.push(add_expectation(&mut policy, written, text)?);
         }
         for given in &file.judgement.rules {
-            take(&mut policy, given, text)?;
+            take_settings(&mut policy, given, text)?;
         }
         for suppression in &policy.suppressions {
-            if !policy.knows(&suppression.rule) {
-                let message = unknown(&policy, &suppression.rule);
-                return Err(TextError::at(text, suppression.span.clone(), message));
+            if !policy.knows_rule(&suppression.rule) {
+                let message = unknown_rule(&policy, &suppression.rule);
+                return Err(TextError::at_place(text, suppression.span.clone(), message));
             }
         }
         Ok(Self { policy: Arc::new(policy), expectations })
@@ -65,13 +65,13 @@ impl Setup {
     ///
     /// # Errors
     /// A name that means no rule; the text suggests a similar one.
-    pub fn select(mut self, selection: RuleSelection) -> Result<Self, String> {
+    pub fn select_rules(mut self, selection: RuleSelection) -> Result<Self, String> {
         let policy = Arc::make_mut(&mut self.policy);
         for pattern in selection.select.iter().chain(&selection.ignore) {
             check_pattern(policy, pattern)?;
         }
         for rule in &mut policy.rules {
-            rule.is_on &= selection.admits(&rule.name);
+            rule.is_on &= selection.admits_rule(&rule.name);
         }
         policy.selection = selection;
         Ok(self)
@@ -90,7 +90,7 @@ impl Setup {
     /// # Errors
     /// The rule is unknown; the text suggests a similar name.
     pub fn check_name(&self, rule: &str) -> Result<(), String> {
-        if self.policy.knows(rule) { Ok(()) } else { Err(unknown(&self.policy, rule)) }
+        if self.policy.knows_rule(rule) { Ok(()) } else { Err(unknown_rule(&self.policy, rule)) }
     }
 
     /// Checks a rule name given on the command line, also the name of a device rule: `rexroth-sydfec:eeprom-wear`.
@@ -118,7 +118,7 @@ impl Setup {
             if let Some((profile, name)) = rule.split_once(':') {
                 device_rule(catalogue, profile, name)
                     .map(|_| ())
-                    .map_err(|message| TextError::at(text, span.clone(), message))?;
+                    .map_err(|message| TextError::at_place(text, span.clone(), message))?;
             }
         }
         Ok(())
@@ -130,40 +130,40 @@ impl Setup {
     }
 
     /// Expectations about a bus, with the indices of their rules.
-    pub(super) fn expectations_on(&self, bus: &str) -> impl Iterator<Item = (u16, &Expectation)> {
+    pub(super) fn expectations_on(&self, bus: &str) -> impl Iterator<Item = (u16, &CompiledExpectation)> {
         let all = self.expectations.iter().filter(move |(_, one)| one.is_about(bus));
         all.map(|(place, one)| (*place, one))
     }
 
     /// Expectations about a bus that does not exist, with the index of the rule and the name of that bus.
     pub(super) fn expectations_elsewhere(&self, buses: Buses<'_>) -> impl Iterator<Item = (u16, &str)> {
-        let all = self.expectations.iter().filter_map(|(place, one)| Some((*place, one.bus()?)));
+        let all = self.expectations.iter().filter_map(|(place, one)| Some((*place, one.bus_name()?)));
         all.filter(move |(_, own)| buses.iter().all(|bus| bus.name() != *own))
     }
 }
 
 /// Adds an expectation as a rule; returns its index.
-fn expect(
-    policy: &mut Policy,
-    written: &bus_file::Expectation,
+fn add_expectation(
+    policy: &mut RulePolicy,
+    written: &bus_file::ExpectEntry,
     text: &str,
-) -> Result<(u16, Expectation), TextError> {
-    let expectation = Expectation::compile(written, text)?;
+) -> Result<(u16, CompiledExpectation), TextError> {
+    let expectation = CompiledExpectation::compile_entry(written, text)?;
     let id = &written.id;
-    let place = u16::try_from(policy.rules.len()).ok().filter(|_| !policy.knows(&id.text));
+    let place = u16::try_from(policy.rules.len()).ok().filter(|_| !policy.knows_rule(&id.text));
     let Some(place) = place else {
         let message = format!("duplicate rule name '{}'", id.text);
-        return Err(TextError::at(text, id.span.clone(), message));
+        return Err(TextError::at_place(text, id.span.clone(), message));
     };
-    policy.rules.push(expectation.info().clone());
+    policy.rules.push(expectation.rule_info().clone());
     Ok((place, expectation))
 }
 
-fn check_pattern(policy: &Policy, pattern: &str) -> Result<(), String> {
-    if policy.knows_pattern(pattern) { Ok(()) } else { Err(unknown(policy, pattern)) }
+fn check_pattern(policy: &RulePolicy, pattern: &str) -> Result<(), String> {
+    if policy.knows_pattern(pattern) { Ok(()) } else { Err(unknown_rule(policy, pattern)) }
 }
 
-fn unknown(policy: &Policy, rule: &str) -> String {
+fn unknown_rule(policy: &RulePolicy, rule: &str) -> String {
     let near = policy.rules.iter().map(|known| &*known.name).find(|known| is_near(known, rule));
     match near {
         Some(near) => format!("unknown rule '{rule}'; did you mean '{near}'?"),
@@ -171,11 +171,12 @@ fn unknown(policy: &Policy, rule: &str) -> String {
     }
 }
 
-fn take(policy: &mut Policy, given: &RuleSettings, text: &str) -> Result<(), TextError> {
-    let wrong = |span: &std::ops::Range<usize>, message: String| TextError::at(text, span.clone(), message);
+fn take_settings(policy: &mut RulePolicy, given: &RuleSettings, text: &str) -> Result<(), TextError> {
+    let wrong =
+        |span: &std::ops::Range<usize>, message: String| TextError::at_place(text, span.clone(), message);
     let name = given.rule.as_str();
-    if !policy.knows(name) {
-        return Err(wrong(&given.span, unknown(policy, name)));
+    if !policy.knows_rule(name) {
+        return Err(wrong(&given.span, unknown_rule(policy, name)));
     }
     if let Some(severity) = given.severity {
         if let Some(rule) = policy.rules.iter_mut().find(|rule| *rule.name == *name) {
@@ -190,7 +191,7 @@ fn take(policy: &mut Policy, given: &RuleSettings, text: &str) -> Result<(), Tex
     if name.contains(':') {
         return Ok(());
     }
-    let declaration = declarations().find(|declaration| declaration.name == name);
+    let declaration = all_declarations().find(|declaration| declaration.name == name);
     for (key, span, value) in &given.tolerances {
         let tolerances = declaration.map_or(&[][..], |declaration| declaration.tolerances);
         let known = tolerances.iter().find(|tolerance| tolerance.key == key).zip(declaration);
@@ -212,7 +213,7 @@ fn no_tolerance(rule: &str, keys: &[&str], key: &str) -> String {
 fn check_tolerances(settings: &RuleSettings, catalogue: &Catalogue, text: &str) -> Result<(), TextError> {
     let Some((profile, name)) = settings.rule.split_once(':') else { return Ok(()) };
     let rule = device_rule(catalogue, profile, name)
-        .map_err(|message| TextError::at(text, settings.span.clone(), message))?;
+        .map_err(|message| TextError::at_place(text, settings.span.clone(), message))?;
     let keys: Vec<_> = rule.tolerances().map(|one| one.key).collect();
     for (key, span, value) in &settings.tolerances {
         let message = if !keys.contains(&key.as_str()) {
@@ -222,7 +223,7 @@ fn check_tolerances(settings: &RuleSettings, catalogue: &Catalogue, text: &str) 
         } else {
             continue;
         };
-        return Err(TextError::at(text, span.clone(), message));
+        return Err(TextError::at_place(text, span.clone(), message));
     }
     Ok(())
 }
@@ -247,7 +248,8 @@ fn device_rule(catalogue: &Catalogue, profile: &str, name: &str) -> Result<Devic
 
 /// Similar names: an edit distance of at most 2, or one is a prefix of the other.
 fn is_near(known: &str, given: &str) -> bool {
-    given.len() > 3 && (known.starts_with(given) || given.starts_with(known)) || distance(known, given) <= 2
+    given.len() > 3 && (known.starts_with(given) || given.starts_with(known))
+        || edit_distance(known, given) <= 2
 }
 
 #[cfg(test)]
@@ -255,24 +257,24 @@ mod tests {
     use super::*;
     use crate::finding::Severity;
 
-    fn setup(text: &str) -> Result<Setup, String> {
+    fn setup(text: &str) -> Result<RuleSetup, String> {
         let file = BusFile::parse(text).map_err(|error| error.to_string())?;
-        Setup::new(&file, text, Some("2026-06-01".into())).map_err(|error| error.to_string())
+        RuleSetup::new(&file, text, Some("2026-06-01".into())).map_err(|error| error.to_string())
     }
 
     #[test]
     fn severities_and_tolerances_are_taken_by_name() {
         let setup = setup("[rules.sdo-no-response]\nseverity = \"note\"\nwarning-ms = 300\n").unwrap();
-        let declaration = declarations().find(|rule| rule.name == "sdo-no-response").unwrap();
-        assert_eq!(setup.policy.nanoseconds(declaration, "warning-ms"), 300_000_000);
-        assert_eq!(setup.policy.severity("sdo-no-response"), Some(Severity::Note));
+        let declaration = all_declarations().find(|rule| rule.name == "sdo-no-response").unwrap();
+        assert_eq!(setup.policy.tolerance_ns(declaration, "warning-ms"), 300_000_000);
+        assert_eq!(setup.policy.severity_of("sdo-no-response"), Some(Severity::Note));
     }
 
     #[test]
     fn rules_of_devices_are_those_of_the_profiles() {
         let check = |text: &str| {
             let file = BusFile::parse(text).unwrap();
-            let setup = Setup::new(&file, text, None).unwrap();
+            let setup = RuleSetup::new(&file, text, None).unwrap();
             setup.check_devices(&file, text, &Catalogue::default()).map_err(|error| error.to_string())
         };
         let known = "[rules.\"wandfluh-md2:control-mode-of-controller\"]\nseverity = \"off\"\n\

@@ -1,42 +1,56 @@
 //! `bounds`: a signal must stay between two values.
 
-use super::plan::{Limits, QuotedExpression};
-use super::signal::{SignalName, Values};
-use super::task::Task;
-use super::words::number;
+use super::plan::{QuotedExpression, ValueLimits};
+use super::signal::{SignalReference, SignalSources};
+use super::task::ExpectationTask;
+use super::words::format_number;
 use crate::event::Event;
-use crate::finding::About;
-use crate::rules::Context;
+use crate::finding::FindingSubject;
+use crate::rules::RuleContext;
 
-pub(super) struct Bounds {
-    values: Values<()>,
-    about: About,
+pub(super) struct BoundsTask {
+    values: SignalSources<()>,
+    about: FindingSubject,
     when: Option<QuotedExpression>,
-    limits: Limits<f64>,
+    limits: ValueLimits<f64>,
 }
 
-pub(super) fn new(signal: &SignalName, when: Option<&QuotedExpression>, limits: Limits<f64>) -> Bounds {
-    Bounds { values: Values::new(signal.clone()), about: signal.about(), when: when.cloned(), limits }
+pub(super) fn new(
+    signal: &SignalReference,
+    when: Option<&QuotedExpression>,
+    limits: ValueLimits<f64>,
+) -> BoundsTask {
+    BoundsTask {
+        values: SignalSources::new(signal.clone()),
+        about: signal.finding_subject(),
+        when: when.cloned(),
+        limits,
+    }
 }
 
-impl Task for Bounds {
+impl ExpectationTask for BoundsTask {
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        let Some(reading) = self.values.read(event, context) else { return };
-        if self.when.as_ref().is_some_and(|when| !when.matches(event, context)) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
+        let Some(reading) = self.values.read_value(event, context) else { return };
+        if self.when.as_ref().is_some_and(|when| !when.matches_event(event, context)) {
             return;
         }
         let value = reading.number;
         let (excess, limit, word) = match self.limits {
-            Limits { min: Some(min), .. } if value < min => (min - value, min, "min"),
-            Limits { max: Some(max), .. } if value > max => (value - max, max, "max"),
-            _ => return context.pass(),
+            ValueLimits { min: Some(min), .. } if value < min => (min - value, min, "min"),
+            ValueLimits { max: Some(max), .. } if value > max => (value - max, max, "max"),
+            _ => return context.count_pass(),
         };
-        let text = || format!("{} ({word} {}{})", reading.show(), number(limit), reading.unit());
-        context.fail(event).about(self.about.clone()).measure(excess).report(text);
+        let text =
+            || format!("{} ({word} {}{})", reading.show_value(), format_number(limit), reading.unit_suffix());
+        context
+            .start_finding(event)
+            .with_subject(self.about.clone())
+            .with_measure(excess)
+            .report_finding(text);
     }
 
-    fn idle(&self) -> String {
-        self.values.idle()
+    fn idle_reason(&self) -> String {
+        self.values.idle_reason()
     }
 }

@@ -1,18 +1,18 @@
 //! A deadline that is postponed repeatedly.
 
-use crate::rules::Context;
+use crate::rules::RuleContext;
 
 /// Deadline that only moves to later times: one wake-up is pending and is requested again when it expires too
 /// early.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Deadline {
+pub(super) struct MovingDeadline {
     due: Option<i64>,
     is_queued: bool,
 }
 
-impl Deadline {
+impl MovingDeadline {
     /// Sets or postpones the deadline.
-    pub(super) fn set(&mut self, due: i64, token: u64, context: &mut Context<'_>) {
+    pub(super) fn set_deadline(&mut self, due: i64, token: u64, context: &mut RuleContext<'_>) {
         self.due = Some(due);
         if !std::mem::replace(&mut self.is_queued, true) {
             context.wake_at(due, token);
@@ -20,12 +20,12 @@ impl Deadline {
     }
 
     /// Cancels the deadline.
-    pub(super) fn clear(&mut self) {
+    pub(super) fn cancel_deadline(&mut self) {
         self.due = None;
     }
 
     /// Handles the wake-up: returns the deadline if it has passed, else requests a new wake-up.
-    pub(super) fn passed(&mut self, token: u64, context: &mut Context<'_>) -> Option<i64> {
+    pub(super) fn take_expired(&mut self, token: u64, context: &mut RuleContext<'_>) -> Option<i64> {
         self.is_queued = false;
         let due = self.due?;
         if due <= context.now {

@@ -1,59 +1,63 @@
 //! `always` and `never`: each event is checked on its own.
 
 use super::plan::QuotedExpression;
-use super::task::Task;
+use super::task::ExpectationTask;
 use crate::event::Event;
-use crate::rules::Context;
+use crate::rules::RuleContext;
 
-pub(super) struct Always {
+pub(super) struct AlwaysTask {
     when: QuotedExpression,
     expect: QuotedExpression,
 }
 
-pub(super) fn always(when: &QuotedExpression, expect: &QuotedExpression) -> Always {
-    Always { when: when.clone(), expect: expect.clone() }
+pub(super) fn always_task(when: &QuotedExpression, expect: &QuotedExpression) -> AlwaysTask {
+    AlwaysTask { when: when.clone(), expect: expect.clone() }
 }
 
-impl Task for Always {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        if !self.when.matches(event, context) {
+impl ExpectationTask for AlwaysTask {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
+        if !self.when.matches_event(event, context) {
             return;
         }
-        if self.expect.matches(event, context) {
-            return context.pass();
+        if self.expect.matches_event(event, context) {
+            return context.count_pass();
         }
-        context.fail(event).report(|| format!("{} does not match: {}", event.kind.name(), self.expect));
+        context
+            .start_finding(event)
+            .report_finding(|| format!("{} does not match: {}", event.kind.name(), self.expect));
     }
 
-    fn idle(&self) -> String {
-        self.when.idle()
+    fn idle_reason(&self) -> String {
+        self.when.idle_reason()
     }
 }
 
-pub(super) struct Never {
+pub(super) struct NeverTask {
     when: QuotedExpression,
     has_failed: bool,
 }
 
-pub(super) fn never(when: &QuotedExpression) -> Never {
-    Never { when: when.clone(), has_failed: false }
+pub(super) fn never_task(when: &QuotedExpression) -> NeverTask {
+    NeverTask { when: when.clone(), has_failed: false }
 }
 
-impl Task for Never {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        if self.when.matches(event, context) {
+impl ExpectationTask for NeverTask {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
+        if self.when.matches_event(event, context) {
             self.has_failed = true;
-            context.fail(event).report(|| format!("{} matches: {}", event.kind.name(), self.when));
+            context
+                .start_finding(event)
+                .report_finding(|| format!("{} matches: {}", event.kind.name(), self.when));
         }
     }
 
-    fn finish(&mut self, known: bool, context: &mut Context<'_>) {
+    fn on_end(&mut self, known: bool, context: &mut RuleContext<'_>) {
         if known && !self.has_failed {
-            context.pass();
+            context.count_pass();
         }
     }
 
-    fn idle(&self) -> String {
+    fn idle_reason(&self) -> String {
         String::new()
     }
 }

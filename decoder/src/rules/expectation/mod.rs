@@ -4,7 +4,7 @@
 //! bus_file::Expectation ─compile─▶ Expectation ─make, once per bus─▶ Scoped<Task of its kind> : Rule
 //! ```
 //!
-//! A [`Task`] checks one kind of expectation; each kind has its own file. [`ScopedTask`] filters events of other
+//! A [`ExpectationTask`] checks one kind of expectation; each kind has its own file. [`ScopedTask`] filters events of other
 //! nodes, and reports at the end the signals and nodes of the expectation that never occurred.
 
 mod bounds;
@@ -29,12 +29,12 @@ mod words;
 use std::sync::Arc;
 
 use self::named::RequiredNames;
-use self::plan::Plan;
-use self::task::Task;
-use super::{Context, Rule};
+use self::plan::ExpectationPlan;
+use self::task::ExpectationTask;
+use super::{Rule, RuleContext};
 use crate::bus_file;
 use crate::event::{Event, EventKind, KindSet};
-use crate::finding::{Merge, RuleInfo, RuleOrigin};
+use crate::finding::{MergedFindings, RuleInfo, RuleOrigin};
 use crate::profile::TextError;
 use crate::wire::NodeId;
 
@@ -43,44 +43,47 @@ const WORD: &str = "EXPECT";
 
 /// A compiled expectation.
 #[derive(Debug, Clone)]
-pub struct Expectation {
+pub struct CompiledExpectation {
     info: RuleInfo,
     bus: Option<String>,
     node: Option<NodeId>,
     is_per_node: bool,
     kinds: KindSet,
-    plan: Arc<Plan>,
+    plan: Arc<ExpectationPlan>,
 }
 
-impl Expectation {
+impl CompiledExpectation {
     /// Compiles an expectation of the bus file; `text` is the source of the file.
     ///
     /// # Errors
     /// An invalid expression, or an expression without possible matches, with its position in `text`.
-    pub(in crate::rules) fn compile(written: &bus_file::Expectation, text: &str) -> Result<Self, TextError> {
-        let plan = Plan::of(&written.demand, text)?;
+    pub(in crate::rules) fn compile_entry(
+        written: &bus_file::ExpectEntry,
+        text: &str,
+    ) -> Result<Self, TextError> {
+        let plan = ExpectationPlan::plan_for(&written.demand, text)?;
         Ok(Self {
-            info: info(written, &plan),
+            info: rule_info(written, &plan),
             bus: written.bus.clone(),
             node: written.node,
             is_per_node: written.is_per_node,
-            kinds: plan.kinds(),
+            kinds: plan.needed_kinds(),
             plan: Arc::new(plan),
         })
     }
 
     /// Description of the expectation as a rule.
-    pub fn info(&self) -> &RuleInfo {
+    pub fn rule_info(&self) -> &RuleInfo {
         &self.info
     }
 
     /// Event kinds that the expectation needs.
-    pub fn kinds(&self) -> KindSet {
+    pub fn needed_kinds(&self) -> KindSet {
         self.kinds
     }
 
     /// Name of the bus if the expectation is limited to one.
-    pub(super) fn bus(&self) -> Option<&str> {
+    pub(super) fn bus_name(&self) -> Option<&str> {
         self.bus.as_deref()
     }
 
@@ -90,31 +93,39 @@ impl Expectation {
     }
 
     /// Creates the rule for one bus, in its initial state.
-    pub(super) fn make(&self) -> Box<dyn Rule> {
+    pub(super) fn build_rule(&self) -> Box<dyn Rule> {
         let apart = self.is_per_node;
         match &*self.plan {
-            Plan::Always { when, expect } => self.scoped(each::always(when, expect)),
-            Plan::Never { when } => self.scoped(each::never(when)),
-            Plan::Within { when, expect, time } => self.scoped(within::new(when, expect, *time, apart)),
-            Plan::Every { when, period, tolerance } => {
-                self.scoped(every::new(when, *period, *tolerance, apart))
+            ExpectationPlan::Always { when, expect } => self.scope_task(each::always_task(when, expect)),
+            ExpectationPlan::Never { when } => self.scope_task(each::never_task(when)),
+            ExpectationPlan::Within { when, expect, time } => {
+                self.scope_task(within::new(when, expect, *time, apart))
             }
-            Plan::Count { when, limits, window: None } => self.scoped(count::new(when, *limits, apart)),
-            Plan::Count { when, limits, window: Some(window) } => {
-                self.scoped(window::new(when, *limits, *window, apart))
+            ExpectationPlan::Every { when, period, tolerance } => {
+                self.scope_task(every::new(when, *period, *tolerance, apart))
             }
-            Plan::Order { steps, time } => self.scoped(order::new(steps, *time, apart)),
-            Plan::Bounds { signal, when, limits } => self.scoped(bounds::new(signal, when.as_ref(), *limits)),
-            Plan::Rate { signal, when, max } => self.scoped(rate::new(signal, when.as_ref(), *max)),
+            ExpectationPlan::Count { when, limits, window: None } => {
+                self.scope_task(count::new(when, *limits, apart))
+            }
+            ExpectationPlan::Count { when, limits, window: Some(window) } => {
+                self.scope_task(window::new(when, *limits, *window, apart))
+            }
+            ExpectationPlan::Order { steps, time } => self.scope_task(order::new(steps, *time, apart)),
+            ExpectationPlan::Bounds { signal, when, limits } => {
+                self.scope_task(bounds::new(signal, when.as_ref(), *limits))
+            }
+            ExpectationPlan::Rate { signal, when, max } => {
+                self.scope_task(rate::new(signal, when.as_ref(), *max))
+            }
         }
     }
 
-    fn scoped<T: Task + 'static>(&self, task: T) -> Box<dyn Rule> {
-        Box::new(ScopedTask { node: self.node, named: RequiredNames::of(&self.plan, self.node), task })
+    fn scope_task<T: ExpectationTask + 'static>(&self, task: T) -> Box<dyn Rule> {
+        Box::new(ScopedTask { node: self.node, named: RequiredNames::names_of(&self.plan, self.node), task })
     }
 }
 
-fn info(written: &bus_file::Expectation, plan: &Plan) -> RuleInfo {
+fn rule_info(written: &bus_file::ExpectEntry, plan: &ExpectationPlan) -> RuleInfo {
     let title = plan.to_string();
     let reason = &written.reason;
     let explanation =
@@ -129,7 +140,7 @@ fn info(written: &bus_file::Expectation, plan: &Plan) -> RuleInfo {
         shows: Vec::new(),
         origin: RuleOrigin::Expectation,
         is_timing: plan.is_timing(),
-        merge: Merge::Subject,
+        merge: MergedFindings::Subject,
         is_on: true,
         word: WORD,
         source: Some(Arc::clone(reason)),
@@ -144,25 +155,29 @@ struct ScopedTask<T> {
     task: T,
 }
 
-impl<T: Task> Rule for ScopedTask<T> {
+impl<T: ExpectationTask> Rule for ScopedTask<T> {
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         if matches!(event.kind, EventKind::BusSilent { .. } | EventKind::ClockStep { .. }) {
-            self.task.interrupt(context);
+            self.task.on_gap(context);
         }
         if self.node.is_none() || event.node == self.node {
-            self.named.saw(event, context);
-            self.task.event(event, context);
+            self.named.on_layout(event, context);
+            self.task.on_event(event, context);
         }
     }
 
-    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
-        self.task.wake(token, context);
+    fn on_wake(&mut self, token: u64, context: &mut RuleContext<'_>) {
+        self.task.on_wake(token, context);
     }
 
-    fn finish(&mut self, context: &mut Context<'_>) {
-        let unknown = self.named.unknown(context.bus);
-        self.task.finish(unknown.is_empty(), context);
-        context.unexercised(if unknown.is_empty() { self.task.idle() } else { unknown.join(", ") });
+    fn on_end(&mut self, context: &mut RuleContext<'_>) {
+        let unknown = self.named.unknown_texts(context.bus);
+        self.task.on_end(unknown.is_empty(), context);
+        context.note_unexercised(if unknown.is_empty() {
+            self.task.idle_reason()
+        } else {
+            unknown.join(", ")
+        });
     }
 }

@@ -2,8 +2,8 @@
 
 use std::cell::RefCell;
 
-use crate::profile::Layout;
-use crate::query::fields::distance;
+use crate::profile::PayloadLayout;
+use crate::query::fields::edit_distance;
 
 /// Maximum edit distance of a suggestion.
 const MOST_SLIPS: usize = 3;
@@ -13,21 +13,25 @@ const LONGEST: usize = 100;
 
 /// Most similar name so far, with its edit distance.
 #[derive(Debug, Default)]
-pub(super) struct Nearest(RefCell<Option<(usize, String)>>);
+pub(super) struct NearestName(RefCell<Option<(usize, String)>>);
 
-impl Nearest {
+impl NearestName {
     /// Compares all signals of a layout.
-    pub(super) fn see_all(&self, wanted: &str, layout: &Layout) {
-        layout.fields.iter().filter_map(|field| field.name()).for_each(|name| self.see(wanted, name));
+    pub(super) fn see_all(&self, wanted: &str, layout: &PayloadLayout) {
+        layout
+            .fields
+            .iter()
+            .filter_map(|field| field.name())
+            .for_each(|name| self.compare_name(wanted, name));
     }
 
     /// Compares one name.
-    pub(super) fn see(&self, wanted: &str, name: &str) {
+    pub(super) fn compare_name(&self, wanted: &str, name: &str) {
         let most = (wanted.chars().count() / 3).min(MOST_SLIPS);
         if wanted.len() > LONGEST || name.len() > LONGEST {
             return;
         }
-        let slips = distance(&wanted.to_lowercase(), &name.to_lowercase());
+        let slips = edit_distance(&wanted.to_lowercase(), &name.to_lowercase());
         let mut best = self.0.borrow_mut();
         if slips <= most && best.as_ref().is_none_or(|(known, _)| slips < *known) {
             *best = Some((slips, name.to_owned()));
@@ -35,7 +39,7 @@ impl Nearest {
     }
 
     /// Suggestion as text; empty if no similar name occurred.
-    pub(super) fn hint(&self) -> String {
+    pub(super) fn hint_text(&self) -> String {
         let best = self.0.borrow();
         best.as_ref().map_or_else(String::new, |(_, name)| format!("; did you mean '{name}'?"))
     }

@@ -1,7 +1,7 @@
 //! Positions in TOML strings: from an offset in the parsed text to the offset in the file.
 
 /// Offset in the TOML string `raw` (with its quotes) of byte `at` of the parsed text.
-pub(super) fn place(raw: &str, at: usize) -> usize {
+pub(super) fn source_offset(raw: &str, at: usize) -> usize {
     let (quote, is_literal) = match raw.as_bytes() {
         [b'\'', b'\'', b'\'', ..] => (3, true),
         [b'"', b'"', b'"', ..] => (3, false),
@@ -23,12 +23,13 @@ pub(super) fn place(raw: &str, at: usize) -> usize {
     }
     let mut said = 0;
     while said < at && !rest.is_empty() {
-        let (read, says) = piece(rest);
+        let (read, says) = escape_length(rest);
         said += says;
         rest = rest.get(read..).unwrap_or_default();
     }
     // TOML: a backslash at the line end produces no text; the position moves to the text after it.
-    while let Some(read) = Some(piece(rest)).and_then(|(read, says)| (says == 0 && read > 0).then_some(read))
+    while let Some(read) =
+        Some(escape_length(rest)).and_then(|(read, says)| (says == 0 && read > 0).then_some(read))
     {
         rest = rest.get(read..).unwrap_or_default();
     }
@@ -36,14 +37,14 @@ pub(super) fn place(raw: &str, at: usize) -> usize {
 }
 
 /// Length of the first character or escape sequence, and of its text, in bytes.
-fn piece(text: &str) -> (usize, usize) {
+fn escape_length(text: &str) -> (usize, usize) {
     let mut letters = text.chars();
     match letters.next() {
         None => (0, 0),
         Some('\\') => match letters.next() {
-            Some('x') => (4, scalar(text, 2)),
-            Some('u') => (6, scalar(text, 4)),
-            Some('U') => (10, scalar(text, 8)),
+            Some('x') => (4, scalar_length(text, 2)),
+            Some('u') => (6, scalar_length(text, 4)),
+            Some('U') => (10, scalar_length(text, 8)),
             Some(' ' | '\t' | '\r' | '\n') => {
                 let rest = text.get(1..).unwrap_or_default();
                 (1 + rest.len() - rest.trim_start_matches([' ', '\t', '\r', '\n']).len(), 0)
@@ -56,7 +57,7 @@ fn piece(text: &str) -> (usize, usize) {
 }
 
 /// UTF-8 length of the character given by `digits` hexadecimal digits after `\u`.
-fn scalar(text: &str, digits: usize) -> usize {
+fn scalar_length(text: &str, digits: usize) -> usize {
     let number = text.get(2..2 + digits).and_then(|digits| u32::from_str_radix(digits, 16).ok());
     number.and_then(char::from_u32).map_or(1, char::len_utf8)
 }
@@ -81,13 +82,13 @@ mod tests {
         let raw = &text[file.a.span()];
         let mut last = 0;
         for (at, letter) in file.a.get_ref().char_indices() {
-            let place = place(raw, at);
+            let place = source_offset(raw, at);
             let found = raw[place..].chars().next().unwrap();
             assert!(found == letter || found == '\\', "{raw:?} at {at}: {place} is {found:?}");
             assert!(place > last, "{raw:?} at {at}");
             last = place;
         }
-        let end = place(raw, file.a.get_ref().len());
+        let end = source_offset(raw, file.a.get_ref().len());
         assert!(
             end > last && raw[end..].chars().all(|letter| matches!(letter, '"' | '\'')),
             "{raw:?}: {end}"
@@ -126,7 +127,7 @@ mod tests {
 
         #[test]
         fn no_text_breaks_it(raw in "\\PC{0,20}", at in 0..40_usize) {
-            prop_assert!(raw.is_empty() || place(&raw, at) <= raw.len());
+            prop_assert!(raw.is_empty() || source_offset(&raw, at) <= raw.len());
         }
     }
 }

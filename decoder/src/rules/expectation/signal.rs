@@ -6,12 +6,12 @@ use std::sync::Arc;
 
 use foldhash::fast::FixedState;
 
-use super::nearest::Nearest;
-use crate::event::{Event, EventKind, Kind, Outcome};
-use crate::finding::About;
+use super::nearest::NearestName;
+use crate::event::{Event, EventKind, Kind, SdoOutcome};
+use crate::finding::FindingSubject;
 use crate::frame::CanId;
-use crate::profile::{Field, Layout, Meaning, SignalId, Value};
-use crate::rules::Context;
+use crate::profile::{DecodedValue, ObjectMeaning, PayloadLayout, SignalField, SignalId};
+use crate::rules::RuleContext;
 use crate::wire::canopen::ObjectAddress;
 
 /// Event kinds that contain values.
@@ -23,15 +23,15 @@ const MESSAGE_LIMIT: usize = 4096;
 
 /// Signal reference in the notation of the user.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum SignalName {
+pub(super) enum SignalReference {
     Object(ObjectAddress),
     Spn(u32),
     Name(Arc<str>),
 }
 
-impl SignalName {
+impl SignalReference {
     /// Parses `6041:00` and `spn:190`; any other text is a name.
-    pub(super) fn read(text: &str) -> Self {
+    pub(super) fn parse_reference(text: &str) -> Self {
         if let Some(number) = text.strip_prefix("spn:").and_then(|number| number.trim().parse().ok()) {
             return Self::Spn(number);
         }
@@ -43,7 +43,7 @@ impl SignalName {
     }
 
     /// Whether a field is this signal.
-    pub(super) fn is(&self, field: &Field) -> bool {
+    pub(super) fn is_field(&self, field: &SignalField) -> bool {
         match (self, field.id) {
             (Self::Object(wanted), SignalId::Object(object)) => *wanted == object,
             (Self::Spn(wanted), SignalId::Spn(spn)) => *wanted == spn,
@@ -53,7 +53,7 @@ impl SignalName {
     }
 
     /// Whether an object is this signal.
-    fn is_object(&self, object: ObjectAddress, meaning: &Meaning) -> bool {
+    fn is_object(&self, object: ObjectAddress, meaning: &ObjectMeaning) -> bool {
         match self {
             Self::Object(wanted) => *wanted == object,
             Self::Name(wanted) => *meaning.name == **wanted,
@@ -62,16 +62,16 @@ impl SignalName {
     }
 
     /// Subject of a finding about the signal.
-    pub(super) fn about(&self) -> About {
+    pub(super) fn finding_subject(&self) -> FindingSubject {
         match self {
-            Self::Object(object) => About::Object(*object),
-            Self::Spn(_) => About::Name(self.to_string().into()),
-            Self::Name(name) => About::Name(Arc::clone(name)),
+            Self::Object(object) => FindingSubject::Object(*object),
+            Self::Spn(_) => FindingSubject::Name(self.to_string().into()),
+            Self::Name(name) => FindingSubject::Name(Arc::clone(name)),
         }
     }
 }
 
-impl fmt::Display for SignalName {
+impl fmt::Display for SignalReference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Object(object) => write!(f, "{object}"),
@@ -83,7 +83,7 @@ impl fmt::Display for SignalName {
 
 /// Source of repeated values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum Carrier {
+enum RepeatedSource {
     /// The current PDO of the traffic statistics.
     Pdo,
     Message(CanId),
@@ -92,19 +92,21 @@ enum Carrier {
 }
 
 /// Source, layout and payload of an event with a layout.
-fn laid_out(event: &Event) -> Option<(Carrier, &Arc<Layout>, &[u8])> {
+fn laid_out(event: &Event) -> Option<(RepeatedSource, &Arc<PayloadLayout>, &[u8])> {
     match &event.kind {
-        EventKind::Pdo(pdo) if !pdo.is_request => Some((Carrier::Pdo, pdo.layout.as_ref()?, pdo.payload())),
+        EventKind::Pdo(pdo) if !pdo.is_request => {
+            Some((RepeatedSource::Pdo, pdo.layout.as_ref()?, pdo.payload()))
+        }
         EventKind::J1939Message(message) => {
-            Some((Carrier::Message(message.can_id), message.layout.as_ref()?, message.payload()))
+            Some((RepeatedSource::Message(message.can_id), message.layout.as_ref()?, message.payload()))
         }
         EventKind::J1939Transfer(transfer) => {
-            let carrier = Carrier::Transfer(transfer.source, transfer.pgn?.number());
+            let carrier = RepeatedSource::Transfer(transfer.source, transfer.pgn?.number());
             Some((carrier, transfer.layout.as_ref()?, &transfer.data))
         }
         EventKind::Frame(undecoded) => {
             let message = undecoded.message.as_ref()?;
-            Some((Carrier::Message(undecoded.frame.id), &message.layout, undecoded.frame.data()))
+            Some((RepeatedSource::Message(undecoded.frame.id), &message.layout, undecoded.frame.data()))
         }
         _ => None,
     }
@@ -112,33 +114,33 @@ fn laid_out(event: &Event) -> Option<(Carrier, &Arc<Layout>, &[u8])> {
 
 /// Table by message with a layout.
 #[derive(Debug, Default)]
-pub(super) struct Messages<T> {
-    pdos: Vec<Slot<T>>,
-    others: HashMap<Carrier, Slot<T>, FixedState>,
+pub(super) struct LayoutTable<T> {
+    pdos: Vec<LayoutSlot<T>>,
+    others: HashMap<RepeatedSource, LayoutSlot<T>, FixedState>,
 }
 
 /// Entry of a message with its last layout.
 #[derive(Debug, Default)]
-struct Slot<T> {
-    layout: Option<Arc<Layout>>,
+struct LayoutSlot<T> {
+    layout: Option<Arc<PayloadLayout>>,
     known: T,
 }
 
-impl<T: Default> Messages<T> {
+impl<T: Default> LayoutTable<T> {
     /// Entry, layout and payload for an event; `learn` is called for each new layout of the message.
     #[inline]
-    pub(super) fn of<'a, 'e>(
+    pub(super) fn layout_for<'a, 'e>(
         &'a mut self,
         event: &'e Event,
-        context: &Context<'_>,
-        learn: impl FnOnce(&Layout, &mut T),
-    ) -> Option<(&'a mut T, &'e Layout, &'e [u8])> {
+        context: &RuleContext<'_>,
+        learn: impl FnOnce(&PayloadLayout, &mut T),
+    ) -> Option<(&'a mut T, &'e PayloadLayout, &'e [u8])> {
         let (carrier, layout, payload) = laid_out(event)?;
         let slot = match carrier {
-            Carrier::Pdo => {
-                let place = context.traffic.current()?.place;
+            RepeatedSource::Pdo => {
+                let place = context.traffic.current_slot()?.place;
                 if place >= self.pdos.len() {
-                    self.pdos.resize_with(place + 1, Slot::default);
+                    self.pdos.resize_with(place + 1, LayoutSlot::default);
                 }
                 self.pdos.get_mut(place)?
             }
@@ -168,79 +170,90 @@ struct LocatedSignal<T> {
 
 /// Values of one signal from all sources.
 #[derive(Debug)]
-pub(super) struct Values<T> {
-    name: SignalName,
-    messages: Messages<LocatedSignal<T>>,
+pub(super) struct SignalSources<T> {
+    name: SignalReference,
+    messages: LayoutTable<LocatedSignal<T>>,
     was_seen: bool,
-    nearest: Nearest,
+    nearest: NearestName,
 }
 
 /// One value of the signal.
-pub(super) struct Reading<'a, T> {
+pub(super) struct ExpectedReading<'a, T> {
     /// Value in engineering units.
     pub(super) number: f64,
-    value: Value,
-    meaning: Option<&'a Meaning>,
+    value: DecodedValue,
+    meaning: Option<&'a ObjectMeaning>,
     is_assumed: bool,
     /// State of the task for the message; None for an SDO transfer.
     pub(super) known: Option<&'a mut T>,
 }
 
-impl<T: Default> Values<T> {
-    pub(super) fn new(name: SignalName) -> Self {
-        Self { name, messages: Messages::default(), was_seen: false, nearest: Nearest::default() }
+impl<T: Default> SignalSources<T> {
+    pub(super) fn new(name: SignalReference) -> Self {
+        Self { name, messages: LayoutTable::default(), was_seen: false, nearest: NearestName::default() }
     }
 
     /// Reason text if no value was checked.
-    pub(super) fn idle(&self) -> String {
+    pub(super) fn idle_reason(&self) -> String {
         if self.was_seen {
             return format!("signal '{}' had no value to check", self.name);
         }
-        format!("signal '{}' did not occur{}", self.name, self.nearest.hint())
+        format!("signal '{}' did not occur{}", self.name, self.nearest.hint_text())
     }
 
     /// Numeric value of the signal in an event.
     #[inline]
-    pub(super) fn read<'a>(&'a mut self, event: &'a Event, context: &Context<'_>) -> Option<Reading<'a, T>> {
+    pub(super) fn read_value<'a>(
+        &'a mut self,
+        event: &'a Event,
+        context: &RuleContext<'_>,
+    ) -> Option<ExpectedReading<'a, T>> {
         if let EventKind::SdoTransfer(transfer) = &event.kind {
             let (object, meaning) = (transfer.object?, transfer.meaning.as_deref()?);
-            let is_whole = transfer.outcome == Outcome::Complete && !transfer.truncated;
+            let is_whole = transfer.outcome == SdoOutcome::Complete && !transfer.truncated;
             if !is_whole || transfer.data.is_empty() || !self.name.is_object(object, meaning) {
                 return None;
             }
             self.was_seen = true;
             let value = meaning.decode(&transfer.data);
-            let number = number(Some(meaning), &value)?;
+            let number = value_as_number(Some(meaning), &value)?;
             let is_assumed = meaning.assumed;
-            return Some(Reading { number, value, meaning: Some(meaning), is_assumed, known: None });
+            return Some(ExpectedReading { number, value, meaning: Some(meaning), is_assumed, known: None });
         }
         let (name, nearest) = (&self.name, &self.nearest);
-        let learn = |layout: &Layout, found: &mut LocatedSignal<T>| {
-            let all = layout.fields.iter().enumerate().filter(|(_, field)| name.is(field));
-            if let SignalName::Name(wanted) = name {
+        let learn = |layout: &PayloadLayout, found: &mut LocatedSignal<T>| {
+            let all = layout.fields.iter().enumerate().filter(|(_, field)| name.is_field(field));
+            if let SignalReference::Name(wanted) = name {
                 nearest.see_all(wanted, layout);
             }
             *found = LocatedSignal { fields: all.map(|(place, _)| place).collect(), known: T::default() };
         };
-        let (found, layout, payload) = self.messages.of(event, context, learn)?;
-        let signal = found.fields.iter().find_map(|field| layout.signal(*field, payload))?;
+        let (found, layout, payload) = self.messages.layout_for(event, context, learn)?;
+        let signal = found.fields.iter().find_map(|field| layout.decode_signal(*field, payload))?;
         self.was_seen = true;
         let meaning = signal.field.meaning.as_deref();
-        let number = number(meaning, &signal.value)?;
+        let number = value_as_number(meaning, &signal.value)?;
         let is_assumed = layout.assumed || meaning.is_some_and(|meaning| meaning.assumed);
-        Some(Reading { number, value: signal.value, meaning, is_assumed, known: Some(&mut found.known) })
+        Some(ExpectedReading {
+            number,
+            value: signal.value,
+            meaning,
+            is_assumed,
+            known: Some(&mut found.known),
+        })
     }
 }
 
-impl<T> Reading<'_, T> {
+impl<T> ExpectedReading<'_, T> {
     /// Value as text: `251.3 bar`, with `?` if the scale or mapping is assumed.
-    pub(super) fn show(&self) -> String {
-        let shown = self.meaning.map_or_else(|| self.value.to_string(), |meaning| meaning.show(&self.value));
+    pub(super) fn show_value(&self) -> String {
+        let shown =
+            self.meaning.map_or_else(|| self.value.to_string(), |meaning| meaning.format_value(&self.value));
         if self.is_assumed { format!("{shown}?") } else { shown }
     }
 
     /// Unit with a leading blank: ` bar`.
-    pub(super) fn unit(&self) -> String {
+    pub(super) fn unit_suffix(&self) -> String {
         match self.meaning.map(|meaning| meaning.unit.as_str()) {
             None | Some("") => String::new(),
             Some(unit) => format!(" {unit}"),
@@ -249,20 +262,20 @@ impl<T> Reading<'_, T> {
 }
 
 /// Value as a number in its unit; None for a special value, which is not a quantity.
-fn number(meaning: Option<&Meaning>, value: &Value) -> Option<f64> {
-    let scaled = meaning.and_then(|meaning| meaning.scaled(value));
+fn value_as_number(meaning: Option<&ObjectMeaning>, value: &DecodedValue) -> Option<f64> {
+    let scaled = meaning.and_then(|meaning| meaning.scaled_value(value));
     let is_special =
-        meaning.is_some_and(|meaning| meaning.values.is_none() && meaning.label(value).is_some());
+        meaning.is_some_and(|meaning| meaning.values.is_none() && meaning.value_label(value).is_some());
     if scaled.is_none() && is_special {
         return None;
     }
     let number = scaled.or(match value {
         #[expect(clippy::cast_precision_loss, reason = "compared with limits of few digits")]
-        Value::Unsigned(number) => Some(*number as f64),
+        DecodedValue::Unsigned(number) => Some(*number as f64),
         #[expect(clippy::cast_precision_loss, reason = "compared with limits of few digits")]
-        Value::Integer(number) => Some(*number as f64),
-        Value::Real(number) => Some(*number),
-        Value::Text(_) | Value::Bytes(_) => None,
+        DecodedValue::Integer(number) => Some(*number as f64),
+        DecodedValue::Real(number) => Some(*number),
+        DecodedValue::Text(_) | DecodedValue::Bytes(_) => None,
     });
     number.filter(|number| number.is_finite())
 }
@@ -273,15 +286,15 @@ mod tests {
 
     #[test]
     fn names_of_signals() {
-        let object = |index, sub| SignalName::Object(ObjectAddress::new(index, sub));
-        assert_eq!(SignalName::read("6041:00"), object(0x6041, 0));
-        assert_eq!(SignalName::read("0x6041:00"), object(0x6041, 0));
-        assert_eq!(SignalName::read("2001sub3"), object(0x2001, 3));
-        assert_eq!(SignalName::read("a000:01"), object(0xA000, 1));
-        assert_eq!(SignalName::read("spn:190"), SignalName::Spn(190));
+        let object = |index, sub| SignalReference::Object(ObjectAddress::new(index, sub));
+        assert_eq!(SignalReference::parse_reference("6041:00"), object(0x6041, 0));
+        assert_eq!(SignalReference::parse_reference("0x6041:00"), object(0x6041, 0));
+        assert_eq!(SignalReference::parse_reference("2001sub3"), object(0x2001, 3));
+        assert_eq!(SignalReference::parse_reference("a000:01"), object(0xA000, 1));
+        assert_eq!(SignalReference::parse_reference("spn:190"), SignalReference::Spn(190));
         for name in ["face", "pump.pressure", "spn:x", "Actual pressure", "5 bar"] {
-            assert_eq!(SignalName::read(name), SignalName::Name(name.into()), "{name}");
-            assert_eq!(SignalName::read(name).to_string(), name);
+            assert_eq!(SignalReference::parse_reference(name), SignalReference::Name(name.into()), "{name}");
+            assert_eq!(SignalReference::parse_reference(name).to_string(), name);
         }
     }
 }

@@ -8,19 +8,19 @@ const ADDRESSES: u64 = 0x100;
 
 /// State of an expectation, per bus or per node.
 #[derive(Debug, Clone)]
-pub(super) enum Subjects<T> {
+pub(super) enum ExpectationSubjects<T> {
     Whole(Box<T>),
     Nodes(NodeMap<T>),
 }
 
-impl<T: Default> Subjects<T> {
+impl<T: Default> ExpectationSubjects<T> {
     pub(super) fn new(is_per_node: bool) -> Self {
         if is_per_node { Self::Nodes(NodeMap::default()) } else { Self::Whole(Box::default()) }
     }
 
     /// State and wake-up token for the node of an event; None for an event without a node if the state is per
     /// node.
-    pub(super) fn of(&mut self, node: Option<NodeId>) -> Option<(&mut T, u64)> {
+    pub(super) fn state_of(&mut self, node: Option<NodeId>) -> Option<(&mut T, u64)> {
         match self {
             Self::Whole(whole) => Some((whole, WHOLE)),
             Self::Nodes(nodes) => {
@@ -53,7 +53,7 @@ impl<T: Default> Subjects<T> {
         match self {
             Self::Whole(whole) => act(None, whole),
             Self::Nodes(nodes) => {
-                for node in NodeId::all() {
+                for node in NodeId::all_ids() {
                     if let Some(known) = nodes.get_mut(node) {
                         act(Some(node), known);
                     }
@@ -69,16 +69,16 @@ mod tests {
 
     #[test]
     fn a_token_finds_whom_it_is_of() {
-        let mut nodes = Subjects::<u8>::new(true);
+        let mut nodes = ExpectationSubjects::<u8>::new(true);
         for (node, value) in [(NodeId::Canopen(5), 1), (NodeId::J1939(0), 2), (NodeId::J1939(5), 3)] {
-            let (known, token) = nodes.of(Some(node)).unwrap();
+            let (known, token) = nodes.state_of(Some(node)).unwrap();
             *known = value;
             assert_eq!(nodes.of_token(token), Some(&mut value.clone()));
         }
-        assert!(nodes.of(None).is_none());
+        assert!(nodes.state_of(None).is_none());
         let mut seen = Vec::new();
         nodes.for_each(|node, value| seen.push((node.unwrap(), *value)));
         assert_eq!(seen, [(NodeId::Canopen(5), 1), (NodeId::J1939(0), 2), (NodeId::J1939(5), 3)]);
-        assert!(Subjects::<u8>::new(false).of(None).is_some());
+        assert!(ExpectationSubjects::<u8>::new(false).state_of(None).is_some());
     }
 }

@@ -1,88 +1,93 @@
 //! `count` with `per_seconds`: limits for the number of events per window. The first event opens a window;
 //! windows follow each other until one is empty. The next event then opens a window again.
 
-use super::deadline::Deadline;
-use super::moment::Moment;
-use super::plan::{Limits, QuotedExpression};
-use super::subjects::Subjects;
-use super::task::Task;
-use super::words::time;
+use super::deadline::MovingDeadline;
+use super::moment::EventMoment;
+use super::plan::{QuotedExpression, ValueLimits};
+use super::subjects::ExpectationSubjects;
+use super::task::ExpectationTask;
+use super::words::format_time;
 use crate::event::Event;
-use crate::rules::Context;
+use crate::rules::RuleContext;
 
-pub(super) struct Windows {
+pub(super) struct WindowsTask {
     when: QuotedExpression,
-    limits: Limits<u64>,
+    limits: ValueLimits<u64>,
     window: i64,
-    subjects: Subjects<Window>,
+    subjects: ExpectationSubjects<OpenWindow>,
 }
 
 /// The current window.
 #[derive(Debug, Clone, Default)]
-struct Window {
+struct OpenWindow {
     count: u64,
     /// End of the window in ns; None if no window is open.
     end: Option<i64>,
-    deadline: Deadline,
+    deadline: MovingDeadline,
     /// Last event in the window.
-    last: Moment,
+    last: EventMoment,
 }
 
-pub(super) fn new(when: &QuotedExpression, limits: Limits<u64>, window: i64, is_per_node: bool) -> Windows {
-    Windows { when: when.clone(), limits, window, subjects: Subjects::new(is_per_node) }
+pub(super) fn new(
+    when: &QuotedExpression,
+    limits: ValueLimits<u64>,
+    window: i64,
+    is_per_node: bool,
+) -> WindowsTask {
+    WindowsTask { when: when.clone(), limits, window, subjects: ExpectationSubjects::new(is_per_node) }
 }
 
-impl Task for Windows {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        if !context.has_time || !self.when.matches(event, context) {
+impl ExpectationTask for WindowsTask {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
+        if !context.has_time || !self.when.matches_event(event, context) {
             return;
         }
-        let Some((window, token)) = self.subjects.of(event.node) else { return };
+        let Some((window, token)) = self.subjects.state_of(event.node) else { return };
         if window.end.is_none() {
             let end = context.now.saturating_add(self.window);
             window.end = Some(end);
-            window.deadline.set(end, token, context);
+            window.deadline.set_deadline(end, token, context);
         }
         window.count += 1;
-        window.last = Moment::of(event);
+        window.last = EventMoment::moment_of(event);
         if let Some(max) = self.limits.max
             && window.count > max
         {
-            let (when, count, length) = (&self.when, window.count, time(self.window));
+            let (when, count, length) = (&self.when, window.count, format_time(self.window));
             #[expect(clippy::cast_precision_loss, reason = "a count for comparing")]
-            let alarm = context.fail(event).measure(count as f64);
-            alarm.report(|| format!("match count {count} within {length} (max {max}): {when}"));
+            let alarm = context.start_finding(event).with_measure(count as f64);
+            alarm.report_finding(|| format!("match count {count} within {length} (max {max}): {when}"));
         }
     }
 
-    fn interrupt(&mut self, _context: &mut Context<'_>) {
+    fn on_gap(&mut self, _context: &mut RuleContext<'_>) {
         self.subjects.for_each(|_, window| {
-            window.deadline.clear();
+            window.deadline.cancel_deadline();
             (window.end, window.count) = (None, 0);
         });
     }
 
-    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
+    fn on_wake(&mut self, token: u64, context: &mut RuleContext<'_>) {
         let Some(window) = self.subjects.of_token(token) else { return };
-        let Some(end) = window.deadline.passed(token, context) else { return };
+        let Some(end) = window.deadline.take_expired(token, context) else { return };
         let count = std::mem::take(&mut window.count);
         match self.limits {
-            Limits { max: Some(max), .. } if count > max => {}
-            Limits { min: Some(min), .. } if count < min => {
-                let (when, length) = (&self.when, time(self.window));
+            ValueLimits { max: Some(max), .. } if count > max => {}
+            ValueLimits { min: Some(min), .. } if count < min => {
+                let (when, length) = (&self.when, format_time(self.window));
                 let alarm = window.last.fail_at(end, context);
-                alarm.report(|| format!("match count {count} within {length} (min {min}): {when}"));
+                alarm.report_finding(|| format!("match count {count} within {length} (min {min}): {when}"));
             }
-            _ => context.pass(),
+            _ => context.count_pass(),
         }
         // A long absence of events is reported once, for the first empty window.
         window.end = (count > 0).then(|| end.saturating_add(self.window));
         if let Some(next) = window.end {
-            window.deadline.set(next, token, context);
+            window.deadline.set_deadline(next, token, context);
         }
     }
 
-    fn idle(&self) -> String {
-        format!("no complete window of {}: {}", time(self.window), self.when)
+    fn idle_reason(&self) -> String {
+        format!("no complete window of {}: {}", format_time(self.window), self.when)
     }
 }

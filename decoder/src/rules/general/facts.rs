@@ -1,10 +1,10 @@
 //! Object look-ups shared by several rules.
 
-use crate::event::{Outcome, Pdo, SdoTransfer};
-use crate::finding::About;
+use crate::event::{DecodedPdo, SdoOutcome, SdoTransfer};
+use crate::finding::FindingSubject;
 use crate::frame::CanId;
 use crate::profile::{PdoName, little_endian};
-use crate::rules::{Context, PdoSlot};
+use crate::rules::{PdoSlot, RuleContext};
 use crate::session::{Node, OriginKind};
 use crate::wire::canopen::ObjectAddress;
 
@@ -15,8 +15,8 @@ pub(super) const PRODUCES: u64 = 1 << 30;
 const EXTENDED: u64 = 1 << 29;
 
 /// Subject of a finding about an SDO transfer.
-pub(super) fn about(transfer: &SdoTransfer) -> About {
-    transfer.object.map_or(About::Whole, About::Object)
+pub(super) fn transfer_subject(transfer: &SdoTransfer) -> FindingSubject {
+    transfer.object.map_or(FindingSubject::Whole, FindingSubject::Object)
 }
 
 /// Confirmed value of an object; see [`confirmed_value`].
@@ -26,7 +26,7 @@ pub(super) fn confirmed_number(node: &Node, index: u16, sub: u8) -> Option<u64> 
 
 /// Value that was written, read or given and not invalidated by a restart since; `None` for PDO contents.
 pub(super) fn confirmed_value(node: &Node, address: ObjectAddress) -> Option<u64> {
-    let entry = node.store().seen(address)?;
+    let entry = node.store().seen_value(address)?;
     let is_sure = !entry.stale && entry.origin.kind != OriginKind::Pdo;
     is_sure.then(|| node.store().number(address)).flatten()
 }
@@ -45,25 +45,30 @@ pub(super) fn value_or_default(node: &Node, address: ObjectAddress) -> Option<Se
     if let Some(value) = confirmed_value(node, address) {
         return Some(SettingValue { value, is_default: false });
     }
-    node.assigned().filter(|_| node.store().get(address).is_none())?;
-    let entry = node.device().dictionary.find(address)?.entry?;
+    node.assigned_by().filter(|_| node.store().get(address).is_none())?;
+    let entry = node.device().dictionary.find_object(address)?.entry?;
     let value = u64::try_from(entry.default_number(Some(node.id().number()))?).ok()?;
     Some(SettingValue { value, is_default: true })
 }
 
 /// Value of a complete transfer of at most 8 bytes.
-pub(super) fn number(transfer: &SdoTransfer) -> Option<u64> {
-    let is_whole = transfer.outcome == Outcome::Complete && !transfer.truncated && !transfer.data.is_empty();
+pub(super) fn transfer_number(transfer: &SdoTransfer) -> Option<u64> {
+    let is_whole =
+        transfer.outcome == SdoOutcome::Complete && !transfer.truncated && !transfer.data.is_empty();
     (is_whole && transfer.data.len() <= 8).then(|| little_endian(&transfer.data))
 }
 
 /// Identifier in a COB-ID; `None` if bit 31 marks it invalid.
 #[expect(clippy::cast_possible_truncation, reason = "masked to the identifier's width")]
-pub(super) fn identifier(cob_id: u64) -> Option<CanId> {
+pub(super) fn cob_identifier(cob_id: u64) -> Option<CanId> {
     if cob_id & INVALID != 0 {
         return None;
     }
-    Some(if cob_id & EXTENDED != 0 { CanId::extended(cob_id as u32) } else { CanId::standard(cob_id as u16) })
+    Some(if cob_id & EXTENDED != 0 {
+        CanId::from_extended(cob_id as u32)
+    } else {
+        CanId::from_standard(cob_id as u16)
+    })
 }
 
 /// Whether an identifier is restricted by CiA 301 table 40.
@@ -79,7 +84,7 @@ pub(super) fn is_restricted_write(object: ObjectAddress, number: u64) -> bool {
         (index, 1) => PdoName::of_parameter(index).is_some_and(|name| name.communication_index() == index),
         _ => false,
     };
-    holds_id && identifier(number & !of_use(object.index)).is_some_and(is_restricted)
+    holds_id && cob_identifier(number & !of_use(object.index)).is_some_and(is_restricted)
 }
 
 /// Flag bits of a COB-ID that do not affect its validity.
@@ -92,7 +97,7 @@ const fn of_use(index: u16) -> u64 {
 
 /// Length of a PDO in bytes according to its confirmed mapping; `None` for remote frames.
 #[inline]
-pub(super) fn mapped_bytes(pdo: &Pdo) -> Option<u16> {
+pub(super) fn mapped_bytes(pdo: &DecodedPdo) -> Option<u16> {
     let layout = pdo.layout.as_deref()?;
     let is_sure = !layout.assumed && !pdo.is_request && layout.bits > 0 && !layout.origin.is_database();
     is_sure.then(|| layout.bits.div_ceil(8))
@@ -100,7 +105,7 @@ pub(super) fn mapped_bytes(pdo: &Pdo) -> Option<u16> {
 
 /// Whether a TPDO is sent on change only: event-driven without an event timer (CiA 301 §7.5.2.37), and never
 /// repeated with unchanged content.
-pub(super) fn is_sent_on_change(slot: &PdoSlot, context: &Context<'_>) -> bool {
+pub(super) fn is_sent_on_change(slot: &PdoSlot, context: &RuleContext<'_>) -> bool {
     let sent = context.bus.pdo_on(slot.id).and_then(|(name, node)| Some((name, context.bus.node(node)?)));
     let is_configured = sent.is_some_and(|(name, node)| {
         let parameter = |sub| confirmed_number(node, name.communication_index(), sub);
@@ -110,7 +115,7 @@ pub(super) fn is_sent_on_change(slot: &PdoSlot, context: &Context<'_>) -> bool {
 }
 
 /// Converts nanoseconds to milliseconds.
-pub(super) const fn milliseconds(nanoseconds: i64) -> i64 {
+pub(super) const fn to_milliseconds(nanoseconds: i64) -> i64 {
     nanoseconds / 1_000_000
 }
 
@@ -120,10 +125,10 @@ mod tests {
 
     #[test]
     fn identifiers_of_cob_ids() {
-        assert_eq!(identifier(0x185), Some(CanId::standard(0x185)));
-        assert_eq!(identifier(0x8000_0185), None);
-        assert_eq!(identifier(0x4000_0080), Some(CanId::standard(0x80)));
-        assert_eq!(identifier(0x2123_4567), Some(CanId::extended(0x0123_4567)));
+        assert_eq!(cob_identifier(0x185), Some(CanId::from_standard(0x185)));
+        assert_eq!(cob_identifier(0x8000_0185), None);
+        assert_eq!(cob_identifier(0x4000_0080), Some(CanId::from_standard(0x80)));
+        assert_eq!(cob_identifier(0x2123_4567), Some(CanId::from_extended(0x0123_4567)));
     }
 
     #[test]
@@ -131,8 +136,8 @@ mod tests {
         for (id, expected) in
             [(0x80, false), (0x180, true), (0x181, false), (0x6DF, false), (0x6E0, true), (0x0, false)]
         {
-            assert_eq!(is_restricted(CanId::standard(id)), expected, "{id:03X}");
+            assert_eq!(is_restricted(CanId::from_standard(id)), expected, "{id:03X}");
         }
-        assert!(!is_restricted(CanId::extended(0x601)));
+        assert!(!is_restricted(CanId::from_extended(0x601)));
     }
 }

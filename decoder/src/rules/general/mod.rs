@@ -13,12 +13,12 @@ mod sdo;
 mod sync;
 mod uds;
 
-use super::{Declaration, Entry};
+use super::{Declaration, RegistryEntry};
 pub(super) use bus::duplicate_producer::longest_period;
 
 /// All general rules in evaluation order: a rule that explains other findings precedes the rules that report
 /// them.
-pub static REGISTRY: &[Entry] = &[
+pub static REGISTRY: &[RegistryEntry] = &[
     bus::bus_health::ENTRY,
     bus::duplicate_node_id::ENTRY,
     bus::duplicate_producer::ENTRY,
@@ -111,6 +111,6 @@ pub static REGISTRY: &[Entry] = &[
 ];
 
 /// Declarations of all general rules, in evaluation order.
-pub fn declarations() -> impl Iterator<Item = &'static Declaration> {
+pub fn all_declarations() -> impl Iterator<Item = &'static Declaration> {
     REGISTRY.iter().map(|entry| entry.declaration)
 }

@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use super::fact_row::FactRow;
 use crate::event::{Kind, KindSet};
-use crate::finding::{Cause, RuleInfo, RuleOrigin};
+use crate::finding::{FindingCause, RuleInfo, RuleOrigin};
 
 /// Name in `by` and `effects` for device rules about a parameter of the device.
 pub(super) const DEVICE_WRITE: &str = "device-write";
@@ -18,7 +18,7 @@ const TIMING: &str = "timing";
 /// Consequence for a finding that has a cause.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::rules) enum Effect {
+pub(in crate::rules) enum CauseEffect {
     /// Consequence of the cause: printed below it with unchanged severity.
     Follows,
     /// Same fault as the cause: counted there, not printed.
@@ -29,9 +29,9 @@ pub(in crate::rules) enum Effect {
 
 /// A cause found for a finding.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::rules) struct Explanation {
-    pub(in crate::rules) effect: Effect,
-    pub(in crate::rules) by: Cause,
+pub(in crate::rules) struct CauseExplanation {
+    pub(in crate::rules) effect: CauseEffect,
+    pub(in crate::rules) by: FindingCause,
 }
 
 /// One row of the table.
@@ -59,20 +59,20 @@ pub(in crate::rules) struct CauseEntry {
     /// Cause and effect must be at the same node.
     pub(in crate::rules) is_on_node: bool,
     /// Consequence for the effect.
-    pub(in crate::rules) effect: Effect,
+    pub(in crate::rules) effect: CauseEffect,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CausesFile {
-    follows: Limits,
+    follows: CauseLimits,
     fact: Vec<FactRow>,
-    cause: Vec<Row>,
+    cause: Vec<CauseRow>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Limits {
+struct CauseLimits {
     seconds: f64,
     before: f64,
 }
@@ -88,7 +88,7 @@ pub(in crate::rules) struct FollowLimits {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Row {
+struct CauseRow {
     by: Vec<String>,
     effects: Vec<String>,
     seconds: f64,
@@ -96,8 +96,8 @@ struct Row {
     before: f64,
     #[serde(default)]
     lasts: bool,
-    on: Scope,
-    becomes: Effect,
+    on: CauseScope,
+    becomes: CauseEffect,
     #[serde(default)]
     text: String,
     #[serde(default)]
@@ -108,14 +108,14 @@ struct Row {
 
 #[derive(Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
-enum Scope {
+enum CauseScope {
     Node,
     Bus,
 }
 
 /// All rows, by the rule of the effect.
 #[derive(Debug, Default)]
-pub(in crate::rules) struct Causes {
+pub(in crate::rules) struct CauseTable {
     /// Limits for rules in `follows` of a device rule.
     pub(in crate::rules) follows: FollowLimits,
     /// Facts that can be a cause.
@@ -124,11 +124,11 @@ pub(in crate::rules) struct Causes {
     explaining: KindSet,
 }
 
-impl Causes {
+impl CauseTable {
     /// Possible causes for findings of a rule, most specific first: rows of the rule, those of the rules that
     /// it absorbs, then those for all timing rules. Absorbed rules count for timing rules only: an interval of
     /// the device has the causes of the general interval.
-    pub(in crate::rules) fn of<'a>(
+    pub(in crate::rules) fn causes_of<'a>(
         &'a self,
         rule: &'a RuleInfo,
         absorbed: &'a [Arc<str>],
@@ -147,7 +147,7 @@ impl Causes {
     }
 
     /// Event kinds that can be a cause.
-    pub(in crate::rules) fn explaining(&self) -> KindSet {
+    pub(in crate::rules) fn explaining_names(&self) -> KindSet {
         self.explaining
     }
 
@@ -158,30 +158,31 @@ impl Causes {
 
     /// Rules that can be an effect.
     #[cfg(test)]
-    fn explained(&self) -> impl Iterator<Item = &String> {
+    fn explained_rules(&self) -> impl Iterator<Item = &String> {
         self.by_effect.keys()
     }
 }
 
 /// Table of causes, parsed once.
-pub(in crate::rules) fn causes() -> &'static Causes {
-    static CAUSES: OnceLock<Causes> = OnceLock::new();
+pub(in crate::rules) fn cause_table() -> &'static CauseTable {
+    static CAUSES: OnceLock<CauseTable> = OnceLock::new();
     CAUSES.get_or_init(|| {
         // A unit test checks that the file is valid; an invalid file would yield an empty table.
-        toml::from_str::<CausesFile>(include_str!("causes.toml")).map_or_else(|_| Causes::default(), table)
+        toml::from_str::<CausesFile>(include_str!("causes.toml"))
+            .map_or_else(|_| CauseTable::default(), build_table)
     })
 }
 
 /// Seconds of a table of our own, in ns.
 #[expect(clippy::cast_possible_truncation, reason = "seconds of a table of our own")]
-fn nanoseconds(seconds: f64) -> i64 {
+fn to_nanoseconds(seconds: f64) -> i64 {
     (seconds * 1e9) as i64
 }
 
-fn table(file: CausesFile) -> Causes {
-    let mut causes = Causes::default();
-    causes.follows.within = nanoseconds(file.follows.seconds);
-    causes.follows.before = nanoseconds(file.follows.before);
+fn build_table(file: CausesFile) -> CauseTable {
+    let mut causes = CauseTable::default();
+    causes.follows.within = to_nanoseconds(file.follows.seconds);
+    causes.follows.before = to_nanoseconds(file.follows.before);
     causes.facts = file.fact;
     for row in file.cause {
         for by in &row.by {
@@ -190,12 +191,12 @@ fn table(file: CausesFile) -> Causes {
                 by: by.clone(),
                 kind,
                 text: if row.text.is_empty() { by.as_str().into() } else { row.text.as_str().into() },
-                within: nanoseconds(row.seconds),
-                before: nanoseconds(row.before),
+                within: to_nanoseconds(row.seconds),
+                before: to_nanoseconds(row.before),
                 lasts: row.lasts,
                 reason: row.reason.clone(),
                 codes: row.codes,
-                is_on_node: row.on == Scope::Node,
+                is_on_node: row.on == CauseScope::Node,
                 effect: row.becomes,
                 is_of_parameter,
             };
@@ -213,20 +214,20 @@ fn table(file: CausesFile) -> Causes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rules::declarations;
+    use crate::rules::all_declarations;
 
     #[test]
     fn every_name_is_a_rule_or_a_kind_of_event() {
-        let rules: Vec<_> = declarations().map(|rule| rule.name).collect();
+        let rules: Vec<_> = all_declarations().map(|rule| rule.name).collect();
         toml::from_str::<CausesFile>(include_str!("causes.toml")).unwrap();
-        let explaining = causes().explaining();
+        let explaining = cause_table().explaining_names();
         assert!(explaining.contains_kind(Kind::LostFrames) && !explaining.contains_kind(Kind::Heartbeat));
-        for entry in causes().by_effect.values().flatten() {
+        for entry in cause_table().by_effect.values().flatten() {
             let name = entry.by.as_str();
-            let is_other = causes().is_fact(name) || entry.kind.is_some() || name == DEVICE_WRITE;
+            let is_other = cause_table().is_fact(name) || entry.kind.is_some() || name == DEVICE_WRITE;
             assert!(rules.contains(&name) || is_other, "{name}");
         }
-        for name in causes().explained() {
+        for name in cause_table().explained_rules() {
             assert!(name == TIMING || name == DEVICE_WRITE || rules.contains(&name.as_str()), "{name}");
         }
     }

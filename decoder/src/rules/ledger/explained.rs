@@ -3,109 +3,115 @@
 
 use std::sync::Arc;
 
-use super::causes::{CauseEntry, DEVICE_WRITE, Effect, Explanation, causes};
-use super::{Claim, Ledger};
-use crate::finding::{About, Cause, FactCause, Group, Key, RuleInfo, RuleOrigin, Severity};
+use super::causes::{CauseEffect, CauseEntry, CauseExplanation, DEVICE_WRITE, cause_table};
+use super::{DefectClaim, FindingLedger};
+use crate::finding::{
+    FactCause, FindingCause, FindingGroup, FindingSubject, GroupKey, RuleInfo, RuleOrigin, Severity,
+};
 use crate::frame::Timestamp;
-use crate::rules::conformance::Standing;
+use crate::rules::conformance::CaseStanding;
 use crate::wire::NodeId;
 
 /// Reason for a lower severity while the protocol of the bus is only presumed.
 pub(super) const PRESUMED: &str = "protocol only presumed";
 
-impl Ledger {
+impl FindingLedger {
     /// Effective severity, the reason if it is lower than that of the rule, and the cause.
-    pub(super) fn severity(
+    pub(super) fn effective_severity(
         &self,
-        claim: &Claim,
+        claim: &DefectClaim,
         opens: bool,
-    ) -> (Severity, Option<String>, Option<Explanation>) {
+    ) -> (Severity, Option<String>, Option<CauseExplanation>) {
         let Some(rule) = self.rules.get(usize::from(claim.key.rule)) else {
             return (Severity::Note, None, None);
         };
-        let configured = self.policy.severity(&rule.name);
+        let configured = self.policy.severity_of(&rule.name);
         let mut severity = configured.unwrap_or(claim.severity.unwrap_or(rule.severity));
         let mut reason = None;
-        let explained = opens.then(|| self.explanation(rule, claim)).flatten();
-        if let Some(Explanation { effect: Effect::Quality, by: Cause::Quality(text) }) = &explained {
+        let explained = opens.then(|| self.find_explanation(rule, claim)).flatten();
+        if let Some(CauseExplanation { effect: CauseEffect::Quality, by: FindingCause::Quality(text) }) =
+            &explained
+        {
             severity = Severity::Note;
             reason = Some(format!("{text} may be the cause"));
         }
-        if self.run.standing(&rule.name) == Standing::Beside {
+        if self.run.standing_of(&rule.name) == CaseStanding::Beside {
             severity = Severity::Note;
-            let case = self.run.case().unwrap_or_default();
+            let case = self.run.open_case().unwrap_or_default();
             reason.get_or_insert_with(|| {
                 format!("inside conformance test {case}, which does not cover this rule")
             });
         }
         if let Some(setting) = claim.assumed {
-            severity = severity.lowered();
+            severity = severity.next_lower();
             reason.get_or_insert_with(|| setting.to_owned());
         }
         if claim.is_presumed {
-            severity = severity.lowered();
+            severity = severity.next_lower();
             reason.get_or_insert_with(|| PRESUMED.to_owned());
         }
         (severity, reason, explained)
     }
 
     /// Cause of a finding of this rule.
-    fn explanation(&self, rule: &RuleInfo, claim: &Claim) -> Option<Explanation> {
+    fn find_explanation(&self, rule: &RuleInfo, claim: &DefectClaim) -> Option<CauseExplanation> {
         if let Some(by) = self.taken_in_by(rule, claim) {
-            return Some(Explanation { effect: Effect::Same, by: Cause::Group(by) });
+            return Some(CauseExplanation { effect: CauseEffect::Same, by: FindingCause::Group(by) });
         }
-        if let Some(by) = self.followed(claim) {
-            return Some(Explanation { effect: Effect::Follows, by });
+        if let Some(by) = self.followed_cause(claim) {
+            return Some(CauseExplanation { effect: CauseEffect::Follows, by });
         }
-        for cause in causes().of(rule, self.absorbed_by(claim.key.rule)).filter(|it| it.applies_to(claim)) {
+        for cause in
+            cause_table().causes_of(rule, self.absorbed_by(claim.key.rule)).filter(|it| it.applies_to(claim))
+        {
             let from = claim.now.saturating_sub(cause.within);
             // If a rule and an event kind share a name (node-lost), the rule takes precedence.
             let by = self.rules.iter().position(|known| *known.name == *cause.by);
             let Some(by) = by.and_then(|by| u16::try_from(by).ok()) else {
-                if let Some(fact) = self.fact(cause, claim, from) {
-                    return Some(Explanation { effect: cause.effect, by: Cause::Fact(fact) });
+                if let Some(fact) = self.explaining_fact(cause, claim, from) {
+                    return Some(CauseExplanation { effect: cause.effect, by: FindingCause::Fact(fact) });
                 }
                 if cause.by == DEVICE_WRITE
                     && let Some(by) = self.write_of_device(claim, from)
                 {
-                    return Some(Explanation { effect: cause.effect, by: Cause::Group(by) });
+                    return Some(CauseExplanation { effect: cause.effect, by: FindingCause::Group(by) });
                 }
                 let seen = cause.kind.and_then(|kind| self.kinds.get(&(kind, claim.key.bus)));
                 if seen.is_some_and(|seen| *seen >= from) {
-                    let by = Cause::Quality(Arc::clone(&cause.text));
-                    return Some(Explanation { effect: cause.effect, by });
+                    let by = FindingCause::Quality(Arc::clone(&cause.text));
+                    return Some(CauseExplanation { effect: cause.effect, by });
                 }
                 continue;
             };
             let node = if cause.is_on_node { claim.key.node } else { None };
-            let holds = cause.lasts || cause.effect == Effect::Same;
+            let holds = cause.lasts || cause.effect == CauseEffect::Same;
             let is_in_time = |(place, seen): &(usize, i64)| {
-                (*seen >= from || holds && self.is_ongoing(*place)) && self.precedes(*place, claim)
+                (*seen >= from || holds && self.is_ongoing(*place)) && self.precedes_claim(*place, claim)
             };
             if let Some((place, _)) = self.seen_of(by, claim, node).into_iter().flatten().find(is_in_time)
                 && let Some(group) = self.groups.get(place)
             {
-                return Some(Explanation { effect: cause.effect, by: Cause::Group(group.id) });
+                return Some(CauseExplanation { effect: cause.effect, by: FindingCause::Group(group.id) });
             }
         }
         None
     }
 
     /// Fact that explains a finding.
-    fn fact(&self, cause: &CauseEntry, claim: &Claim, from: i64) -> Option<Arc<FactCause>> {
-        let row = causes().facts.iter().find(|row| row.name == cause.by)?;
+    fn explaining_fact(&self, cause: &CauseEntry, claim: &DefectClaim, from: i64) -> Option<Arc<FactCause>> {
+        let row = cause_table().facts.iter().find(|row| row.name == cause.by)?;
         if row.is_no_consumer() {
             let fact = FactCause { next: row.next.as_str().into(), ..claim.no_consumer.as_deref()?.clone() };
             return Some(Arc::new(fact));
         }
         let node = if cause.is_on_node { claim.key.node } else { None };
-        self.facts.find(&cause.by, claim.key.bus, node, from)
+        self.facts.find_fact(&cause.by, claim.key.bus, node, from)
     }
 
     /// The last finding of a device rule about a parameter of the device, at the node of a claim.
-    fn write_of_device(&self, claim: &Claim, from: i64) -> Option<u64> {
+    fn write_of_device(&self, claim: &DefectClaim, from: i64) -> Option<u64> {
         let is_recent = |place: usize| self.courses.get(place).is_some_and(|course| course.last >= from);
-        let is_of_device = |group: &Group| {
+        let is_of_device = |group: &FindingGroup| {
             let rule = self.rules.get(usize::from(group.key.rule));
             rule.is_some_and(|rule| rule.origin == RuleOrigin::Device)
         };
@@ -119,14 +125,14 @@ impl Ledger {
     }
 
     /// Whether the condition of a group had begun when the request of a claim was sent.
-    fn precedes(&self, place: usize, claim: &Claim) -> bool {
+    fn precedes_claim(&self, place: usize, claim: &DefectClaim) -> bool {
         let start = self.courses.get(place).and_then(|course| course.last_start);
         start.zip(claim.requested).is_none_or(|(start, requested)| start <= requested)
     }
 
     /// Groups of a rule with the times of their last occurrences: about the same subject, then the latest one.
-    fn seen_of(&self, rule: u16, claim: &Claim, node: Option<NodeId>) -> [Option<(usize, i64)>; 2] {
-        let same = self.by_key.get(&Key { rule, ..claim.key.clone() });
+    fn seen_of(&self, rule: u16, claim: &DefectClaim, node: Option<NodeId>) -> [Option<(usize, i64)>; 2] {
+        let same = self.by_key.get(&GroupKey { rule, ..claim.key.clone() });
         let same = same.and_then(|place| Some((*place, self.courses.get(*place)?.last)));
         [same, self.latest.get(&(rule, claim.key.bus, node)).copied()]
     }
@@ -137,14 +143,15 @@ impl Ledger {
         for (place, group) in self.groups.iter().enumerate().filter(|(_, group)| !has_group(group)) {
             let Some(rule) = self.rules.get(usize::from(group.key.rule)) else { continue };
             if let Some(by) = self.taken_in_late(rule, group) {
-                links.push((place, by, Effect::Same));
+                links.push((place, by, CauseEffect::Same));
                 continue;
             }
             let requested = self.courses.get(place).and_then(|course| course.requested);
-            let causes = causes().of(rule, self.absorbed_by(group.key.rule));
-            for cause in causes.filter(|cause| cause.effect != Effect::Quality) {
+            let causes = cause_table().causes_of(rule, self.absorbed_by(group.key.rule));
+            for cause in causes.filter(|cause| cause.effect != CauseEffect::Quality) {
                 let found = self.latest_of(&cause.by, group, cause.is_on_node).filter(|(by, start)| {
-                    by.id != group.id && explains((by, *start), (group.began().time, requested), cause)
+                    by.id != group.id
+                        && explains_effect((by, *start), (group.first_occurrence().time, requested), cause)
                 });
                 if let Some((by, _)) = found {
                     links.push((place, by.id, cause.effect));
@@ -155,8 +162,8 @@ impl Ledger {
         self.link_late_facts();
         for (place, by, effect) in links {
             if let Some(group) = self.groups.get_mut(place) {
-                group.cause = Some(Cause::Group(by));
-                group.is_absorbed |= effect == Effect::Same;
+                group.cause = Some(FindingCause::Group(by));
+                group.is_absorbed |= effect == CauseEffect::Same;
             }
         }
     }
@@ -165,13 +172,17 @@ impl Ledger {
     fn link_late_facts(&mut self) {
         let mut links = Vec::new();
         for (place, group) in self.groups.iter().enumerate().filter(|(_, group)| group.cause.is_none()) {
-            let (Some(rule), Some(began)) = (self.rules.get(usize::from(group.key.rule)), group.began().time)
+            let (Some(rule), Some(began)) =
+                (self.rules.get(usize::from(group.key.rule)), group.first_occurrence().time)
             else {
                 continue;
             };
-            let follows =
-                self.follows(group.key.rule).iter().map(|name| (&**name, causes().follows.before, false));
-            let rows = causes().of(rule, &[]).map(|row| (row.by.as_str(), row.before, row.is_on_node));
+            let follows = self
+                .followed_names(group.key.rule)
+                .iter()
+                .map(|name| (&**name, cause_table().follows.before, false));
+            let rows =
+                cause_table().causes_of(rule, &[]).map(|row| (row.by.as_str(), row.before, row.is_on_node));
             let found = follows.chain(rows).find_map(|(name, before, is_on_node)| {
                 let node = if is_on_node { group.key.node } else { None };
                 self.facts.find_later(name, group.key.bus, node, (began, before))
@@ -180,7 +191,7 @@ impl Ledger {
         }
         for (place, fact) in links {
             if let Some(group) = self.groups.get_mut(place) {
-                group.cause = Some(Cause::Fact(fact));
+                group.cause = Some(FindingCause::Fact(fact));
             }
         }
     }
@@ -192,7 +203,12 @@ impl Ledger {
     }
 
     /// The latest group of a rule that may explain `effect`, with the start of its condition.
-    fn latest_of(&self, rule: &str, effect: &Group, is_on_node: bool) -> Option<(&Group, Option<Timestamp>)> {
+    fn latest_of(
+        &self,
+        rule: &str,
+        effect: &FindingGroup,
+        is_on_node: bool,
+    ) -> Option<(&FindingGroup, Option<Timestamp>)> {
         let place = self.rules.iter().position(|known| *known.name == *rule)?;
         let node = if is_on_node { effect.key.node } else { None };
         let (place, _) = self.latest.get(&(u16::try_from(place).ok()?, effect.key.bus, node))?;
@@ -201,23 +217,23 @@ impl Ledger {
 }
 
 /// Whether a finding is about a parameter of the device: not a communication object other than a PDO.
-const fn is_parameter(about: &About) -> bool {
+const fn is_parameter(about: &FindingSubject) -> bool {
     match about {
-        About::Object(object) => !matches!(object.index, 0x1000..=0x13FF | 0x1C00..=0x1FFF),
+        FindingSubject::Object(object) => !matches!(object.index, 0x1000..=0x13FF | 0x1C00..=0x1FFF),
         _ => false,
     }
 }
 
 /// Whether the cause of a group is another group; a fact is only the nearest explanation.
-fn has_group(group: &Group) -> bool {
-    matches!(group.cause, Some(Cause::Group(_) | Cause::Quality(_)))
+fn has_group(group: &FindingGroup) -> bool {
+    matches!(group.cause, Some(FindingCause::Group(_) | FindingCause::Quality(_)))
 }
 
 impl CauseEntry {
     /// Whether the row is about the reason and the EMCY code of a finding.
-    fn applies_to(&self, claim: &Claim) -> bool {
+    fn applies_to(&self, claim: &DefectClaim) -> bool {
         let has_code = |[first, last]: [u16; 2]| match claim.key.about {
-            About::Code(code) => (first..=last).contains(&code),
+            FindingSubject::Code(code) => (first..=last).contains(&code),
             _ => true,
         };
         (!self.is_of_parameter || is_parameter(&claim.key.about))
@@ -228,17 +244,17 @@ impl CauseEntry {
 
 /// Whether a finding, whose condition started at `start`, may explain a finding that began at `effect`, about a request
 /// sent at `requested`.
-fn explains(
-    (cause, start): (&Group, Option<Timestamp>),
+fn explains_effect(
+    (cause, start): (&FindingGroup, Option<Timestamp>),
     (effect, requested): (Option<Timestamp>, Option<Timestamp>),
     entry: &CauseEntry,
 ) -> bool {
-    let (Some(began), Some(effect)) = (cause.began().time, effect) else { return false };
+    let (Some(began), Some(effect)) = (cause.first_occurrence().time, effect) else { return false };
     // A deadline passes before a silence is reported, but the last frame of a node proves that it was alive until then.
     if start.is_some_and(|start| start < began && requested.unwrap_or(effect) < start) {
         return false;
     }
-    let holds = entry.lasts || entry.effect == Effect::Same;
+    let holds = entry.lasts || entry.effect == CauseEffect::Same;
     let lasted = cause.lasted.filter(|_| holds).unwrap_or(0);
     (-entry.before..=entry.within.saturating_add(lasted)).contains(&effect.since(began))
 }

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use crate::event::{Direction, Outcome, SdoTransfer};
+use crate::event::{SdoDirection, SdoOutcome, SdoTransfer};
 
 /// One row `[[fact]]` of `causes.toml`.
 #[derive(Debug, Deserialize)]
@@ -39,15 +39,15 @@ impl FactRow {
     }
 
     /// Text of a confirmed write to one of the objects: `1005:00 COB-ID SYNC = 40000080h written`.
-    pub(super) fn written(&self, transfer: &SdoTransfer) -> Option<String> {
+    pub(super) fn write_text(&self, transfer: &SdoTransfer) -> Option<String> {
         let object = transfer.object?;
         let is_write =
-            transfer.direction == Some(Direction::Download) && transfer.outcome == Outcome::Complete;
+            transfer.direction == Some(SdoDirection::Download) && transfer.outcome == SdoOutcome::Complete;
         let is_meant = self.objects.iter().any(|[first, last]| (*first..=*last).contains(&object.index));
         let meaning = transfer.meaning.as_ref()?;
         let is_known = is_write && is_meant && !transfer.truncated && !transfer.data.is_empty();
         is_known.then(|| {
-            let value = meaning.show(&meaning.decode(&transfer.data));
+            let value = meaning.format_value(&meaning.decode(&transfer.data));
             format!("{object} {} = {value} written", meaning.name)
         })
     }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::causes::causes;
+use super::causes::cause_table;
 use super::fact_row::FactEvent;
 use crate::event::{Event, EventKind};
 use crate::finding::{FactCause, Occurrence};
@@ -30,12 +30,12 @@ struct KnownFact {
 
 /// Facts of a capture.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Facts(Vec<KnownFact>);
+pub(super) struct LedgerFacts(Vec<KnownFact>);
 
-impl Facts {
+impl LedgerFacts {
     /// Records an event if a row names it.
-    pub(super) fn observe(&mut self, event: &Event, bus: &Bus, now: i64) {
-        for (row, known) in causes().facts.iter().enumerate() {
+    pub(super) fn observe_event(&mut self, event: &Event, bus: &Bus, now: i64) {
+        for (row, known) in cause_table().facts.iter().enumerate() {
             let seen = match (&event.kind, known.event) {
                 (EventKind::NmtCommand { service, target, .. }, FactEvent::NmtCommand) => {
                     let node = (*target != 0).then(|| NodeId::from(*target));
@@ -46,7 +46,7 @@ impl Facts {
                     is_meant.then(|| (node, format!("NMT {} commanded", service.name())))
                 }
                 (EventKind::SdoTransfer(transfer), FactEvent::Write) => {
-                    known.written(transfer).map(|text| (event.node, text))
+                    known.write_text(transfer).map(|text| (event.node, text))
                 }
                 (EventKind::CanError(_), FactEvent::CanError) => {
                     Some((None, "error frames on the bus".to_owned()))
@@ -54,12 +54,12 @@ impl Facts {
                 _ => None,
             };
             if let Some((node, text)) = seen {
-                self.add(row, (event, bus), node, text, now);
+                self.add_fact(row, (event, bus), node, text, now);
             }
         }
     }
 
-    fn add(
+    fn add_fact(
         &mut self,
         row: usize,
         (event, bus): (&Event, &Bus),
@@ -80,20 +80,20 @@ impl Facts {
         }
         let name = node.and_then(|id| bus.node(id)).and_then(|node| node.name());
         let at = Occurrence { time: event.time, frames: event.frames };
-        let next = causes().facts.get(row).map_or_else(|| "".into(), |row| row.next.as_str().into());
+        let next = cause_table().facts.get(row).map_or_else(|| "".into(), |row| row.next.as_str().into());
         let fact = Arc::new(FactCause { node, node_name: name.map(Arc::from), text, next, at });
         self.0.push(KnownFact { row, bus: event.bus, node, now, is_over: false, fact });
     }
 
     /// The last fact of a row, on a bus or about a node, not before `from`.
-    pub(super) fn find(
+    pub(super) fn find_fact(
         &self,
         name: &str,
         bus: BusIndex,
         node: Option<NodeId>,
         from: i64,
     ) -> Option<Arc<FactCause>> {
-        let row = causes().facts.iter().position(|row| row.name == name)?;
+        let row = cause_table().facts.iter().position(|row| row.name == name)?;
         let is_meant = |seen: &&KnownFact| {
             seen.row == row && seen.bus == bus && seen.now >= from && !seen.is_over && is_about(seen, node)
         };
@@ -109,7 +109,7 @@ impl Facts {
         node: Option<NodeId>,
         (effect, before): (Timestamp, i64),
     ) -> Option<Arc<FactCause>> {
-        let row = causes().facts.iter().position(|row| row.name == name)?;
+        let row = cause_table().facts.iter().position(|row| row.name == name)?;
         let is_soon = |seen: &KnownFact| {
             seen.fact.at.time.is_some_and(|time| (0..=before).contains(&time.since(effect)))
         };

@@ -2,13 +2,17 @@
 
 use std::sync::Arc;
 
-use super::Ledger;
+use super::FindingLedger;
 use super::explained::PRESUMED;
-use crate::finding::{Findings, RuleOrigin, Tally, Verdict};
+use crate::finding::{CaptureFindings, CheckTally, RuleOrigin, RuleOutcome};
 
-impl Ledger {
+impl FindingLedger {
     /// All results. Without usable timestamps (`is_timed` false), results of timing rules are discarded.
-    pub(in crate::rules) fn into_findings(mut self, is_timed: bool, mut quality: Vec<String>) -> Findings {
+    pub(in crate::rules) fn into_findings(
+        mut self,
+        is_timed: bool,
+        mut quality: Vec<String>,
+    ) -> CaptureFindings {
         self.link_late_causes();
         self.note_missing(&mut quality);
         self.forget_presumed();
@@ -18,7 +22,7 @@ impl Ledger {
             self.groups.retain(|group| !judges_time(group.key.rule));
             for (tally, rule) in self.tallies.iter_mut().zip(&mut self.rules) {
                 if rule.is_timing {
-                    *tally = Tally::default();
+                    *tally = CheckTally::default();
                     rule.needs = "usable timestamps".into();
                     for case in &rule.cases {
                         self.cases.remove(case);
@@ -32,12 +36,12 @@ impl Ledger {
                 cases.entry(Arc::clone(case)).or_default();
             }
             for case in &rule.shows {
-                cases.entry(Arc::clone(case)).or_default().add(*tally);
+                cases.entry(Arc::clone(case)).or_default().add_tally(*tally);
             }
         }
-        let suppressions = self.policy.uses(&self.groups);
+        let suppressions = self.policy.count_suppressions(&self.groups);
         let conformance = self.run.into_verdicts(is_timed, &self.rules);
-        Findings {
+        CaptureFindings {
             rules: self.rules,
             tallies: self.tallies,
             cases,
@@ -68,7 +72,7 @@ impl Ledger {
         for (rule, why) in &self.unexercised {
             let place = usize::from(*rule);
             if let (Some(info), Some(tally)) = (self.rules.get_mut(place), self.tallies.get(place))
-                && tally.verdict() == Verdict::NotExercised
+                && tally.verdict() == RuleOutcome::NotExercised
             {
                 match info.origin {
                     RuleOrigin::Expectation => {

@@ -2,43 +2,45 @@
 
 use std::sync::Arc;
 
-use crate::finding::{About, RuleInfo, RuleOrigin};
-use crate::profile::Device;
+use crate::finding::{FindingSubject, RuleInfo, RuleOrigin};
+use crate::profile::DeviceProfile;
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 
 /// Manual and section of a finding: of the rule, if it belongs to a device, else of the subject in the profile
 /// of the node. `None` if the profile does not describe the subject.
-pub(super) fn cited(rule: &RuleInfo, about: &About, node: Option<&Node>) -> Option<Arc<str>> {
+pub(super) fn cite_manual(rule: &RuleInfo, about: &FindingSubject, node: Option<&Node>) -> Option<Arc<str>> {
     if rule.origin == RuleOrigin::Device {
         return rule.source.clone();
     }
-    let node = node.filter(|node| node.assigned().is_some())?;
-    let section = section(node.device(), about)?;
-    Some(node.device().cite(section).into())
+    let node = node.filter(|node| node.assigned_by().is_some())?;
+    let section = manual_section(node.device(), about)?;
+    Some(node.device().cite_section(section).into())
 }
 
-fn section<'a>(device: &'a Device, about: &About) -> Option<&'a str> {
+fn manual_section<'a>(device: &'a DeviceProfile, about: &FindingSubject) -> Option<&'a str> {
     match about {
-        About::Object(object) => object_section(device, *object),
-        About::Code(code) => device.error(*code).map(|error| error.source.as_str()),
-        About::Fault(spn, fmi) => device.dtc(*spn, *fmi).map(|fault| fault.source.as_str()),
-        About::Pgn(pgn) => {
+        FindingSubject::Object(object) => object_section(device, *object),
+        FindingSubject::Code(code) => device.error_entry(*code).map(|error| error.source.as_str()),
+        FindingSubject::Fault(spn, fmi) => {
+            device.trouble_code_entry(*spn, *fmi).map(|fault| fault.source.as_str())
+        }
+        FindingSubject::Pgn(pgn) => {
             let covers = |first: u32, count| (first..first.saturating_add(count)).contains(pgn);
             let mut messages = device.messages.iter();
             messages.find(|it| covers(it.pgn, u32::from(it.count))).map(|message| message.source.as_str())
         }
-        About::Name(name) => {
+        FindingSubject::Name(name) => {
             let procedure = device.procedures.iter().find(|it| *it.name == **name).map(|it| &it.source);
             let pdo = || device.pdos.iter().find(|it| it.pdo.to_string() == **name).map(|it| &it.source);
             procedure.or_else(pdo).map(String::as_str)
         }
-        About::Whole | About::Id(_) => None,
+        FindingSubject::Whole | FindingSubject::Id(_) => None,
     }
 }
 
-fn object_section(device: &Device, object: ObjectAddress) -> Option<&str> {
-    let found = device.dictionary.find(object).filter(|_| device.dictionary.is_own(object))?;
+fn object_section(device: &DeviceProfile, object: ObjectAddress) -> Option<&str> {
+    let found = device.dictionary.find_object(object).filter(|_| device.dictionary.is_own(object))?;
     let entry = found.entry.map(|entry| entry.source.as_str()).filter(|source| !source.is_empty());
     Some(entry.unwrap_or(&found.object.source))
 }

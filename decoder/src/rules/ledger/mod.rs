@@ -13,14 +13,14 @@ use std::sync::Arc;
 
 use foldhash::fast::FixedState;
 
-use self::causes::{Effect, Explanation};
-use self::facts::Facts;
-use super::conformance::{Run, Standing};
-use super::policy::Policy;
+use self::causes::{CauseEffect, CauseExplanation};
+use self::facts::LedgerFacts;
+use super::conformance::{CaseStanding, ConformanceRun};
+use super::policy::RulePolicy;
 use crate::event::{Event, FindingNews, FrameRange, Kind};
 use crate::finding::{
-    About, Cause, FactCause, GROUP_LIMIT, Group, KEPT_OCCURRENCES, Key, Merge, Occurrence, RuleInfo, Scene,
-    Severity, Tally,
+    CheckTally, FactCause, FindingCause, FindingGroup, FindingScene, FindingSubject, GROUP_LIMIT, GroupKey,
+    KEPT_OCCURRENCES, MergedFindings, Occurrence, RuleInfo, Severity,
 };
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::{Bus, Node};
@@ -34,8 +34,8 @@ pub(super) const QUIET: i64 = 5_000_000_000;
 const SCENE_LIMIT: usize = 500;
 
 /// A defect reported by a rule.
-pub(super) struct Claim {
-    pub(super) key: Key,
+pub(super) struct DefectClaim {
+    pub(super) key: GroupKey,
     pub(super) severity: Option<Severity>,
     pub(super) measure: Option<f64>,
     /// Overrides the event word of the rule.
@@ -87,7 +87,7 @@ struct GroupState {
 
 /// A group opened or closed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct News {
+pub(super) struct LedgerNews {
     /// Index of the group.
     group: usize,
     pub(super) what: GroupChange,
@@ -130,14 +130,14 @@ struct DeviceRuleCauses {
 
 /// Groups, verdict counts and pending news of one capture.
 #[derive(Debug, Clone)]
-pub(super) struct Ledger {
-    policy: Arc<Policy>,
+pub(super) struct FindingLedger {
+    policy: Arc<RulePolicy>,
     pub(super) rules: Vec<RuleInfo>,
-    tallies: Vec<Tally>,
-    cases: BTreeMap<Arc<str>, Tally>,
-    groups: Vec<Group>,
+    tallies: Vec<CheckTally>,
+    cases: BTreeMap<Arc<str>, CheckTally>,
+    groups: Vec<FindingGroup>,
     courses: Vec<GroupState>,
-    by_key: HashMap<Key, usize, FixedState>,
+    by_key: HashMap<GroupKey, usize, FixedState>,
     /// First group of those that are printed as one.
     merged: HashMap<MergeKey, u64, FixedState>,
     /// Latest group of a rule on a bus (and at a node), with the monotonic time of its last occurrence.
@@ -146,22 +146,22 @@ pub(super) struct Ledger {
     /// Monotonic time of the last event of a kind on a bus.
     kinds: HashMap<(Kind, BusIndex), i64, FixedState>,
     /// Facts that may explain findings.
-    facts: Facts,
+    facts: LedgerFacts,
     ungrouped: u64,
     /// Current conformance test run.
-    run: Run,
-    pub(super) news: Vec<News>,
+    run: ConformanceRun,
+    pub(super) news: Vec<LedgerNews>,
     /// What was missing for verdicts of rules.
     unexercised: Vec<(u16, String)>,
     /// Buses that proved not to be CANopen.
     doubted: Vec<BusIndex>,
 }
 
-impl Ledger {
-    pub(super) fn new(policy: &Arc<Policy>) -> Self {
+impl FindingLedger {
+    pub(super) fn new(policy: &Arc<RulePolicy>) -> Self {
         let rules = policy.rules.clone();
         Self {
-            tallies: vec![Tally::default(); rules.len()],
+            tallies: vec![CheckTally::default(); rules.len()],
             rules,
             policy: Arc::clone(policy),
             cases: BTreeMap::new(),
@@ -172,9 +172,9 @@ impl Ledger {
             latest: HashMap::default(),
             taken: DeviceRuleCauses::default(),
             kinds: HashMap::default(),
-            facts: Facts::default(),
+            facts: LedgerFacts::default(),
             ungrouped: 0,
-            run: Run::default(),
+            run: ConformanceRun::default(),
             news: Vec::new(),
             unexercised: Vec::new(),
             doubted: Vec::new(),
@@ -182,7 +182,7 @@ impl Ledger {
     }
 
     #[inline]
-    pub(super) fn pass(&mut self, rule: u16) {
+    pub(super) fn count_pass(&mut self, rule: u16) {
         if let Some(tally) = self.tallies.get_mut(usize::from(rule)) {
             tally.passed += 1;
         }
@@ -196,7 +196,7 @@ impl Ledger {
     }
 
     /// Records what was missing for a verdict of a rule; the first record counts.
-    pub(super) fn unexercised(&mut self, rule: u16, why: String) {
+    pub(super) fn note_unexercised(&mut self, rule: u16, why: String) {
         if !self.unexercised.iter().any(|(known, _)| *known == rule) {
             self.unexercised.push((rule, why));
         }
@@ -208,36 +208,36 @@ impl Ledger {
     }
 
     /// Handles the start or end marker of a conformance test case.
-    pub(super) fn mark(&mut self, marker: TestMarker, frame: u64) {
-        self.run.mark(marker, frame, &self.rules, &self.tallies);
+    pub(super) fn on_marker(&mut self, marker: TestMarker, frame: u64) {
+        self.run.on_marker(marker, frame, &self.rules, &self.tallies);
     }
 
-    pub(super) fn waive(&mut self, rule: u16) {
+    pub(super) fn count_waiver(&mut self, rule: u16) {
         if let Some(tally) = self.tallies.get_mut(usize::from(rule)) {
             tally.waived += 1;
         }
     }
 
     /// Records an event that may explain findings.
-    pub(super) fn saw(&mut self, kind: Kind, bus: BusIndex, now: i64) {
+    pub(super) fn note_event(&mut self, kind: Kind, bus: BusIndex, now: i64) {
         self.kinds.insert((kind, bus), now);
     }
 
     /// Records a command, a write or an error frame that may explain findings.
-    pub(super) fn observe(&mut self, event: &Event, bus: &Bus, now: i64) {
-        self.facts.observe(event, bus, now);
+    pub(super) fn observe_event(&mut self, event: &Event, bus: &Bus, now: i64) {
+        self.facts.observe_event(event, bus, now);
     }
 
     /// Records a defect. Returns the index of its group if the caller must wait for [`QUIET`].
-    pub(super) fn fail(
+    pub(super) fn record_defect(
         &mut self,
-        claim: &Claim,
+        claim: &DefectClaim,
         subject: Subject<'_>,
         text: impl FnOnce() -> String,
     ) -> Option<usize> {
         let rule = self.rules.get(usize::from(claim.key.rule));
-        let standing = rule.map_or(Standing::Judged, |rule| self.run.standing(&rule.name));
-        if standing == Standing::Fact {
+        let standing = rule.map_or(CaseStanding::Judged, |rule| self.run.standing_of(&rule.name));
+        if standing == CaseStanding::Fact {
             return None;
         }
         if let Some(tally) = self.tallies.get_mut(usize::from(claim.key.rule)) {
@@ -257,22 +257,22 @@ impl Ledger {
         self.latest.insert((claim.key.rule, claim.key.bus, node), seen);
         self.latest.insert((claim.key.rule, claim.key.bus, None), seen);
         let opens = self.groups.get(place).is_some_and(|group| !group.is_open);
-        let severity = self.severity(claim, opens);
+        let severity = self.effective_severity(claim, opens);
         let rises = self.groups.get(place).is_some_and(|group| severity.0 > group.severity);
-        self.note(place, claim, opens || rises, text);
+        self.count_occurrence(place, claim, opens || rises, text);
         if opens {
             self.take_in(claim);
         }
-        self.open(place, claim, severity, opens, rises)
+        self.open_group(place, claim, severity, opens, rises)
     }
 
     /// Whether a group with this key exists.
-    pub(super) fn knows(&self, key: &Key) -> bool {
+    pub(super) fn has_group(&self, key: &GroupKey) -> bool {
         self.by_key.contains_key(key)
     }
 
     /// Adds the state of node and bus to a new group.
-    pub(super) fn set_scene(&mut self, key: &Key, scene: impl FnOnce() -> Scene) {
+    pub(super) fn set_scene(&mut self, key: &GroupKey, scene: impl FnOnce() -> FindingScene) {
         let place = self.by_key.get(key).copied().filter(|place| *place < SCENE_LIMIT);
         if let Some(group) = place.and_then(|place| self.groups.get_mut(place)) {
             group.scene = Some(Box::new(scene()));
@@ -280,11 +280,12 @@ impl Ledger {
     }
 
     /// Earlier group of the same rule that is printed in place of a new one.
-    fn representative(&mut self, claim: &Claim, id: u64) -> Option<u64> {
-        let merge = self.rules.get(usize::from(claim.key.rule)).map_or(Merge::Subject, |rule| rule.merge);
+    fn find_representative(&mut self, claim: &DefectClaim, id: u64) -> Option<u64> {
+        let merge =
+            self.rules.get(usize::from(claim.key.rule)).map_or(MergedFindings::Subject, |rule| rule.merge);
         let subject = match (merge, &claim.key.about) {
-            (Merge::Index, About::Object(object)) => Some(object.index),
-            (Merge::Node, _) => None,
+            (MergedFindings::Index, FindingSubject::Object(object)) => Some(object.index),
+            (MergedFindings::Node, _) => None,
             _ => return None,
         };
         let key = (claim.key.rule, claim.key.bus, claim.key.node, subject, claim.reason.clone());
@@ -292,10 +293,10 @@ impl Ledger {
         (first != id).then_some(first)
     }
 
-    fn add_group(&mut self, claim: &Claim, (bus, node): Subject<'_>) -> usize {
+    fn add_group(&mut self, claim: &DefectClaim, (bus, node): Subject<'_>) -> usize {
         let place = self.groups.len();
         let rule = self.rules.get(usize::from(claim.key.rule));
-        let mut group = Group {
+        let mut group = FindingGroup {
             id: place as u64 + 1,
             key: claim.key.clone(),
             rule: rule.map_or_else(|| "".into(), |rule| Arc::clone(&rule.name)),
@@ -303,7 +304,7 @@ impl Ledger {
             node_name: node.and_then(Node::name).map(Arc::from),
             object_name: object_name(&claim.key.about, node),
             next_step: rule.and_then(|rule| rule.next_step.clone()),
-            manual: rule.and_then(|rule| manual::cited(rule, &claim.key.about, node)),
+            manual: rule.and_then(|rule| manual::cite_manual(rule, &claim.key.about, node)),
             severity: Severity::Note,
             text: String::new(),
             worst: None,
@@ -314,13 +315,13 @@ impl Ledger {
             last: VecDeque::new(),
             cause: None,
             is_absorbed: false,
-            member_of: self.representative(claim, place as u64 + 1),
+            member_of: self.find_representative(claim, place as u64 + 1),
             scene: None,
             downgraded: None,
             suppressed: None,
             is_open: false,
         };
-        group.suppressed = self.policy.suppression(&group);
+        group.suppressed = self.policy.suppression_reason(&group);
         self.groups.push(group);
         self.courses.push(GroupState {
             worst: f64::NEG_INFINITY,
@@ -335,7 +336,13 @@ impl Ledger {
     }
 
     /// Counts an occurrence.
-    fn note(&mut self, place: usize, claim: &Claim, is_said: bool, text: impl FnOnce() -> String) {
+    fn count_occurrence(
+        &mut self,
+        place: usize,
+        claim: &DefectClaim,
+        is_said: bool,
+        text: impl FnOnce() -> String,
+    ) {
         let (Some(group), Some(course)) = (self.groups.get_mut(place), self.courses.get_mut(place)) else {
             return;
         };
@@ -372,18 +379,18 @@ impl Ledger {
 
     /// Opens a closed group, or emits an open one again if its severity rises. Returns the index if the
     /// caller must wait for [`QUIET`].
-    fn open(
+    fn open_group(
         &mut self,
         place: usize,
-        claim: &Claim,
-        (severity, reason, explained): (Severity, Option<String>, Option<Explanation>),
+        claim: &DefectClaim,
+        (severity, reason, explained): (Severity, Option<String>, Option<CauseExplanation>),
         opens: bool,
         rises: bool,
     ) -> Option<usize> {
         let (group, course) = (self.groups.get_mut(place)?, self.courses.get_mut(place)?);
-        if let Some(Explanation { effect, by }) = explained {
-            group.is_absorbed |= effect == Effect::Same;
-            if group.cause.is_none() && by != Cause::Group(group.id) {
+        if let Some(CauseExplanation { effect, by }) = explained {
+            group.is_absorbed |= effect == CauseEffect::Same;
+            if group.cause.is_none() && by != FindingCause::Group(group.id) {
                 group.cause = Some(by);
             }
         }
@@ -399,7 +406,7 @@ impl Ledger {
             course.since = claim.since;
         }
         if opens || rises {
-            self.news.push(News { group: place, what: GroupChange::Opened, at: claim.at });
+            self.news.push(LedgerNews { group: place, what: GroupChange::Opened, at: claim.at });
         }
         if !opens {
             // A wait is pending already, unless the condition was ongoing.
@@ -412,7 +419,7 @@ impl Ledger {
     }
 
     /// Closes a group after [`QUIET`]; returns the time of the next check if it is too early.
-    pub(super) fn quiet(&mut self, place: usize, now: i64, at: Occurrence) -> Option<i64> {
+    pub(super) fn close_if_quiet(&mut self, place: usize, now: i64, at: Occurrence) -> Option<i64> {
         let course = self.courses.get(place)?;
         let over = course.last.saturating_add(QUIET);
         if course.is_ongoing {
@@ -421,18 +428,18 @@ impl Ledger {
         if over > now {
             return Some(over);
         }
-        self.close(place, GroupChange::Closed, at);
+        self.close_group(place, GroupChange::Closed, at);
         None
     }
 
     /// Closes a group whose condition is over.
-    pub(super) fn close_key(&mut self, key: &Key, at: Occurrence) {
+    pub(super) fn close_key(&mut self, key: &GroupKey, at: Occurrence) {
         if let Some(place) = self.by_key.get(key).copied() {
-            self.close(place, GroupChange::Closed, at);
+            self.close_group(place, GroupChange::Closed, at);
         }
     }
 
-    fn close(&mut self, place: usize, what: GroupChange, at: Occurrence) {
+    fn close_group(&mut self, place: usize, what: GroupChange, at: Occurrence) {
         if let (Some(group), Some(course)) = (self.groups.get_mut(place), self.courses.get_mut(place))
             && std::mem::replace(&mut group.is_open, false)
         {
@@ -440,7 +447,7 @@ impl Ledger {
                 group.lasted = Some(group.lasted.unwrap_or(0).saturating_add(end.since(since)));
                 group.lasts_to_end = what == GroupChange::Ended;
             }
-            self.news.push(News { group: place, what, at });
+            self.news.push(LedgerNews { group: place, what, at });
         }
     }
 
@@ -449,18 +456,18 @@ impl Ledger {
         if bus.is_canopen_rejected() {
             self.doubted.push(bus.index());
         }
-        let at = occurrence(bus.stamp_of(bus.now()), FrameRange::one(bus.last_frame()));
+        let at = build_occurrence(bus.stamp_of(bus.now()), FrameRange::one(bus.last_frame()));
         for place in 0..self.groups.len() {
             if self.groups.get(place).is_some_and(|group| group.key.bus == bus.index()) {
-                self.close(place, GroupChange::Ended, at);
+                self.close_group(place, GroupChange::Ended, at);
             }
         }
     }
 
     /// Content of a finding event with its group; None if the group is suppressed or absorbed.
-    pub(super) fn finding_news(&self, news: News) -> Option<(&Group, FindingNews)> {
+    pub(super) fn finding_news(&self, news: LedgerNews) -> Option<(&FindingGroup, FindingNews)> {
         let (group, course) = (self.groups.get(news.group)?, self.courses.get(news.group)?);
-        if !group.counts() {
+        if !group.is_reported() {
             return None;
         }
         let rule = self.rules.get(usize::from(group.key.rule))?;
@@ -470,18 +477,18 @@ impl Ledger {
         };
         let (count, is_at_end) = (course.since_open, news.what == GroupChange::Ended);
         let word = course.word.unwrap_or(rule.word);
-        let news = FindingNews { word, text, count, is_at_end, ..group.news(rule) };
+        let news = FindingNews { word, text, count, is_at_end, ..group.opening_news(rule) };
         Some((group, news))
     }
 }
 
 /// Name of the object that a finding is about.
-fn object_name(about: &About, node: Option<&Node>) -> Option<Arc<str>> {
-    let About::Object(object) = about else { return None };
+fn object_name(about: &FindingSubject, node: Option<&Node>) -> Option<Arc<str>> {
+    let FindingSubject::Object(object) = about else { return None };
     node?.meaning(*object).map(|meaning| meaning.name.into())
 }
 
 /// Occurrence with its time and frames.
-pub(super) fn occurrence(time: Option<Timestamp>, frames: FrameRange) -> Occurrence {
+pub(super) fn build_occurrence(time: Option<Timestamp>, frames: FrameRange) -> Occurrence {
     Occurrence { time, frames }
 }

@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
-use super::causes::causes;
-use super::{Claim, Ledger, RuleRelations};
-use crate::finding::{About, Cause, Group, Key, RuleInfo, RuleOrigin, Tally};
+use super::causes::cause_table;
+use super::{DefectClaim, FindingLedger, RuleRelations};
+use crate::finding::{
+    CheckTally, FindingCause, FindingGroup, FindingSubject, GroupKey, RuleInfo, RuleOrigin,
+};
 
 /// Maximum number of device rules of a capture.
 const DEVICE_RULE_LIMIT: usize = 4096;
@@ -13,7 +15,7 @@ const DEVICE_RULE_LIMIT: usize = 4096;
 /// reported a minute after a fault at its start.
 const WINDOW: i64 = 60_000_000_000;
 
-impl Ledger {
+impl FindingLedger {
     /// Registers a device rule and returns its index; None if it is switched off or [`DEVICE_RULE_LIMIT`] is
     /// reached.
     pub(in crate::rules) fn add_rule(&mut self, mut info: RuleInfo, relations: RuleRelations) -> Option<u16> {
@@ -24,10 +26,10 @@ impl Ledger {
         let own = self.rules.iter().filter(|rule| rule.origin == RuleOrigin::Device).count();
         let place = u16::try_from(self.rules.len()).ok().filter(|_| own < DEVICE_RULE_LIMIT)?;
         info.is_on = !self.policy.is_off(&info.name);
-        info.severity = self.policy.severity(&info.name).unwrap_or(info.severity);
+        info.severity = self.policy.severity_of(&info.name).unwrap_or(info.severity);
         let is_on = info.is_on;
         self.rules.push(info);
-        self.tallies.push(Tally::default());
+        self.tallies.push(CheckTally::default());
         if !is_on {
             return None;
         }
@@ -44,59 +46,58 @@ impl Ledger {
     }
 
     /// Finding of a device rule that absorbs this defect at its time.
-    pub(super) fn taken_in_by(&self, rule: &RuleInfo, claim: &Claim) -> Option<u64> {
-        let place = self.taker(rule, &claim.key)?;
+    pub(super) fn taken_in_by(&self, rule: &RuleInfo, claim: &DefectClaim) -> Option<u64> {
+        let place = self.absorbing_group(rule, &claim.key)?;
         let seen = self.courses.get(place)?.last;
         (seen >= claim.now.saturating_sub(WINDOW)).then(|| self.groups.get(place).map(|group| group.id))?
     }
 
     /// Like [`Self::taken_in_by`] at the end of the capture: the absorbing finding may have been reported
     /// later.
-    pub(super) fn taken_in_late(&self, rule: &RuleInfo, group: &Group) -> Option<u64> {
-        let by = self.groups.get(self.taker(rule, &group.key)?)?;
-        let (one, other) = group.began().time.zip(by.began().time)?;
+    pub(super) fn taken_in_late(&self, rule: &RuleInfo, group: &FindingGroup) -> Option<u64> {
+        let by = self.groups.get(self.absorbing_group(rule, &group.key)?)?;
+        let (one, other) = group.first_occurrence().time.zip(by.first_occurrence().time)?;
         (one.since(other).unsigned_abs() <= WINDOW.unsigned_abs()).then_some(by.id)
     }
 
     /// Names in `follows` of a device rule.
-    pub(super) fn follows(&self, rule: u16) -> &[Arc<str>] {
+    pub(super) fn followed_names(&self, rule: u16) -> &[Arc<str>] {
         self.taken.by_rule.get(&rule).map_or(&[], |it| it.follows.as_slice())
     }
 
     /// Finding or fact in `follows` of a device rule that explains this defect: it lasts, or was recent.
-    pub(super) fn followed(&self, claim: &Claim) -> Option<Cause> {
+    pub(super) fn followed_cause(&self, claim: &DefectClaim) -> Option<FindingCause> {
         let follows = &self.taken.by_rule.get(&claim.key.rule)?.follows;
-        let from = claim.now.saturating_sub(causes().follows.within);
+        let from = claim.now.saturating_sub(cause_table().follows.within);
         follows.iter().find_map(|name| {
             let Some(rule) = self.rules.iter().position(|rule| rule.name == *name) else {
-                return self.facts.find(name, claim.key.bus, None, from).map(Cause::Fact);
+                return self.facts.find_fact(name, claim.key.bus, None, from).map(FindingCause::Fact);
             };
             let key = (u16::try_from(rule).ok()?, claim.key.bus, claim.key.node);
             let (place, seen) = *self.latest.get(&key)?;
             let group = self.groups.get(place)?;
-            (seen >= from || self.is_ongoing(place)).then_some(Cause::Group(group.id))
+            (seen >= from || self.is_ongoing(place)).then_some(FindingCause::Group(group.id))
         })
     }
 
     /// Index of the absorbing finding at the same node.
-    fn taker(&self, rule: &RuleInfo, key: &Key) -> Option<usize> {
+    fn absorbing_group(&self, rule: &RuleInfo, key: &GroupKey) -> Option<usize> {
         self.taken.by_effect.get(&rule.name)?.iter().find_map(|by| self.of_same_matter(*by, key))
     }
 
     /// Index of a finding of a rule at the same node: about the same subject, else not about a different
     /// object.
-    fn of_same_matter(&self, rule: u16, key: &Key) -> Option<usize> {
+    fn of_same_matter(&self, rule: u16, key: &GroupKey) -> Option<usize> {
         let latest = self.latest.get(&(rule, key.bus, key.node)).map(|(place, _)| *place);
-        let place = self.by_key.get(&Key { rule, ..key.clone() }).copied().or(latest)?;
+        let place = self.by_key.get(&GroupKey { rule, ..key.clone() }).copied().or(latest)?;
         let about = &self.groups.get(place)?.key.about;
         // A finding about another object has another cause.
-        let is_other =
-            matches!((about, &key.about), (About::Object(one), About::Object(other)) if one != other);
+        let is_other = matches!((about, &key.about), (FindingSubject::Object(one), FindingSubject::Object(other)) if one != other);
         (!is_other).then_some(place)
     }
 
     /// Absorbs earlier findings when a finding of a rule with `takes_in` opens.
-    pub(super) fn take_in(&mut self, claim: &Claim) {
+    pub(super) fn take_in(&mut self, claim: &DefectClaim) {
         let Some(effects) =
             self.taken.by_rule.get(&claim.key.rule).map(|it| &it.takes_in).filter(|it| !it.is_empty())
         else {
@@ -115,7 +116,7 @@ impl Ledger {
                 self.courses.get(place).is_some_and(|course| course.last >= claim.now.saturating_sub(WINDOW));
             if let Some(group) = self.groups.get_mut(place).filter(|group| is_recent && group.cause.is_none())
             {
-                group.cause = Some(Cause::Group(id));
+                group.cause = Some(FindingCause::Group(id));
                 group.is_absorbed = true;
             }
         }

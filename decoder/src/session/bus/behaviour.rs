@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::moment::Moment;
+use super::moment::FrameMoment;
 use super::procedures::{ProcedureResult, RunningProcedure};
 use super::set_point::SetPointState;
 use super::state_machine::MachineState;
@@ -12,7 +12,7 @@ use crate::wire::canopen::nmt::NmtService;
 
 /// Device state of one node.
 #[derive(Debug, Clone, Default)]
-pub(in crate::session) struct Behaviour {
+pub(in crate::session) struct DeviceBehaviour {
     /// Last raw values of the objects in PDOs that a plan watches.
     pub(in crate::session) words: Vec<(ObjectAddress, u64)>,
     pub(in crate::session) machines: Vec<MachineState>,
@@ -23,26 +23,26 @@ pub(in crate::session) struct Behaviour {
     /// Modes emitted last.
     pub(in crate::session) modes: Vec<(ObjectAddress, i64)>,
     /// Last NMT commands, latest first.
-    pub(in crate::session) nmt: [Option<Moment<NmtService>>; 3],
-    pub(in crate::session) emcy: Option<Moment<u16>>,
+    pub(in crate::session) nmt: [Option<FrameMoment<NmtService>>; 3],
+    pub(in crate::session) emcy: Option<FrameMoment<u16>>,
     /// Last fault reported by DM1: SPN and FMI.
-    pub(in crate::session) dtc: Option<Moment<(u32, u8)>>,
+    pub(in crate::session) dtc: Option<FrameMoment<(u32, u8)>>,
     /// Messages not received within the time in the manual.
     pub(in crate::session) overdue: Vec<Arc<str>>,
-    pub(in crate::session) boot: Option<Moment<()>>,
-    pub(in crate::session) sync: Option<Moment<()>>,
+    pub(in crate::session) boot: Option<FrameMoment<()>>,
+    pub(in crate::session) sync: Option<FrameMoment<()>>,
     /// A SYNC deadline of set points is in the timer queue.
     pub(in crate::session) sync_queued: bool,
 }
 
-impl Behaviour {
+impl DeviceBehaviour {
     /// Last raw value of a watched object in a PDO.
-    pub(in crate::session) fn word(&self, object: ObjectAddress) -> Option<u64> {
+    pub(in crate::session) fn last_word(&self, object: ObjectAddress) -> Option<u64> {
         self.words.iter().find(|(known, _)| *known == object).map(|(_, raw)| *raw)
     }
 
     /// Stores a raw value and returns the previous one.
-    pub(in crate::session) fn note(&mut self, object: ObjectAddress, raw: u64) -> Option<u64> {
+    pub(in crate::session) fn note_value(&mut self, object: ObjectAddress, raw: u64) -> Option<u64> {
         if let Some((_, known)) = self.words.iter_mut().find(|(known, _)| *known == object) {
             return Some(std::mem::replace(known, raw));
         }
@@ -70,9 +70,9 @@ impl Behaviour {
     }
 
     /// Moves deadlines by `delay` ns, during which all traffic stopped.
-    pub(in crate::session) fn postpone(&mut self, delay: i64) {
+    pub(in crate::session) fn postpone_deadlines(&mut self, delay: i64) {
         for point in &mut self.set_points {
-            point.postpone(delay);
+            point.postpone_value(delay);
         }
     }
 

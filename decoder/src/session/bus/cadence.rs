@@ -52,7 +52,7 @@ impl Cadence {
     }
 
     /// Device whose manual gives the time, and the max interval in ns.
-    pub(in crate::session) fn limit(&self) -> (NodeId, i64) {
+    pub(in crate::session) fn max_interval(&self) -> (NodeId, i64) {
         (self.node, self.limit)
     }
 
@@ -62,19 +62,19 @@ impl Cadence {
     }
 
     /// Monotonic time of the last message; `None` before the first.
-    pub(in crate::session) fn last(&self) -> Option<i64> {
+    pub(in crate::session) fn last_reception(&self) -> Option<i64> {
         (self.last_frame != 0).then_some(self.last)
     }
 
     /// Moves the last reception by `delay` ns, during which all traffic stopped.
-    pub(in crate::session) fn postpone(&mut self, delay: i64) {
+    pub(in crate::session) fn postpone_reception(&mut self, delay: i64) {
         if !self.is_overdue {
             self.last = self.last.saturating_add(delay);
         }
     }
 
     /// Median of the last intervals and max deviation from it, in ns; `None` for fewer than three.
-    pub(in crate::session) fn usual(&self) -> Option<(i64, i64)> {
+    pub(in crate::session) fn usual_interval(&self) -> Option<(i64, i64)> {
         let mut sorted: Vec<i64> = self.intervals.iter().copied().filter(|interval| *interval > 0).collect();
         if sorted.len() < 3 {
             return None;
@@ -85,14 +85,14 @@ impl Cadence {
         Some((median, i64::try_from(deviation).unwrap_or(i64::MAX)))
     }
 
-    pub(in crate::session) fn gap(&self, now: i64, came_again: bool) -> EventKind {
+    pub(in crate::session) fn gap_event(&self, now: i64, came_again: bool) -> EventKind {
         EventKind::MessageGap(Box::new(MessageGap {
             message: self.title.clone(),
             pgn: self.id.pgn,
             source: self.id.source,
             gap: now.saturating_sub(self.last),
             limit: self.limit,
-            usual: self.usual(),
+            usual: self.usual_interval(),
             came_again,
         }))
     }

@@ -24,12 +24,12 @@ pub(in crate::session) struct SdoChannels {
 impl SdoChannels {
     /// Default channel of a node (0x600 and 0x580 + node-ID).
     pub(in crate::session) fn default_channel(&mut self, node: u8) -> Option<u16> {
-        let id = |base: u16| CanId::standard(base + u16::from(node));
-        self.add(node, 0x1200, id(0x600), id(0x580), None)
+        let id = |base: u16| CanId::from_standard(base + u16::from(node));
+        self.add_channel(node, 0x1200, id(0x600), id(0x580), None)
     }
 
     /// Adds the channel of a server parameter, or replaces the identifiers of an existing one.
-    pub(in crate::session) fn add(
+    pub(in crate::session) fn add_channel(
         &mut self,
         server: u8,
         parameter: u16,
@@ -68,7 +68,7 @@ impl SdoChannels {
             self.list.get_mut(index)?.client = Some(client);
             return u16::try_from(index).ok();
         }
-        self.add(server, parameter, request, response, Some(client))
+        self.add_channel(server, parameter, request, response, Some(client))
     }
 
     fn get(&self, channel: u16) -> Option<&SdoChannel> {
@@ -76,17 +76,17 @@ impl SdoChannels {
     }
 
     /// Node-ID of the server.
-    pub(in crate::session) fn server(&self, channel: u16) -> Option<u8> {
+    pub(in crate::session) fn server_node(&self, channel: u16) -> Option<u8> {
         self.get(channel).map(|channel| channel.server)
     }
 
     /// Node-ID of the client; `None` if not configured.
-    pub(in crate::session) fn client(&self, channel: u16) -> Option<u8> {
+    pub(in crate::session) fn client_node(&self, channel: u16) -> Option<u8> {
         self.get(channel)?.client
     }
 
     /// Identifiers of request and response.
-    pub(in crate::session) fn ids(&self, channel: u16) -> Option<(CanId, CanId)> {
+    pub(in crate::session) fn channel_ids(&self, channel: u16) -> Option<(CanId, CanId)> {
         self.get(channel).map(|channel| (channel.request, channel.response))
     }
 

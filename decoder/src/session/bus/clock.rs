@@ -21,7 +21,7 @@ const SHORTEST_SILENCE: i64 = 10_000_000;
 
 /// Monotonic time, and gaps of the traffic.
 #[derive(Debug, Clone, Default)]
-pub(in crate::session) struct Clock {
+pub(in crate::session) struct BusClock {
     last_stamp: Option<i64>,
     offset: i64,
     now: i64,
@@ -29,7 +29,7 @@ pub(in crate::session) struct Clock {
     heard: i64,
     /// `now` and `heard` are the last timestamp with its offset, and intervals between timestamps have varied.
     is_regular: bool,
-    gaps: Gaps,
+    gaps: TrafficGaps,
     steps: IntervalSteps,
 }
 
@@ -43,7 +43,7 @@ struct IntervalSteps {
 
 /// Longest gaps between frames, in ns.
 #[derive(Debug, Clone, Default)]
-struct Gaps {
+struct TrafficGaps {
     longest: i64,
     /// Of the window before.
     before: i64,
@@ -63,7 +63,7 @@ pub(crate) struct AmbiguousGap {
 
 /// Result of a new timestamp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::session) struct Advance {
+pub(in crate::session) struct ClockAdvance {
     /// Monotonic time in ns.
     pub(in crate::session) now: i64,
     /// Difference to the previous timestamp in ns, if negative.
@@ -72,11 +72,11 @@ pub(in crate::session) struct Advance {
     pub(in crate::session) gap: Option<i64>,
 }
 
-impl Clock {
+impl BusClock {
     /// Monotonic time of the next frame, if its timestamp follows the last one within the longest recent gap; `None`
     /// otherwise.
     #[inline]
-    pub(in crate::session) fn regular(&self, stamp: Timestamp) -> Option<i64> {
+    pub(in crate::session) fn regular_time(&self, stamp: Timestamp) -> Option<i64> {
         let last = self.last_stamp.filter(|_| self.is_regular)?;
         // The difference of two timestamps always fits an unsigned number, if it is not negative.
         let gap = stamp.0.wrapping_sub(last).cast_unsigned();
@@ -84,7 +84,7 @@ impl Clock {
         is_short.then_some(stamp.0.wrapping_add(self.offset))
     }
 
-    /// Applies a timestamp for which [`Self::regular`] returned `now`.
+    /// Applies a timestamp for which [`Self::regular_time`] returned `now`.
     #[inline]
     pub(in crate::session) fn advance_regularly(&mut self, stamp: Timestamp, now: i64) {
         self.last_stamp = Some(stamp.0);
@@ -93,7 +93,7 @@ impl Clock {
     }
 
     /// Applies the timestamp of the next frame.
-    pub(in crate::session) fn advance(&mut self, stamp: Timestamp) -> Advance {
+    pub(in crate::session) fn advance_to(&mut self, stamp: Timestamp) -> ClockAdvance {
         let advance = self.advance_by(stamp);
         let is_in_step = Some(self.now) == stamp.0.checked_add(self.offset) && self.heard == self.now;
         self.is_regular = is_in_step && self.steps.have_varied;
@@ -101,13 +101,13 @@ impl Clock {
     }
 
     #[inline]
-    fn advance_by(&mut self, stamp: Timestamp) -> Advance {
+    fn advance_by(&mut self, stamp: Timestamp) -> ClockAdvance {
         let Some(last_stamp) = self.last_stamp.replace(stamp.0) else {
             (self.now, self.heard) = (stamp.0, stamp.0);
-            return Advance { now: self.now, step: None, gap: None };
+            return ClockAdvance { now: self.now, step: None, gap: None };
         };
         if !self.steps.have_varied {
-            self.steps.add(stamp.0.saturating_sub(last_stamp));
+            self.steps.add_interval(stamp.0.saturating_sub(last_stamp));
         }
         let mut step = None;
         if stamp.0 < last_stamp {
@@ -121,7 +121,7 @@ impl Clock {
         self.heard = before.max(stamp.0.saturating_add(self.offset));
         self.now = self.now.max(self.heard);
         let gap = self.heard.saturating_sub(before);
-        Advance { now: self.now, step, gap: Some(gap).filter(|gap| self.gaps.is_unusual(*gap)) }
+        ClockAdvance { now: self.now, step, gap: Some(gap).filter(|gap| self.gaps.is_unusual(*gap)) }
     }
 
     /// Continues from the present time with timestamps that are later by `step` ns.
@@ -137,16 +137,16 @@ impl Clock {
 
     /// Gap above which the bus may be silent, in ns.
     pub(in crate::session) fn usual_gap(&self) -> i64 {
-        self.gaps.limit()
+        self.gaps.gap_limit()
     }
 
     /// Makes an unusual gap that was not a silence part of the pattern.
-    pub(in crate::session) fn accept(&mut self, gap: i64) {
-        self.gaps.accept(gap);
+    pub(in crate::session) fn accept_gap(&mut self, gap: i64) {
+        self.gaps.accept_gap(gap);
     }
 
     /// Advances to `stamp` without a frame, at most to `last`: only the next frame shows whether the bus was silent.
-    pub(in crate::session) fn pass(&mut self, stamp: Timestamp, last: i64) -> i64 {
+    pub(in crate::session) fn advance_without_frame(&mut self, stamp: Timestamp, last: i64) -> i64 {
         self.now = self.now.max(stamp.0.saturating_add(self.offset).min(last));
         self.is_regular = false;
         self.now
@@ -168,7 +168,7 @@ impl Clock {
     }
 
     /// Whether frames have timestamps.
-    pub(in crate::session) fn runs(&self) -> bool {
+    pub(in crate::session) fn has_timestamps(&self) -> bool {
         self.last_stamp.is_some()
     }
 
@@ -178,15 +178,15 @@ impl Clock {
     }
 }
 
-impl Gaps {
-    fn limit(&self) -> i64 {
+impl TrafficGaps {
+    fn gap_limit(&self) -> i64 {
         self.longest.max(self.before).saturating_mul(UNUSUAL).max(SHORTEST_SILENCE)
     }
 
     /// Registers a gap; an unusual one is not part of the pattern.
     #[inline]
     fn is_unusual(&mut self, gap: i64) -> bool {
-        let is_unusual = gap > self.longest && gap > self.limit();
+        let is_unusual = gap > self.longest && gap > self.gap_limit();
         if !is_unusual {
             self.longest = self.longest.max(gap);
         }
@@ -207,14 +207,14 @@ impl Gaps {
     }
 
     /// Makes an unusual gap part of the pattern.
-    fn accept(&mut self, gap: i64) {
+    fn accept_gap(&mut self, gap: i64) {
         self.longest = self.longest.max(gap);
     }
 }
 
 impl IntervalSteps {
     #[cold]
-    fn add(&mut self, interval: i64) {
+    fn add_interval(&mut self, interval: i64) {
         // Equal timestamps occur in a burst, or without timestamping.
         self.have_varied = interval <= 0 || self.count > 0 && interval != self.interval;
         self.interval = interval;
@@ -228,13 +228,13 @@ mod tests {
 
     const MS: i64 = 1_000_000;
 
-    fn at(clock: &mut Clock, milliseconds: i64) -> Advance {
-        clock.advance(Timestamp(milliseconds * MS))
+    fn at(clock: &mut BusClock, milliseconds: i64) -> ClockAdvance {
+        clock.advance_to(Timestamp(milliseconds * MS))
     }
 
     #[test]
     fn small_backward_steps_stop_time_and_large_ones_shift_it() {
-        let mut clock = Clock::default();
+        let mut clock = BusClock::default();
         at(&mut clock, 5_000);
         let back = at(&mut clock, 4_990);
         assert_eq!((back.now, back.step), (5_000 * MS, Some(-10 * MS)));
@@ -248,7 +248,7 @@ mod tests {
     #[test]
     fn a_step_back_of_1_s_is_jitter_and_a_longer_one_is_not() {
         for (stamp, then, now) in [(4_000, 4_500, 5_000), (3_999, 4_499, 5_500)] {
-            let mut clock = Clock::default();
+            let mut clock = BusClock::default();
             at(&mut clock, 5_000);
             assert_eq!(at(&mut clock, stamp).now, 5_000 * MS);
             assert_eq!(at(&mut clock, then).now, now * MS);
@@ -257,12 +257,12 @@ mod tests {
 
     #[test]
     fn a_gap_of_more_than_ten_times_the_longest_is_unusual() {
-        let mut clock = Clock::default();
+        let mut clock = BusClock::default();
         for index in 0..300 {
             assert_eq!(at(&mut clock, index * 10).gap, None);
         }
         assert_eq!(at(&mut clock, 2_990 + 100).gap, None);
-        clock.accept(100 * MS);
+        clock.accept_gap(100 * MS);
         assert_eq!(at(&mut clock, 3_090 + 1_000).gap, None);
         assert_eq!(at(&mut clock, 4_090 + 10_001).gap, Some(10_001 * MS));
     }
@@ -272,21 +272,21 @@ mod tests {
     fn regular_frames_give_the_same_clock() {
         let stamps = [0, 5, 12, 13, 13, 20, 19, 21, 27, 2_000, 2_001, 900, 901, 907, 915, 916].into_iter();
         let stamps = stamps.chain((0..2_500).map(|n| 920 + n * 3 + n % 2));
-        let (mut clock, mut other) = (Clock::default(), Clock::default());
+        let (mut clock, mut other) = (BusClock::default(), BusClock::default());
         let mut regular = 0;
         for (number, stamp) in stamps.enumerate() {
             let stamp = Timestamp(stamp * MS);
             if number == 1_000 {
-                clock.pass(stamp, i64::MAX);
-                other.pass(stamp, i64::MAX);
+                clock.advance_without_frame(stamp, i64::MAX);
+                other.advance_without_frame(stamp, i64::MAX);
             }
-            if let Some(now) = clock.regular(stamp) {
+            if let Some(now) = clock.regular_time(stamp) {
                 clock.advance_regularly(stamp, now);
                 regular += 1;
             } else {
-                clock.advance(stamp);
+                clock.advance_to(stamp);
             }
-            other.advance(stamp);
+            other.advance_to(stamp);
             assert_eq!((clock.now, clock.heard, clock.offset), (other.now, other.heard, other.offset));
             assert_eq!(clock.usual_gap(), other.usual_gap(), "{number}");
         }
@@ -295,7 +295,7 @@ mod tests {
 
     #[test]
     fn old_gaps_are_forgotten() {
-        let mut clock = Clock::default();
+        let mut clock = BusClock::default();
         at(&mut clock, 0);
         at(&mut clock, 5);
         at(&mut clock, 50);
@@ -307,13 +307,13 @@ mod tests {
 
     #[test]
     fn time_that_passes_without_frames_is_limited() {
-        let mut clock = Clock::default();
+        let mut clock = BusClock::default();
         at(&mut clock, 2_990);
         for milliseconds in [3_050, 3_150, 4_000] {
-            clock.pass(Timestamp(milliseconds * MS), 3_190 * MS);
+            clock.advance_without_frame(Timestamp(milliseconds * MS), 3_190 * MS);
         }
         assert_eq!(clock.now(), 3_190 * MS);
-        clock.pass(Timestamp(6_150 * MS), i64::MAX);
+        clock.advance_without_frame(Timestamp(6_150 * MS), i64::MAX);
         assert_eq!(at(&mut clock, 6_145).now, 6_150 * MS);
     }
 }

@@ -6,7 +6,7 @@ use crate::wire::canopen::ObjectAddress;
 
 /// Contradictions already emitted; each is emitted only once.
 #[derive(Debug, Clone, Default)]
-pub(in crate::session) struct Conflicts {
+pub(in crate::session) struct EmittedConflicts {
     /// Objects, and hashes of the contradicting values.
     pub(in crate::session) told: BTreeSet<(ObjectAddress, u64)>,
     /// Objects that were written: their value may differ from the device file.
@@ -14,7 +14,7 @@ pub(in crate::session) struct Conflicts {
     pub(in crate::session) is_full: bool,
 }
 
-impl Conflicts {
+impl EmittedConflicts {
     /// Bytes held by the sets.
     pub(in crate::session) fn footprint(&self) -> usize {
         self.told.len() * size_of::<(ObjectAddress, u64)>() + self.written.len() * size_of::<ObjectAddress>()

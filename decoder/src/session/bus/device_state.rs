@@ -2,10 +2,10 @@
 
 use super::node::Node;
 use super::state::Bus;
-use super::state_machine::{fits, leads, leave};
+use super::state_machine::{is_triggered_by, leads_to, leave_text};
 use crate::event::EventKind;
 use crate::frame::CanId;
-use crate::profile::device::State;
+use crate::profile::device::StateDefinition;
 use crate::wire::NodeId;
 
 /// Time in ns after which a fault reset bit that stays 1 is reported as held.
@@ -17,7 +17,7 @@ const TRANSITION: i64 = 1_000_000_000;
 
 impl Node {
     /// State reported by the machine `place`.
-    pub fn reported_state(&self, place: usize) -> Option<&State> {
+    pub fn reported_state(&self, place: usize) -> Option<&StateDefinition> {
         let known = self.behaviour.machines.get(place).filter(|known| !known.is_old)?;
         let state = known.state?;
         self.device.machines.get(place)?.states.get(usize::from(state))
@@ -41,7 +41,7 @@ impl Node {
             return false;
         }
         let control = known.control.unwrap_or(0);
-        states.iter().any(|to| leads(machine, &from.name, to, control, known.rising))
+        states.iter().any(|to| leads_to(machine, &from.name, to, control, known.rising))
     }
 
     /// Last control word sent to a machine; `None` if none was seen.
@@ -50,14 +50,14 @@ impl Node {
     }
 
     /// State reached from the reported one with the last control word, without a 0 → 1 edge of any bit.
-    pub fn commanded_state(&self, place: usize) -> Option<&State> {
+    pub fn commanded_state(&self, place: usize) -> Option<&StateDefinition> {
         let control = self.control_word(place)?;
         let machine = self.device.machines.get(place)?;
         let mut state = self.reported_state(place)?;
         // The number of steps is limited, because the transitions of a profile may form a loop.
         for _ in 0..machine.states.len() {
             let mut out = machine.transitions.iter().filter(|it| it.from.0.contains(&state.name));
-            let Some(next) = out.find(|it| it.edge == 0 && fits(it, control, 0)) else { break };
+            let Some(next) = out.find(|it| it.edge == 0 && is_triggered_by(it, control, 0)) else { break };
             state = machine.states.iter().find(|state| state.name == next.to)?;
         }
         Some(state)
@@ -76,11 +76,11 @@ impl Node {
     /// Text of the profile on the control word that leaves the reported fault; `None` without fault or text.
     pub fn way_out(&self, place: usize) -> Option<String> {
         let state = self.reported_state(place).filter(|state| state.fault)?;
-        leave(self.device.machines.get(place)?, &state.name)
+        leave_text(self.device.machines.get(place)?, &state.name)
     }
 
     /// Reported states of all machines, each with its channel.
-    pub fn device_states(&self) -> impl Iterator<Item = (Option<u8>, &State)> {
+    pub fn device_states(&self) -> impl Iterator<Item = (Option<u8>, &StateDefinition)> {
         let machines = self.device.machines.iter().enumerate();
         machines.filter_map(|(place, machine)| Some((machine.channel, self.reported_state(place)?)))
     }

@@ -2,8 +2,8 @@
 
 use super::node::Node;
 use super::procedures::RunningProcedure;
-use crate::profile::Carrier;
-use crate::profile::device::{PdoEffect, Procedure};
+use crate::profile::ValueCarrier;
+use crate::profile::device::{DeviceProcedure, PdoEffect};
 use crate::wire::canopen::ObjectAddress;
 
 /// Highest transmission type that waits for SYNC (CiA 301 §7.5.2.35).
@@ -17,15 +17,15 @@ impl Node {
     }
 
     /// Running procedures.
-    pub fn procedures(&self) -> impl Iterator<Item = &Procedure> {
+    pub fn procedures(&self) -> impl Iterator<Item = &DeviceProcedure> {
         self.behaviour.running.iter().filter_map(|running| self.device.procedures.get(running.place))
     }
 }
 
 impl Node {
     /// Whether an RPDO takes effect at the next SYNC; the profile overrides the transmission type.
-    pub(in crate::session) fn waits_for_sync(&self, carrier: &Carrier) -> bool {
-        let Carrier::Pdo(name) = *carrier else { return false };
+    pub(in crate::session) fn waits_for_sync(&self, carrier: &ValueCarrier) -> bool {
+        let ValueCarrier::Pdo(name) = *carrier else { return false };
         let spec = self.device.pdos.iter().find(|spec| spec.pdo == name);
         match spec.map(|spec| spec.effect).unwrap_or_default() {
             PdoEffect::AtSync => true,

@@ -2,19 +2,19 @@
 
 use crate::event::DtcAction;
 use crate::session::limits::ACTIVE_ERROR_LIMIT;
-use crate::wire::j1939::{Lamps, Name, ReportedDtc, SpnConversion};
+use crate::wire::j1939::{J1939Name, LampStates, ReportedDtc, SpnConversion};
 
 /// State of a J1939 device, independent of its address.
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct J1939State {
     /// NAME from the address claim; `None` before it.
-    pub(in crate::session) name: Option<Name>,
+    pub(in crate::session) name: Option<J1939Name>,
     /// NAME of a contender for the address and monotonic time of its claim; `None` after the response.
-    pub(in crate::session) challenged: Option<(Name, i64)>,
+    pub(in crate::session) challenged: Option<(J1939Name, i64)>,
     /// Conversion method of old SPNs, from the bus file.
     pub(in crate::session) conversion: Option<SpnConversion>,
     /// Active and previously active trouble codes.
-    pub(in crate::session) faults: Faults,
+    pub(in crate::session) faults: DeviceFaults,
 }
 
 impl J1939State {
@@ -28,7 +28,7 @@ impl J1939State {
 #[derive(Debug, Clone, Copy)]
 pub(in crate::session) struct KnownDtc {
     pub(in crate::session) code: ReportedDtc,
-    pub(in crate::session) lamps: Lamps,
+    pub(in crate::session) lamps: LampStates,
     pub(in crate::session) first_frame: u64,
     pub(in crate::session) last_frame: u64,
     /// Monotonic time of the first frame.
@@ -38,11 +38,11 @@ pub(in crate::session) struct KnownDtc {
 }
 
 impl KnownDtc {
-    pub(in crate::session) fn new(code: ReportedDtc, lamps: Lamps, frame: u64, now: i64) -> Self {
+    pub(in crate::session) fn new(code: ReportedDtc, lamps: LampStates, frame: u64, now: i64) -> Self {
         Self { code, lamps, first_frame: frame, last_frame: frame, since: now, is_listed: true }
     }
 
-    pub(in crate::session) fn is(&self, code: ReportedDtc) -> bool {
+    pub(in crate::session) fn is_code(&self, code: ReportedDtc) -> bool {
         (self.code.spn, self.code.fmi) == (code.spn, code.fmi)
     }
 }
@@ -56,7 +56,7 @@ pub(in crate::session) struct DtcChange {
 
 /// Trouble codes of one device.
 #[derive(Debug, Clone, Default)]
-pub(in crate::session) struct Faults {
+pub(in crate::session) struct DeviceFaults {
     /// Codes of the last DM1, in the order of their occurrence.
     pub(in crate::session) active: Vec<KnownDtc>,
     /// Codes that were active before; `is_listed` if DM2 contained them.
@@ -70,14 +70,14 @@ pub(in crate::session) struct Faults {
     pub(in crate::session) is_overflow_reported: [bool; 2],
 }
 
-impl Faults {
+impl DeviceFaults {
     /// SPN and FMI of the active codes.
-    pub(in crate::session) fn active(&self) -> impl Iterator<Item = (u32, u8)> {
+    pub(in crate::session) fn active_codes(&self) -> impl Iterator<Item = (u32, u8)> {
         self.active.iter().map(|known| (known.code.spn, known.code.fmi))
     }
 
     /// Moves the time of the last DM1 by `delay` ns, during which all traffic stopped.
-    pub(in crate::session) fn postpone(&mut self, delay: i64) {
+    pub(in crate::session) fn postpone_dm1(&mut self, delay: i64) {
         self.last = self.last.saturating_add(delay);
     }
 
@@ -85,7 +85,7 @@ impl Faults {
     pub(in crate::session) fn active_list(
         &mut self,
         codes: impl Iterator<Item = ReportedDtc>,
-        lamps: Lamps,
+        lamps: LampStates,
         frame: u64,
         now: i64,
     ) -> (Vec<DtcChange>, u64) {
@@ -94,7 +94,7 @@ impl Faults {
         let (mut changes, mut refused) = (Vec::new(), 0);
         for code in codes {
             let is_full = self.active.len() >= ACTIVE_ERROR_LIMIT;
-            match self.active.iter_mut().find(|known| known.is(code)) {
+            match self.active.iter_mut().find(|known| known.is_code(code)) {
                 // A message may contain the same code twice.
                 Some(known) if known.is_listed => {}
                 Some(known) => {
@@ -109,7 +109,7 @@ impl Faults {
                 None => {
                     let known = KnownDtc::new(code, lamps, frame, now);
                     self.active.push(known);
-                    self.previous.retain(|previous| !previous.is(code));
+                    self.previous.retain(|previous| !previous.is_code(code));
                     changes.push(DtcChange { known, action: DtcAction::Raised });
                 }
             }
@@ -122,7 +122,7 @@ impl Faults {
 
     /// Moves a code to the previously active ones; returns whether to report an overflow, at most once.
     pub(in crate::session) fn was_active(&mut self, known: KnownDtc) -> bool {
-        if self.previous.iter().any(|previous| previous.is(known.code)) {
+        if self.previous.iter().any(|previous| previous.is_code(known.code)) {
             return false;
         }
         if self.previous.len() >= ACTIVE_ERROR_LIMIT {
@@ -136,17 +136,17 @@ impl Faults {
     pub(in crate::session) fn previous_list(
         &mut self,
         codes: impl Iterator<Item = ReportedDtc>,
-        lamps: Lamps,
+        lamps: LampStates,
         frame: u64,
         now: i64,
     ) -> (Vec<DtcChange>, u64) {
         let mut before = std::mem::take(&mut self.previous);
         let (mut changes, mut refused) = (Vec::new(), 0);
         for code in codes {
-            if self.previous.iter().any(|known| known.is(code)) {
+            if self.previous.iter().any(|known| known.is_code(code)) {
                 continue;
             }
-            let place = before.iter().position(|known| known.is(code));
+            let place = before.iter().position(|known| known.is_code(code));
             let known = place.map(|place| before.swap_remove(place));
             if self.previous.len() >= ACTIVE_ERROR_LIMIT {
                 refused += 1;
@@ -164,10 +164,10 @@ impl Faults {
     }
 
     /// Clears the previously active codes, or all codes.
-    pub(in crate::session) fn clear(&mut self, all: bool) -> Vec<DtcChange> {
+    pub(in crate::session) fn clear_codes(&mut self, all: bool) -> Vec<DtcChange> {
         let active = if all { std::mem::take(&mut self.active) } else { Vec::new() };
         let mut cleared = std::mem::take(&mut self.previous);
-        cleared.retain(|known| !active.iter().any(|active| active.is(known.code)));
+        cleared.retain(|known| !active.iter().any(|active| active.is_code(known.code)));
         let changes = active.into_iter().chain(cleared);
         changes.map(|known| DtcChange { known, action: DtcAction::Cleared }).collect()
     }

@@ -2,12 +2,12 @@
 
 use super::cob_id::{INVALID, nonzero_identifier};
 use super::node::Node;
-use super::set_point::Subject;
+use super::set_point::GatedSetPoint;
 use super::store::OriginKind;
-use crate::event::Effective;
+use crate::event::EffectiveState;
 use crate::frame::CanId;
-use crate::profile::Carrier;
-use crate::profile::device::{Condition, Gate, GateFallback, GateStatus};
+use crate::profile::ValueCarrier;
+use crate::profile::device::{DeviceCondition, Gate, GateFallback, GateStatus};
 use crate::wire::canopen::ObjectAddress;
 
 /// Name of the gate of the COB-ID of an RPDO, which every device has.
@@ -36,7 +36,7 @@ pub struct GateState {
 
 impl GateState {
     /// What to do about the closed gate: the action that opens it, else its name with its effect.
-    pub fn advice(&self) -> String {
+    pub fn gate_advice(&self) -> String {
         match (self.check.as_str(), self.text.as_str()) {
             ("", "") => self.gate.clone(),
             ("", text) => format!("{}: {text}", self.gate),
@@ -46,23 +46,27 @@ impl GateState {
 }
 
 /// Result of all gates of a set point.
-pub(in crate::session) struct Verdict {
-    pub(in crate::session) effective: Effective,
+pub(in crate::session) struct GateVerdict {
+    pub(in crate::session) effective: EffectiveState,
     /// Names of the closed gates; if none is closed, of the unknown ones.
     pub(in crate::session) gates: Vec<String>,
 }
 
 impl Node {
     /// All gates of all set points received, sorted by set point, closed ones first.
-    pub(in crate::session) fn gates(&self, now: i64, consumers: impl Fn(CanId) -> String) -> Vec<GateState> {
+    pub(in crate::session) fn all_gates(
+        &self,
+        now: i64,
+        consumers: impl Fn(CanId) -> String,
+    ) -> Vec<GateState> {
         let mut all: Vec<GateState> = Vec::new();
         for point in &self.behaviour.set_points {
-            let subject = point.subject();
-            if let Some((detail, id)) = self.contradicts(subject) {
+            let subject = point.gated_subject();
+            if let Some((detail, id)) = self.find_contradiction(subject) {
                 let detail = format!("{detail}, commands arrive on {id}h, {}", consumers(id));
                 all.push(GateState {
                     set_point: subject.object,
-                    name: point.title().to_owned(),
+                    name: point.object_title().to_owned(),
                     gate: COB_ID.to_owned(),
                     status: GateStatus::Closed,
                     detail,
@@ -76,7 +80,7 @@ impl Node {
                 let (status, detail) = self.status_with_detail(gate, subject, now);
                 all.push(GateState {
                     set_point: subject.object,
-                    name: point.title().to_owned(),
+                    name: point.object_title().to_owned(),
                     gate: gate.name.clone(),
                     status,
                     detail,
@@ -93,64 +97,65 @@ impl Node {
     /// Contradiction between the configured COB-ID of an RPDO and the identifier on which it arrives
     /// (CiA 301 §7.5.2.35: bit 31 marks a PDO that is not valid). A set point received before the COB-ID was
     /// written remains in force.
-    fn contradicts(&self, subject: Subject<'_>) -> Option<(String, CanId)> {
-        let (Carrier::Pdo(name), Some((id, frame))) = (subject.carrier, subject.id) else { return None };
+    fn find_contradiction(&self, subject: GatedSetPoint<'_>) -> Option<(String, CanId)> {
+        let (ValueCarrier::Pdo(name), Some((id, frame))) = (subject.carrier, subject.id) else { return None };
         let cob_id = self.configured_cob_id(*name)?;
         let object = ObjectAddress::new(name.communication_index(), 1);
         if cob_id & INVALID != 0 {
             return Some((format!("{object} = {cob_id:X}h (bit 31: not valid)"), id));
         }
-        let origin = self.store.seen(object)?.origin;
+        let origin = self.store.seen_value(object)?.origin;
         let is_later = origin.kind != OriginKind::Download || frame > origin.frame;
         let is_other = is_later && nonzero_identifier(cob_id) != Some(id);
         is_other.then(|| (format!("{object} = {cob_id:X}h"), id))
     }
 
-    fn gates_of<'a>(&'a self, subject: Subject<'a>) -> impl Iterator<Item = &'a Gate> {
+    fn gates_of<'a>(&'a self, subject: GatedSetPoint<'a>) -> impl Iterator<Item = &'a Gate> {
         self.device.gates.iter().filter(move |gate| {
-            gate.concerns(subject.object, subject.channel)
-                && gate.pdo.is_none_or(|pdo| *subject.carrier == Carrier::Pdo(pdo))
+            gate.is_for(subject.object, subject.channel)
+                && gate.pdo.is_none_or(|pdo| *subject.carrier == ValueCarrier::Pdo(pdo))
         })
     }
 
     /// Evaluates all gates of a set point.
-    pub(in crate::session) fn verdict(&self, subject: Subject<'_>, now: i64) -> Verdict {
+    pub(in crate::session) fn gate_verdict(&self, subject: GatedSetPoint<'_>, now: i64) -> GateVerdict {
         let (mut closed, mut unknown, mut any) = (Vec::new(), Vec::new(), false);
-        if self.contradicts(subject).is_some() {
+        if self.find_contradiction(subject).is_some() {
             closed.push(COB_ID.to_owned());
         }
         for gate in self.gates_of(subject) {
             any = true;
-            match self.status(gate, subject, now) {
+            match self.gate_status(gate, subject, now) {
                 GateStatus::Closed => closed.push(gate.name.clone()),
                 GateStatus::Unknown => unknown.push(gate.name.clone()),
                 GateStatus::Open | GateStatus::Invisible => {}
             }
         }
         match (closed.is_empty(), unknown.is_empty() && any) {
-            (false, _) => Verdict { effective: Effective::No, gates: closed },
-            (true, true) => Verdict { effective: Effective::Yes, gates: Vec::new() },
-            (true, false) => Verdict { effective: Effective::Unknown, gates: unknown },
+            (false, _) => GateVerdict { effective: EffectiveState::No, gates: closed },
+            (true, true) => GateVerdict { effective: EffectiveState::Yes, gates: Vec::new() },
+            (true, false) => GateVerdict { effective: EffectiveState::Unknown, gates: unknown },
         }
     }
 
     /// Evaluates one gate for a set point.
-    fn status(&self, gate: &Gate, subject: Subject<'_>, now: i64) -> GateStatus {
+    fn gate_status(&self, gate: &Gate, subject: GatedSetPoint<'_>, now: i64) -> GateStatus {
         let facts = self.facts_of(subject, now);
-        let status = |open: &Condition| with_otherwise(gate, open.evaluate(&facts, subject.channel));
+        let status =
+            |open: &DeviceCondition| with_otherwise(gate, open.evaluate_condition(&facts, subject.channel));
         gate.open.0.iter().map(status).fold(GateStatus::Open, GateStatus::and)
     }
 
     /// Evaluates one gate and returns the fact that decided.
-    fn status_with_detail(&self, gate: &Gate, subject: Subject<'_>, now: i64) -> (GateStatus, String) {
+    fn status_with_detail(&self, gate: &Gate, subject: GatedSetPoint<'_>, now: i64) -> (GateStatus, String) {
         let facts = self.facts_of(subject, now);
         let mut worst = (GateStatus::Open, String::new());
         for condition in &gate.open.0 {
-            let found = condition.evaluate(&facts, subject.channel);
+            let found = condition.evaluate_condition(&facts, subject.channel);
             let status = with_otherwise(gate, found);
             let both = worst.0.and(status);
             if both != worst.0 || worst.1.is_empty() {
-                worst = (both, facts.detail(condition, subject.channel, found));
+                worst = (both, facts.deciding_fact(condition, subject.channel, found));
             }
         }
         worst

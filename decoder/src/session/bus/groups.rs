@@ -5,8 +5,8 @@ use std::sync::Arc;
 use super::layout::of_profile;
 use super::state::Bus;
 use crate::frame::CanId;
-use crate::profile::device::{Direction, MessageSpec};
-use crate::profile::{Device, Layout, LayoutOrigin, NoValues, Resolver, isobus, pgn_name};
+use crate::profile::device::{MessageDirection, MessageSpec};
+use crate::profile::{DeviceProfile, EntryResolver, LayoutOrigin, NoValues, PayloadLayout, isobus, pgn_name};
 use crate::wire::NodeId;
 use crate::wire::j1939::{ALL, J1939Id, Pgn};
 
@@ -16,46 +16,46 @@ const FRAME_BYTES: usize = 8;
 /// Sender or receiver of a message whose profile describes the message.
 pub(in crate::session) struct ConcernedDevice {
     pub(in crate::session) node: NodeId,
-    pub(in crate::session) device: Arc<Device>,
+    pub(in crate::session) device: Arc<DeviceProfile>,
     /// Index in the message list of the profile.
     pub(in crate::session) place: usize,
 }
 
 impl ConcernedDevice {
-    pub(in crate::session) fn spec(&self) -> Option<&MessageSpec> {
+    pub(in crate::session) fn message_spec(&self) -> Option<&MessageSpec> {
         self.device.messages.get(self.place)
     }
 }
 
 /// Name and layout of a parameter group for one sender.
-pub(in crate::session) struct Group {
+pub(in crate::session) struct SenderGroup {
     pub(in crate::session) name: Option<Arc<str>>,
-    pub(in crate::session) layout: Option<Arc<Layout>>,
+    pub(in crate::session) layout: Option<Arc<PayloadLayout>>,
 }
 
 impl Bus {
     /// Device whose profile describes a message: the sender, otherwise a receiver.
     pub(in crate::session) fn concerned_device(&self, id: J1939Id) -> Option<ConcernedDevice> {
-        let find = |node: NodeId, direction: Direction| {
+        let find = |node: NodeId, direction: MessageDirection| {
             let address = node.j1939()?;
             let known = self.node(node).filter(|known| known.assigned.is_some())?;
             let mut messages = known.device.messages.iter();
             let place =
-                messages.position(|spec| spec.direction == direction && spec.concerns(id.pgn, address))?;
+                messages.position(|spec| spec.direction == direction && spec.is_for(id.pgn, address))?;
             Some(ConcernedDevice { node, device: Arc::clone(&known.device), place })
         };
-        if let Some(sender) = find(NodeId::J1939(id.source), Direction::Transmit) {
+        if let Some(sender) = find(NodeId::J1939(id.source), MessageDirection::Transmit) {
             return Some(sender);
         }
         if id.destination != ALL {
-            return find(NodeId::J1939(id.destination), Direction::Receive);
+            return find(NodeId::J1939(id.destination), MessageDirection::Receive);
         }
         let assigned = self.nodes.iter().filter(|node| node.assigned.is_some());
-        assigned.map(|node| node.id).find_map(|node| find(node, Direction::Receive))
+        assigned.map(|node| node.id).find_map(|node| find(node, MessageDirection::Receive))
     }
 
     /// Name and layout of a parameter group for a payload of `length` bytes.
-    pub(in crate::session) fn group(&self, id: J1939Id, length: usize) -> Group {
+    pub(in crate::session) fn sender_group(&self, id: J1939Id, length: usize) -> SenderGroup {
         self.group_with(id, length, self.concerned_device(id).as_ref())
     }
 
@@ -64,9 +64,9 @@ impl Bus {
         id: J1939Id,
         length: usize,
         concerned: Option<&ConcernedDevice>,
-    ) -> Group {
+    ) -> SenderGroup {
         let of_device = concerned.and_then(|concerned| {
-            let spec = concerned.spec()?;
+            let spec = concerned.message_spec()?;
             let node = self.node(concerned.node)?;
             let mut resolver = node.resolver();
             let mut layout = of_profile(&spec.fields, LayoutOrigin::Profile, false, &mut resolver)?;
@@ -74,7 +74,7 @@ impl Bus {
             Some((spec.title_of(id.pgn), layout))
         });
         if let Some((name, layout)) = of_device {
-            return Group { name: Some(name.into()), layout: Some(Arc::new(layout)) };
+            return SenderGroup { name: Some(name.into()), layout: Some(Arc::new(layout)) };
         }
         if let Some(group) = self.database_group(id.pgn, length) {
             return group;
@@ -83,23 +83,23 @@ impl Bus {
             Some((name, layout)) => (Some(name), Some(Arc::new(layout))),
             None => (pgn_name(id.pgn), None),
         };
-        Group { name: name.map(Into::into), layout }
+        SenderGroup { name: name.map(Into::into), layout }
     }
 
     /// Name and layout of a group from the user's databases. The layout of a message longer than one frame is
     /// not applied to a single frame.
-    pub(in crate::session) fn database_group(&self, pgn: Pgn, length: usize) -> Option<Group> {
-        let message = self.database.message(pgn)?;
+    pub(in crate::session) fn database_group(&self, pgn: Pgn, length: usize) -> Option<SenderGroup> {
+        let message = self.database.message_by_pgn(pgn)?;
         let is_long = message.length.is_none_or(|length| usize::from(length) > FRAME_BYTES);
         let layout = (length > FRAME_BYTES || !is_long).then(|| Arc::clone(&message.layout));
-        Some(Group { name: Some(message.name.as_str().into()), layout })
+        Some(SenderGroup { name: Some(message.name.as_str().into()), layout })
     }
 
     /// Meaning of a J1939 identifier as text: `FE30 AVC valve 0 of F1`, `EA00 request, F1 to 80`.
     pub(in crate::session) fn describe_group(&self, id: CanId) -> String {
         let CanId::Extended(id) = id else { return String::new() };
-        let Some(id) = J1939Id::of(id) else { return String::new() };
-        let name = self.group(id, FRAME_BYTES).name.map_or(String::new(), |name| format!(" {name}"));
+        let Some(id) = J1939Id::from_identifier(id) else { return String::new() };
+        let name = self.sender_group(id, FRAME_BYTES).name.map_or(String::new(), |name| format!(" {name}"));
         let ends = match (id.pgn.is_addressed(), id.destination) {
             (false, _) => format!(" of {:02X}", id.source),
             (true, ALL) => format!(", {:02X} to all", id.source),
@@ -110,16 +110,16 @@ impl Bus {
 
     /// Name of a group, for any sender.
     pub(in crate::session) fn group_name(&self, pgn: Pgn) -> Option<Arc<str>> {
-        let own = self.database.message(pgn).map(|message| message.name.as_str().into());
+        let own = self.database.message_by_pgn(pgn).map(|message| message.name.as_str().into());
         own.or_else(|| pgn_name(pgn).map(Into::into))
     }
 }
 
 /// Name and layout of a group in ISO 11783.
-pub(in crate::session) fn of_standard(pgn: Pgn) -> Option<(String, Layout)> {
+pub(in crate::session) fn of_standard(pgn: Pgn) -> Option<(String, PayloadLayout)> {
     let standard = isobus();
     let spec = standard.messages.iter().find(|spec| spec.number_of(pgn).is_some())?;
-    let mut resolver = Resolver::new(&standard.dictionary, &NoValues);
+    let mut resolver = EntryResolver::new(&standard.dictionary, &NoValues);
     let layout = of_profile(&spec.fields, LayoutOrigin::Standard, false, &mut resolver)?;
     Some((spec.title_of(pgn), layout))
 }

@@ -1,16 +1,16 @@
 //! Present meaning of identifiers, and the nodes that a frame concerns.
 
-use super::cob_id::{nonzero_identifier, predefined};
-use super::link::Link;
-use super::routes::Service;
+use super::cob_id::{nonzero_identifier, predefined_identifier};
+use super::link::UdsLink;
+use super::routes::IdentifierService;
 use super::skipped_times::SkippedTimes;
 use super::state::Bus;
 use crate::event::EventKind;
 use crate::frame::{CanId, Frame};
-use crate::profile::{Layout, PdoName};
+use crate::profile::{PayloadLayout, PdoName};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
-use crate::wire::canopen::sdo::Side;
+use crate::wire::canopen::sdo::SdoSide;
 use crate::wire::j1939::{ALL, J1939Id, Pgn};
 
 /// Service of two frames per message, as named in the connection set.
@@ -31,28 +31,30 @@ enum ConcernedNodes {
 impl Bus {
     /// Present meaning of an identifier as text: `TPDO1 of 5`, `SDO response of 15`.
     pub fn describe_id(&self, id: CanId) -> String {
-        match self.routes.find(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service) {
-            Some(Service::IsoTp(link)) => self.uds_pairs.describe(link),
-            Some(Service::J1939(_)) if !self.j1939.is_rejected() => self.describe_group(id),
+        match self.routes.find_slot(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service) {
+            Some(IdentifierService::IsoTp(link)) => self.uds_pairs.link_text(link),
+            Some(IdentifierService::J1939(_)) if !self.j1939.is_rejected() => self.describe_group(id),
             service if !self.is_settled_service(service) => String::new(),
-            Some(Service::Unclassified) if self.other_users(id).is_some() => "no known producer".to_owned(),
-            None | Some(Service::Unclassified | Service::J1939(_)) => String::new(),
-            Some(Service::Named(name)) if self.is_lone(id, name) => String::new(),
-            Some(Service::Named(name)) => name.to_owned(),
-            Some(Service::Nmt) => "NMT".to_owned(),
-            Some(Service::Sync) => "SYNC".to_owned(),
-            Some(Service::Time) => "TIME".to_owned(),
-            Some(Service::Emcy(node)) => format!("EMCY of {}", node.number()),
-            Some(Service::Pdo(name, node)) => self.describe_pdo(id, name, node),
-            Some(Service::ErrorControl(node)) => format!("NMT error control of {}", node.number()),
-            Some(Service::TestMarker) => "conformance test".to_owned(),
-            Some(Service::Lss(true)) => "LSS master".to_owned(),
-            Some(Service::Lss(false)) => "LSS slave".to_owned(),
-            Some(Service::Sdo(side, channel)) => {
-                let server = self.channels.server(channel).unwrap_or(0);
+            Some(IdentifierService::Unclassified) if self.other_users(id).is_some() => {
+                "no known producer".to_owned()
+            }
+            None | Some(IdentifierService::Unclassified | IdentifierService::J1939(_)) => String::new(),
+            Some(IdentifierService::Named(name)) if self.is_lone(id, name) => String::new(),
+            Some(IdentifierService::Named(name)) => name.to_owned(),
+            Some(IdentifierService::Nmt) => "NMT".to_owned(),
+            Some(IdentifierService::Sync) => "SYNC".to_owned(),
+            Some(IdentifierService::Time) => "TIME".to_owned(),
+            Some(IdentifierService::Emcy(node)) => format!("EMCY of {}", node.number()),
+            Some(IdentifierService::Pdo(name, node)) => self.describe_pdo(id, name, node),
+            Some(IdentifierService::ErrorControl(node)) => format!("NMT error control of {}", node.number()),
+            Some(IdentifierService::TestMarker) => "conformance test".to_owned(),
+            Some(IdentifierService::Lss(true)) => "LSS master".to_owned(),
+            Some(IdentifierService::Lss(false)) => "LSS slave".to_owned(),
+            Some(IdentifierService::Sdo(side, channel)) => {
+                let server = self.channels.server_node(channel).unwrap_or(0);
                 match side {
-                    Side::Client => format!("SDO request to {server}"),
-                    Side::Server => format!("SDO response of {server}"),
+                    SdoSide::Client => format!("SDO request to {server}"),
+                    SdoSide::Server => format!("SDO response of {server}"),
                 }
             }
         }
@@ -61,12 +63,12 @@ impl Bus {
     /// `TPDO1 of 5`. The predefined connection set does not name a producer or consumer that was never seen, or
     /// that uses another identifier.
     fn describe_pdo(&self, id: CanId, name: PdoName, node: NodeId) -> String {
-        let is_placed = self.routes.is_placed(Service::Pdo(name, node));
+        let is_placed = self.routes.is_placed(IdentifierService::Pdo(name, node));
         let is_away = self.other_users(id).is_some_and(|users| !users.contains(&(name, node)));
         match (self.node(node).is_some() || is_placed) && !is_away {
             true => format!("{name} of {}", node.number()),
             false if name.is_sent() => "no known producer".to_owned(),
-            false => self.consumers(id),
+            false => self.consumers_text(id),
         }
     }
 
@@ -76,35 +78,41 @@ impl Bus {
         let CanId::Standard(number) = id else { return false };
         let other =
             if number.is_multiple_of(2) { number.saturating_sub(1) } else { number.saturating_add(1) };
-        name == SRDO && self.routes.find(CanId::standard(other)).is_none()
+        name == SRDO && self.routes.find_slot(CanId::from_standard(other)).is_none()
     }
 
     /// Whether frames of an identifier may be expected at intervals: not for requests, responses, commands and
     /// faults, which follow an event.
     pub fn is_periodic(&self, id: CanId) -> bool {
-        match self.routes.find(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service) {
-            Some(Service::IsoTp(_) | Service::TestMarker) => false,
-            Some(Service::J1939(id)) if !self.j1939.is_rejected() => event_of_group(id.pgn).is_none(),
-            Some(Service::Named(name)) => name == SRDO || !self.is_settled(None),
-            service @ Some(Service::Nmt | Service::Emcy(_) | Service::Sdo(..) | Service::Lss(_)) => {
-                !self.is_settled_service(service)
+        match self.routes.find_slot(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service) {
+            Some(IdentifierService::IsoTp(_) | IdentifierService::TestMarker) => false,
+            Some(IdentifierService::J1939(id)) if !self.j1939.is_rejected() => {
+                event_of_group(id.pgn).is_none()
             }
+            Some(IdentifierService::Named(name)) => name == SRDO || !self.is_settled(None),
+            service @ Some(
+                IdentifierService::Nmt
+                | IdentifierService::Emcy(_)
+                | IdentifierService::Sdo(..)
+                | IdentifierService::Lss(_),
+            ) => !self.is_settled_service(service),
             _ => true,
         }
     }
 
     /// Filter expression that matches the events of an identifier.
     pub fn filter_of_id(&self, id: CanId) -> String {
-        let service = self.routes.find(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service);
+        let service =
+            self.routes.find_slot(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service);
         let is_believed = self.is_settled_service(service);
         match service {
-            Some(Service::J1939(id)) if !self.j1939.is_rejected() => filter_of_group(id),
-            Some(Service::Nmt) if is_believed => "kind == \"nmt-command\"".to_owned(),
-            Some(Service::Sync) if is_believed => "kind == \"sync\"".to_owned(),
-            Some(Service::Time) if is_believed => "kind == \"time\"".to_owned(),
-            Some(Service::Lss(_)) if is_believed => "kind == \"lss\"".to_owned(),
-            Some(Service::TestMarker) => "kind == \"test-case\"".to_owned(),
-            Some(Service::ErrorControl(node)) if is_believed => {
+            Some(IdentifierService::J1939(id)) if !self.j1939.is_rejected() => filter_of_group(id),
+            Some(IdentifierService::Nmt) if is_believed => "kind == \"nmt-command\"".to_owned(),
+            Some(IdentifierService::Sync) if is_believed => "kind == \"sync\"".to_owned(),
+            Some(IdentifierService::Time) if is_believed => "kind == \"time\"".to_owned(),
+            Some(IdentifierService::Lss(_)) if is_believed => "kind == \"lss\"".to_owned(),
+            Some(IdentifierService::TestMarker) => "kind == \"test-case\"".to_owned(),
+            Some(IdentifierService::ErrorControl(node)) if is_believed => {
                 const KINDS: &str = r#""heartbeat", "guard-request", "guard-reply", "boot-up", "nmt-state""#;
                 format!("node == {} && kind in {{{KINDS}, \"node-lost\", \"node-back\"}}", node.number())
             }
@@ -113,13 +121,15 @@ impl Bus {
     }
 
     /// Whether the protocol of a service is settled, by evidence or by the user.
-    fn is_settled_service(&self, service: Option<Service>) -> bool {
+    fn is_settled_service(&self, service: Option<IdentifierService>) -> bool {
         match service {
-            Some(Service::Emcy(node) | Service::Pdo(_, node) | Service::ErrorControl(node)) => {
-                self.is_settled(Some(node))
-            }
-            Some(Service::Sdo(_, channel)) => {
-                self.is_settled(self.channels.server(channel).map(NodeId::Canopen))
+            Some(
+                IdentifierService::Emcy(node)
+                | IdentifierService::Pdo(_, node)
+                | IdentifierService::ErrorControl(node),
+            ) => self.is_settled(Some(node)),
+            Some(IdentifierService::Sdo(_, channel)) => {
+                self.is_settled(self.channels.server_node(channel).map(NodeId::Canopen))
             }
             _ => self.is_settled(None),
         }
@@ -127,7 +137,7 @@ impl Bus {
 
     /// Sender or receiver of a frame by its identifier; the sender of a J1939 message. `None` if unknown.
     pub fn node_of(&self, frame: &Frame) -> Option<NodeId> {
-        match self.concern(frame) {
+        match self.concerned_nodes(frame) {
             ConcernedNodes::Node(node) | ConcernedNodes::Between(node, _) => Some(node),
             ConcernedNodes::Everybody | ConcernedNodes::Nobody => None,
         }
@@ -135,8 +145,8 @@ impl Bus {
 
     /// Whether a node is sender or receiver of a frame. SYNC, TIME and commands to all concern every CANopen
     /// node; J1939 messages to all concern only their sender.
-    pub fn concerns(&self, frame: &Frame, node: NodeId) -> bool {
-        match self.concern(frame) {
+    pub fn concerns_node(&self, frame: &Frame, node: NodeId) -> bool {
+        match self.concerned_nodes(frame) {
             ConcernedNodes::Node(known) => known == node,
             ConcernedNodes::Between(one, other) => one == node || other == node,
             ConcernedNodes::Everybody => node.canopen().is_some(),
@@ -151,21 +161,21 @@ impl Bus {
         if let Some(entry) = node.store.get(object) {
             return Some((nonzero_identifier(node.store.number(object)?)?, !entry.stale));
         }
-        let learnt = self.routes.learnt_id(Service::Pdo(name, id));
-        let entry = node.device.dictionary.find(object).and_then(|found| found.entry);
+        let learnt = self.routes.learnt_id(IdentifierService::Pdo(name, id));
+        let entry = node.device.dictionary.find_object(object).and_then(|found| found.entry);
         let delivered = entry.and_then(|entry| entry.default_number(Some(id.number())));
         let can_id = match (learnt, delivered) {
             (Some(learnt), _) => Some(learnt),
             (None, Some(delivered)) => nonzero_identifier(u64::try_from(delivered).ok()?),
-            (None, None) => predefined(name, id),
+            (None, None) => predefined_identifier(name, id),
         };
         can_id.map(|can_id| (can_id, false))
     }
 
     /// PDO that an identifier carries now, and its node.
     pub fn pdo_on(&self, id: CanId) -> Option<(PdoName, NodeId)> {
-        match self.routes.slot(self.routes.find(id)?)?.service {
-            Service::Pdo(name, node) => Some((name, node)),
+        match self.routes.slot(self.routes.find_slot(id)?)?.service {
+            IdentifierService::Pdo(name, node) => Some((name, node)),
             _ => None,
         }
     }
@@ -173,20 +183,20 @@ impl Bus {
     /// Index of an identifier in order of appearance; `None` before its first frame.
     #[inline]
     pub(crate) fn identifier_index(&self, id: CanId) -> Option<usize> {
-        self.routes.find(id)
+        self.routes.find_slot(id)
     }
 
     /// Index of the identifier of the PDO or J1939 message that an observer receives.
     #[inline]
     pub(crate) fn identifier_of_event(&self, id: CanId) -> Option<usize> {
-        self.current_identifier.or_else(|| self.routes.find(id))
+        self.current_identifier.or_else(|| self.routes.find_slot(id))
     }
 
     /// PDO and node of an identifier by its index; `None` for other services.
     #[inline]
     pub(crate) fn pdo_at(&self, identifier: usize) -> Option<(PdoName, NodeId)> {
         match self.routes.slot(identifier)?.service {
-            Service::Pdo(name, node) => Some((name, node)),
+            IdentifierService::Pdo(name, node) => Some((name, node)),
             _ => None,
         }
     }
@@ -203,36 +213,40 @@ impl Bus {
     }
 
     /// Layout of the last PDO with an identifier.
-    pub(crate) fn pdo_layout(&self, id: CanId) -> Option<&Layout> {
-        match &self.routes.slot(self.routes.find(id)?)?.prepared.as_deref()?.kind {
+    pub(crate) fn pdo_layout(&self, id: CanId) -> Option<&PayloadLayout> {
+        match &self.routes.slot(self.routes.find_slot(id)?)?.prepared.as_deref()?.kind {
             EventKind::Pdo(pdo) => pdo.layout.as_deref(),
             _ => None,
         }
     }
 
-    fn concern(&self, frame: &Frame) -> ConcernedNodes {
-        let slot = self.routes.find(frame.id).and_then(|slot| self.routes.slot(slot));
+    fn concerned_nodes(&self, frame: &Frame) -> ConcernedNodes {
+        let slot = self.routes.find_slot(frame.id).and_then(|slot| self.routes.slot(slot));
         let address = |address: u16| u8::try_from(address).map(NodeId::J1939);
         match slot.map(|slot| slot.service) {
-            Some(Service::Emcy(node) | Service::Pdo(_, node) | Service::ErrorControl(node)) => {
-                ConcernedNodes::Node(node)
-            }
-            Some(Service::Sdo(_, channel)) => self
+            Some(
+                IdentifierService::Emcy(node)
+                | IdentifierService::Pdo(_, node)
+                | IdentifierService::ErrorControl(node),
+            ) => ConcernedNodes::Node(node),
+            Some(IdentifierService::Sdo(_, channel)) => self
                 .channels
-                .server(channel)
+                .server_node(channel)
                 .map_or(ConcernedNodes::Nobody, |node| ConcernedNodes::Node(NodeId::Canopen(node))),
-            Some(Service::Nmt) => match frame.data().get(1) {
+            Some(IdentifierService::Nmt) => match frame.data().get(1) {
                 None | Some(0) => ConcernedNodes::Everybody,
                 Some(node) => ConcernedNodes::Node(NodeId::Canopen(*node)),
             },
-            Some(Service::Sync | Service::Time | Service::Lss(_)) => ConcernedNodes::Everybody,
-            Some(Service::J1939(id)) if id.destination == ALL => {
+            Some(IdentifierService::Sync | IdentifierService::Time | IdentifierService::Lss(_)) => {
+                ConcernedNodes::Everybody
+            }
+            Some(IdentifierService::J1939(id)) if id.destination == ALL => {
                 ConcernedNodes::Node(NodeId::J1939(id.source))
             }
-            Some(Service::J1939(id)) => {
+            Some(IdentifierService::J1939(id)) => {
                 ConcernedNodes::Between(NodeId::J1939(id.source), NodeId::J1939(id.destination))
             }
-            Some(Service::IsoTp(Link::Addressed { source, target, .. })) => {
+            Some(IdentifierService::IsoTp(UdsLink::Addressed { source, target, .. })) => {
                 match (address(source), address(target)) {
                     (Ok(source), Ok(target)) => ConcernedNodes::Between(source, target),
                     (Ok(node), _) | (_, Ok(node)) => ConcernedNodes::Node(node),
@@ -240,9 +254,12 @@ impl Bus {
                 }
             }
             None
-            | Some(Service::Unclassified | Service::Named(_) | Service::TestMarker | Service::IsoTp(_)) => {
-                ConcernedNodes::Nobody
-            }
+            | Some(
+                IdentifierService::Unclassified
+                | IdentifierService::Named(_)
+                | IdentifierService::TestMarker
+                | IdentifierService::IsoTp(_),
+            ) => ConcernedNodes::Nobody,
         }
     }
 }

@@ -24,7 +24,7 @@ impl LastPayload {
 
     /// Payload of a frame; [`Self::NONE`] for a remote frame and for more than eight bytes.
     #[inline]
-    pub(in crate::session) fn of(frame: &Frame) -> Self {
+    pub(in crate::session) fn payload_of(frame: &Frame) -> Self {
         match frame.bytes.first_chunk() {
             Some(bytes) if frame.length <= LONGEST && !frame.flags.contains(FrameFlags::REMOTE) => {
                 let used = low_bits(8 * u32::from(frame.length));
@@ -36,7 +36,7 @@ impl LastPayload {
 
     /// Bits in which the next payload differs; `None` if the lengths differ or one of them is unknown.
     #[inline]
-    pub(in crate::session) fn change(self, next: Self) -> Option<u64> {
+    pub(in crate::session) fn changed_bits(self, next: Self) -> Option<u64> {
         (self.length == next.length && self.length != UNKNOWN).then_some(self.word ^ next.word)
     }
 
@@ -50,7 +50,7 @@ impl LastPayload {
 
     /// Takes the next payload of the same length.
     #[inline]
-    pub(in crate::session) fn set(&mut self, word: u64) {
+    pub(in crate::session) fn set_word(&mut self, word: u64) {
         self.word = word;
     }
 }
@@ -61,21 +61,21 @@ mod tests {
     use crate::frame::CanId;
 
     fn frame(data: &[u8]) -> Frame {
-        Frame::data_frame(CanId::standard(0x181), data)
+        Frame::data_frame(CanId::from_standard(0x181), data)
     }
 
     fn payload(data: &[u8]) -> LastPayload {
-        LastPayload::of(&frame(data))
+        LastPayload::payload_of(&frame(data))
     }
 
     #[test]
     fn changed_bits_of_payloads_with_equal_length() {
-        assert_eq!(payload(&[1, 2]).change(payload(&[1, 2])), Some(0));
-        assert_eq!(payload(&[1, 2]).change(payload(&[3, 2])), Some(2));
-        assert_eq!(payload(&[0; 8]).change(payload(&[0, 0, 0, 0, 0, 0, 0, 0x80])), Some(1 << 63));
-        assert_eq!(payload(&[]).change(payload(&[])), Some(0));
-        assert_eq!(payload(&[1]).change(payload(&[1, 0])), None);
-        assert_eq!(LastPayload::NONE.change(payload(&[])), None);
+        assert_eq!(payload(&[1, 2]).changed_bits(payload(&[1, 2])), Some(0));
+        assert_eq!(payload(&[1, 2]).changed_bits(payload(&[3, 2])), Some(2));
+        assert_eq!(payload(&[0; 8]).changed_bits(payload(&[0, 0, 0, 0, 0, 0, 0, 0x80])), Some(1 << 63));
+        assert_eq!(payload(&[]).changed_bits(payload(&[])), Some(0));
+        assert_eq!(payload(&[1]).changed_bits(payload(&[1, 0])), None);
+        assert_eq!(LastPayload::NONE.changed_bits(payload(&[])), None);
         assert_eq!(payload(&[0; 9]), LastPayload::NONE);
     }
 
@@ -83,10 +83,10 @@ mod tests {
     fn bytes_beyond_the_length_are_not_compared() {
         let mut short = frame(&[1, 2, 3]);
         short.length = 2;
-        assert_eq!(payload(&[1, 2]).change(LastPayload::of(&short)), Some(0));
+        assert_eq!(payload(&[1, 2]).changed_bits(LastPayload::payload_of(&short)), Some(0));
         assert_eq!(payload(&[1, 2]).next(&short), Some((0x0201, 0)));
         short.flags = FrameFlags::REMOTE;
-        assert_eq!(LastPayload::of(&short), LastPayload::NONE);
+        assert_eq!(LastPayload::payload_of(&short), LastPayload::NONE);
     }
 
     #[test]

@@ -4,8 +4,10 @@ use std::sync::Arc;
 
 use super::node::Node;
 use super::store::OriginKind;
-use crate::profile::device::{Mapping, PdoField, PdoSpec};
-use crate::profile::{DataType, Field, Layout, LayoutOrigin, Number, PdoName, Resolver};
+use crate::profile::device::{MappingSource, PdoField, PdoSpec};
+use crate::profile::{
+    DataType, DecidingNumber, EntryResolver, LayoutOrigin, PayloadLayout, PdoName, SignalField,
+};
 use crate::wire::canopen::ObjectAddress;
 
 /// Max entries of a mapping (CiA 301 §7.5.2.36).
@@ -18,20 +20,20 @@ const LAST_DUMMY: u16 = 0x1F;
 ///
 /// A fixed mapping in the profile has precedence, then the mapping objects seen on the bus, then the bus
 /// file, then the delivery state in profile or EDS.
-pub(in crate::session) fn layout(node: &Node, name: PdoName) -> Option<Layout> {
+pub(in crate::session) fn pdo_layout(node: &Node, name: PdoName) -> Option<PayloadLayout> {
     let mut resolver = node.resolver();
-    let (spec, assumed) = match spec(node, name, &mut resolver) {
+    let (spec, assumed) = match profile_pdo(node, name, &mut resolver) {
         Some((spec, assumed)) => (Some(spec), assumed),
         None => (None, false),
     };
-    let is_fixed = spec.is_some_and(|spec| spec.mapping == Mapping::Fixed);
+    let is_fixed = spec.is_some_and(|spec| spec.mapping == MappingSource::Fixed);
     let mut layout = match spec {
         Some(spec) if is_fixed => of_profile(&spec.fields, LayoutOrigin::Profile, assumed, &mut resolver)?,
-        _ => match mapped(node, name, &mut resolver) {
+        _ => match mapped_layout(node, name, &mut resolver) {
             Some(layout) => layout,
             None => match (node.given_pdo(name), spec?) {
                 (Some(fields), _) => of_profile(fields, LayoutOrigin::BusFile, false, &mut resolver)?,
-                (None, spec) if spec.mapping == Mapping::Default => {
+                (None, spec) if spec.mapping == MappingSource::Default => {
                     of_profile(&spec.fields, LayoutOrigin::Profile, true, &mut resolver)?
                 }
                 _ => return None,
@@ -43,11 +45,15 @@ pub(in crate::session) fn layout(node: &Node, name: PdoName) -> Option<Layout> {
 }
 
 /// PDO in the profile for the present modes, and whether the modes are assumed.
-fn spec<'a>(node: &'a Node, name: PdoName, resolver: &mut Resolver<'_>) -> Option<(&'a PdoSpec, bool)> {
+fn profile_pdo<'a>(
+    node: &'a Node,
+    name: PdoName,
+    resolver: &mut EntryResolver<'_>,
+) -> Option<(&'a PdoSpec, bool)> {
     let mut assumed = false;
     for spec in node.device().pdos.iter().filter(|spec| spec.pdo == name) {
         let Some(when) = &spec.when else { return Some((spec, assumed)) };
-        match resolver.number(when.object.object) {
+        match resolver.resolve_number(when.object.object) {
             Some(number) if when.equals.contains(number.raw) => return Some((spec, number.assumed)),
             Some(number) => assumed |= number.assumed,
             None => assumed = true,
@@ -61,18 +67,18 @@ pub(in crate::session) fn of_profile(
     fields: &[PdoField],
     origin: LayoutOrigin,
     assumed: bool,
-    resolver: &mut Resolver<'_>,
-) -> Option<Layout> {
+    resolver: &mut EntryResolver<'_>,
+) -> Option<PayloadLayout> {
     if fields.is_empty() {
         return None;
     }
-    let mut layout = Layout { origin, assumed, ..Layout::default() };
+    let mut layout = PayloadLayout { origin, assumed, ..PayloadLayout::default() };
     for PdoField { object, bits, constant } in fields {
         if let Some(content) = constant {
-            layout.fixed.add(layout.bits, *bits, *content);
+            layout.fixed.add_field(layout.bits, *bits, *content);
         }
         if let Some(object) = object {
-            layout.fields.push(field(object.object, layout.bits, *bits, resolver));
+            layout.fields.push(mapped_field(object.object, layout.bits, *bits, resolver));
         }
         layout.bits = layout.bits.saturating_add(*bits);
     }
@@ -80,15 +86,19 @@ pub(in crate::session) fn of_profile(
 }
 
 /// Layout from the mapping parameters; `None` if one of them is unknown.
-fn mapped(node: &Node, name: PdoName, resolver: &mut Resolver<'_>) -> Option<Layout> {
+fn mapped_layout(node: &Node, name: PdoName, resolver: &mut EntryResolver<'_>) -> Option<PayloadLayout> {
     let index = name.mapping_index();
-    let count = resolver.number(ObjectAddress::new(index, 0))?;
+    let count = resolver.resolve_number(ObjectAddress::new(index, 0))?;
     if !(1..=MOST_ENTRIES).contains(&count.raw) {
         return None;
     }
-    let mut layout = Layout { origin: origin(node, index), assumed: count.assumed, ..Layout::default() };
+    let mut layout = PayloadLayout {
+        origin: count_source(node, index),
+        assumed: count.assumed,
+        ..PayloadLayout::default()
+    };
     for sub in 1..=u8::try_from(count.raw).ok()? {
-        let Number { raw, assumed } = resolver.number(ObjectAddress::new(index, sub))?;
+        let DecidingNumber { raw, assumed } = resolver.resolve_number(ObjectAddress::new(index, sub))?;
         layout.assumed |= assumed;
         // Bits 31..16 index, 15..8 sub-index, 7..0 length in bits (CiA 301 figure 70).
         let [bits, sub, low, high, ..] = raw.to_le_bytes();
@@ -96,7 +106,7 @@ fn mapped(node: &Node, name: PdoName, resolver: &mut Resolver<'_>) -> Option<Lay
         let bits = u16::from(bits);
         let end = layout.bits.checked_add(bits)?;
         if object.index > LAST_DUMMY && (1..=64).contains(&bits) {
-            layout.fields.push(field(object, layout.bits, bits, resolver));
+            layout.fields.push(mapped_field(object, layout.bits, bits, resolver));
         }
         layout.bits = end;
     }
@@ -104,7 +114,7 @@ fn mapped(node: &Node, name: PdoName, resolver: &mut Resolver<'_>) -> Option<Lay
 }
 
 /// Source of the number of mapped entries.
-fn origin(node: &Node, mapping: u16) -> LayoutOrigin {
+fn count_source(node: &Node, mapping: u16) -> LayoutOrigin {
     let count = ObjectAddress::new(mapping, 0);
     match node.store().get(count).map(|entry| entry.origin.kind) {
         Some(OriginKind::BusFile) => LayoutOrigin::BusFile,
@@ -114,19 +124,19 @@ fn origin(node: &Node, mapping: u16) -> LayoutOrigin {
     }
 }
 
-fn field(object: ObjectAddress, bit: u16, bits: u16, resolver: &mut Resolver<'_>) -> Field {
-    let mut meaning = resolver.meaning(object);
+fn mapped_field(object: ObjectAddress, bit: u16, bits: u16, resolver: &mut EntryResolver<'_>) -> SignalField {
+    let mut meaning = resolver.resolve_meaning(object);
     let known = meaning.as_ref().and_then(|meaning| meaning.data_type);
     let same = known.filter(|known| known.bits() == Some(bits));
     // A field narrower than its object contains the low bits of the object.
-    let narrowed = known.and_then(|known| DataType::narrowed(known, bits));
+    let narrowed = known.and_then(|known| DataType::narrow_to(known, bits));
     if let Some(meaning) = &mut meaning {
         meaning.data_type = same.or(narrowed).or(meaning.data_type);
     }
-    let data_type = same.or(narrowed).unwrap_or(DataType::unsigned(bits));
-    Field {
+    let data_type = same.or(narrowed).unwrap_or(DataType::unsigned_of(bits));
+    SignalField {
         meaning: meaning.map(Arc::new),
         is_typed: same.or(narrowed).is_some(),
-        ..Field::of_object(object, bit, bits, data_type)
+        ..SignalField::of_object(object, bit, bits, data_type)
     }
 }

@@ -14,7 +14,7 @@ const SILENT: i64 = 1_000_000_000;
 
 /// Sign of life of a node.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Watch {
+pub enum LifeWatch {
     /// Heartbeat message.
     Heartbeat,
     /// Guarding response.
@@ -31,7 +31,7 @@ pub enum Watch {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LifeSign {
     /// Type of the sign of life.
-    pub by: Watch,
+    pub by: LifeWatch,
     /// Monotonic time of the last sign, in ns.
     pub last: i64,
     /// Time until the next sign, in ns; `None` if unknown.
@@ -43,11 +43,11 @@ pub struct LifeSign {
 impl Node {
     /// Set points received since the last boot.
     pub fn set_points(&self) -> impl Iterator<Item = EmittedSetPoint<'_>> {
-        self.behaviour.set_points.iter().filter_map(SetPointState::standing)
+        self.behaviour.set_points.iter().filter_map(SetPointState::emitted_set_point)
     }
 
     /// Frame and monotonic time of the last boot.
-    pub fn started(&self) -> Option<(u64, i64)> {
+    pub fn last_boot(&self) -> Option<(u64, i64)> {
         self.behaviour.boot.map(|boot| (boot.frame, boot.time))
     }
 
@@ -68,7 +68,7 @@ impl Node {
 
     /// Last raw value of a watched object in a PDO.
     pub fn word_of(&self, object: ObjectAddress) -> Option<u64> {
-        self.behaviour.word(object)
+        self.behaviour.last_word(object)
     }
 }
 
@@ -77,9 +77,9 @@ impl Bus {
     pub fn sign_of_life(&self, id: NodeId) -> Option<LifeSign> {
         let node = self.node(id).filter(|node| node.last_frame != 0)?;
         let (heartbeat, guarding) = (&node.heartbeat, &node.guarding);
-        if let (Some(last), Some(expected)) = (heartbeat.last, heartbeat.expected()) {
+        if let (Some(last), Some(expected)) = (heartbeat.last, heartbeat.expected_interval()) {
             let limit = Some(expected.saturating_mul(2));
-            return Some(LifeSign { by: Watch::Heartbeat, last, expected: Some(expected), limit });
+            return Some(LifeSign { by: LifeWatch::Heartbeat, last, expected: Some(expected), limit });
         }
         if let Some(last) = guarding.last_reply {
             let number = |index| node.store.number(ObjectAddress::new(index, 0)).filter(|number| *number > 0);
@@ -87,19 +87,26 @@ impl Bus {
             let expected = time.map(|time| time.saturating_mul(1_000_000));
             let factor = number(0x100D).and_then(|factor| i64::try_from(factor).ok());
             let limit = expected.zip(factor).map(|(time, factor)| time.saturating_mul(factor));
-            return Some(LifeSign { by: Watch::Guarding, last, expected, limit });
+            return Some(LifeSign { by: LifeWatch::Guarding, last, expected, limit });
         }
         let rests = self.clock.now().saturating_sub(node.last_heard);
-        let cadences = self.routes.cadences().filter(|cadence| cadence.limit().0 == id);
-        let due = |cadence: &&Cadence| cadence.last().map(|last| last.saturating_add(cadence.limit().1));
-        let first = cadences.filter(|cadence| cadence.last().is_some()).min_by_key(due);
+        let cadences = self.routes.cadences().filter(|cadence| cadence.max_interval().0 == id);
+        let due = |cadence: &&Cadence| {
+            cadence.last_reception().map(|last| last.saturating_add(cadence.max_interval().1))
+        };
+        let first = cadences.filter(|cadence| cadence.last_reception().is_some()).min_by_key(due);
         if let Some(cadence) = first.filter(|_| rests <= SILENT) {
-            let (_, limit) = cadence.limit();
-            let by = Watch::Message(Arc::clone(cadence.name()));
-            return Some(LifeSign { by, last: cadence.last()?, expected: Some(limit), limit: Some(limit) });
+            let (_, limit) = cadence.max_interval();
+            let by = LifeWatch::Message(Arc::clone(cadence.name()));
+            return Some(LifeSign {
+                by,
+                last: cadence.last_reception()?,
+                expected: Some(limit),
+                limit: Some(limit),
+            });
         }
-        let is_boot = node.started().is_some_and(|(frame, _)| frame == node.last_frame);
-        let by = if is_boot { Watch::Boot } else { Watch::Any };
+        let is_boot = node.last_boot().is_some_and(|(frame, _)| frame == node.last_frame);
+        let by = if is_boot { LifeWatch::Boot } else { LifeWatch::Any };
         Some(LifeSign { by, last: node.last_heard, expected: None, limit: None })
     }
 }

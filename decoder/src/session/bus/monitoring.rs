@@ -6,7 +6,7 @@ pub(in crate::session) const UNANSWERED: u8 = 3;
 
 /// Heartbeat state of a node.
 #[derive(Debug, Clone, Default)]
-pub(in crate::session) struct Heartbeat {
+pub(in crate::session) struct HeartbeatState {
     /// Monotonic time of the last heartbeat; `None` before the first one and after a reset.
     pub(in crate::session) last: Option<i64>,
     /// Last intervals in ns, newest first; 0 for none.
@@ -19,9 +19,9 @@ pub(in crate::session) struct Heartbeat {
     pub(in crate::session) configured: Option<i64>,
 }
 
-impl Heartbeat {
+impl HeartbeatState {
     /// Expected interval in ns: the configured one, otherwise the longest of the last four.
-    pub(in crate::session) fn expected(&self) -> Option<i64> {
+    pub(in crate::session) fn expected_interval(&self) -> Option<i64> {
         match self.configured {
             Some(0) => None,
             Some(time) => Some(time),
@@ -33,7 +33,7 @@ impl Heartbeat {
 
 /// Guarding state of a node.
 #[derive(Debug, Clone, Default)]
-pub(in crate::session) struct Guarding {
+pub(in crate::session) struct GuardingState {
     /// A request waits for its response.
     pub(in crate::session) is_open: bool,
     /// Consecutive requests without response.

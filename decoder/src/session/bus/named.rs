@@ -4,7 +4,7 @@
 use crate::wire::j1939::J1939Id;
 use crate::wire::{NODE_PLACES, NodeId};
 
-/// Words of a bit per place of [`NodeId::place`].
+/// Words of a bit per place of [`NodeId::table_place`].
 const WORDS: usize = NODE_PLACES / 128;
 
 /// Named nodes of one bus.
@@ -21,7 +21,7 @@ pub(in crate::session) struct NamedNodes {
 
 impl NamedNodes {
     /// Adds a node. An option without bus (`is_own` false) applies only once the node's identifiers occur.
-    pub(in crate::session) fn add(&mut self, id: NodeId, is_own: bool) {
+    pub(in crate::session) fn add_node(&mut self, id: NodeId, is_own: bool) {
         if let Some((word, bit)) = bit_of(id)
             && let Some(places) = self.places.get_mut(word)
         {
@@ -39,7 +39,7 @@ impl NamedNodes {
     }
 
     /// Stores the text on a frame that is not valid in the protocol of its named node.
-    pub(in crate::session) fn contradict(&mut self, text: &str) {
+    pub(in crate::session) fn note_contradiction(&mut self, text: &str) {
         self.contradiction = Some(text.into());
     }
 
@@ -49,7 +49,7 @@ impl NamedNodes {
     }
 
     /// Whether a CANopen node is named; its frame shows that this bus carries its identifiers.
-    pub(in crate::session) fn hear(&mut self, id: NodeId) -> bool {
+    pub(in crate::session) fn note_canopen(&mut self, id: NodeId) -> bool {
         let is_named = self.contains(id);
         self.has_canopen |= is_named;
         is_named
@@ -57,13 +57,13 @@ impl NamedNodes {
 
     /// Whether sender or receiver of a J1939 message is named; its frame shows that this bus carries its messages.
     pub(in crate::session) fn hear_message(&mut self, id: J1939Id) -> bool {
-        let is_named = self.concerns(id);
+        let is_named = self.concerns_named(id);
         self.has_j1939 |= is_named;
         is_named
     }
 
     /// Whether sender or receiver of a J1939 message is named.
-    pub(in crate::session) fn concerns(&self, id: J1939Id) -> bool {
+    pub(in crate::session) fn concerns_named(&self, id: J1939Id) -> bool {
         self.contains(NodeId::J1939(id.source)) || self.contains(NodeId::J1939(id.destination))
     }
 
@@ -92,7 +92,7 @@ impl NamedNodes {
 /// Word and bit of a valid node.
 #[inline]
 fn bit_of(id: NodeId) -> Option<(usize, u128)> {
-    let place = id.place();
+    let place = id.table_place();
     (place < NODE_PLACES).then(|| (place / 128, 1 << (place % 128)))
 }
 
@@ -103,22 +103,22 @@ mod tests {
     #[test]
     fn a_named_node_and_its_neighbours() {
         let mut named = NamedNodes::default();
-        named.add(NodeId::Canopen(127), false);
-        named.add(NodeId::J1939(0), false);
-        named.add(NodeId::Canopen(0), true);
+        named.add_node(NodeId::Canopen(127), false);
+        named.add_node(NodeId::J1939(0), false);
+        named.add_node(NodeId::Canopen(0), true);
         assert!(named.contains(NodeId::Canopen(127)) && named.contains(NodeId::J1939(0)));
         assert!(!named.contains(NodeId::Canopen(126)) && !named.contains(NodeId::J1939(127)));
         // The null address and node-ID 0 are not devices.
         assert!(!named.contains(NodeId::J1939(254)) && !named.contains(NodeId::Canopen(0)));
-        assert!(!named.has_canopen() && !named.hear(NodeId::Canopen(5)) && !named.has_canopen());
-        assert!(named.hear(NodeId::Canopen(127)) && named.has_canopen());
+        assert!(!named.has_canopen() && !named.note_canopen(NodeId::Canopen(5)) && !named.has_canopen());
+        assert!(named.note_canopen(NodeId::Canopen(127)) && named.has_canopen());
         assert_eq!(named.canopen_list(), "127");
     }
 
     #[test]
     fn a_bus_named_with_the_node_needs_no_frame() {
         let mut named = NamedNodes::default();
-        named.add(NodeId::Canopen(5), true);
+        named.add_node(NodeId::Canopen(5), true);
         assert!(named.has_canopen());
     }
 }

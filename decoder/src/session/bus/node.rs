@@ -2,22 +2,22 @@
 
 use std::sync::Arc;
 
-use super::behaviour::Behaviour;
-use super::conflicts::Conflicts;
+use super::behaviour::DeviceBehaviour;
+use super::conflicts::EmittedConflicts;
 use super::faults::J1939State;
-use super::monitoring::{Guarding, Heartbeat};
-use super::restart::Restart;
-use super::signs::Signs;
-use super::store::{Origin, Store};
-use crate::event::{AssignedBy, Certainty, StateCause};
+use super::monitoring::{GuardingState, HeartbeatState};
+use super::restart::RestartType;
+use super::signs::ProfileSigns;
+use super::store::{ObjectStore, StoredOrigin};
+use crate::event::{AssignedBy, StateCause, StateCertainty};
 use crate::frame::{CanId, Timestamp};
 use crate::profile::device::PdoField;
-use crate::profile::{Device, Meaning, PdoName, ReportedIdentity, Resolver, plain_device};
+use crate::profile::{DeviceProfile, EntryResolver, ObjectMeaning, PdoName, ReportedIdentity, plain_device};
 use crate::session::limits::ACTIVE_ERROR_LIMIT;
 use crate::wire::NodeId;
-use crate::wire::canopen::emcy::ByteOrder;
+use crate::wire::canopen::emcy::EmcyByteOrder;
 use crate::wire::canopen::{NmtState, ObjectAddress};
-use crate::wire::j1939::Name;
+use crate::wire::j1939::J1939Name;
 
 /// NMT state with its certainty.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,7 +25,7 @@ pub struct NmtStatus {
     /// NMT state of the node.
     pub state: NmtState,
     /// Confirmed or presumed.
-    pub certainty: Certainty,
+    pub certainty: StateCertainty,
     /// Last evidence for the state.
     pub cause: StateCause,
     /// Frame that changed the state.
@@ -42,7 +42,7 @@ pub struct Node {
     /// Node-ID before its last change; None if it never changed.
     pub(in crate::session) previous_id: Option<NodeId>,
     /// Behaviour that can suggest a profile.
-    pub(in crate::session) signs: Signs,
+    pub(in crate::session) signs: ProfileSigns,
     /// Name from the user.
     pub(in crate::session) name: Option<Arc<str>>,
     /// NMT state; `None` if unknown.
@@ -63,11 +63,11 @@ pub struct Node {
     /// Monotonic time of its last frame.
     pub(in crate::session) last_heard: i64,
     /// NMT reset since the last boot-up: frame and type.
-    pub(in crate::session) reset_frame: Option<(u64, Restart)>,
+    pub(in crate::session) reset_frame: Option<(u64, RestartType)>,
     /// Identifier of the SYNC that the node uses.
     pub(in crate::session) sync: CanId,
     /// Type of the last restart.
-    pub(in crate::session) restart: Restart,
+    pub(in crate::session) restart: RestartType,
     /// Byte order of EMCY codes, detected from the codes.
     pub(in crate::session) emcy_order: Option<DetectedByteOrder>,
     /// Object whose presumed value contradicts an EMCY; pending until reported.
@@ -76,22 +76,22 @@ pub struct Node {
     pub(in crate::session) just_booted: bool,
     /// Boot-ups counted.
     pub(in crate::session) boots: u32,
-    pub(in crate::session) heartbeat: Heartbeat,
-    pub(in crate::session) guarding: Guarding,
+    pub(in crate::session) heartbeat: HeartbeatState,
+    pub(in crate::session) guarding: GuardingState,
     /// Active error codes, oldest first.
     pub(in crate::session) active_errors: Vec<u16>,
     pub(in crate::session) last_error: Option<u16>,
     /// Parameters were stored (1010) after the last download.
     pub(in crate::session) saved: bool,
-    pub(in crate::session) store: Arc<Store>,
+    pub(in crate::session) store: Arc<ObjectStore>,
     /// Assigned device; a device with CiA 301 objects only if none is assigned.
-    pub(in crate::session) device: Arc<Device>,
+    pub(in crate::session) device: Arc<DeviceProfile>,
     /// Source of the assignment.
     pub(in crate::session) assigned: Option<AssignedBy>,
     /// PDO contents set by the manufacturer's tool, from the bus file.
     pub(in crate::session) given_pdos: Arc<Vec<(PdoName, Vec<PdoField>)>>,
     /// State machines, set points and procedures of the device.
-    pub(in crate::session) behaviour: Behaviour,
+    pub(in crate::session) behaviour: DeviceBehaviour,
     /// Identity used for the last search of a matching device.
     pub(in crate::session) introduction: Option<Arc<ReportedIdentity>>,
     /// Ambiguity between several matching devices was already reported.
@@ -99,14 +99,14 @@ pub struct Node {
     /// Identifiers from the delivery state of the device.
     pub(in crate::session) delivered_ids: Vec<CanId>,
     /// Contradictions to the device file.
-    pub(in crate::session) conflicts: Conflicts,
+    pub(in crate::session) conflicts: EmittedConflicts,
     /// State as a J1939 device.
     pub(in crate::session) j1939: Option<Box<J1939State>>,
 }
 
 /// Byte order of EMCY codes, detected from the codes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::session) struct DetectedByteOrder(pub(in crate::session) ByteOrder);
+pub(in crate::session) struct DetectedByteOrder(pub(in crate::session) EmcyByteOrder);
 
 impl NmtStatus {
     /// Whether the node reported the state by heartbeat or guarding.
@@ -118,7 +118,7 @@ impl NmtStatus {
     }
 
     /// Monotonic time of the frame that changed the state, in ns, as in [`super::Bus::now`].
-    pub fn since(&self) -> i64 {
+    pub fn changed_at(&self) -> i64 {
         self.since
     }
 }
@@ -128,7 +128,7 @@ impl Node {
         Self {
             id,
             previous_id: None,
-            signs: Signs::default(),
+            signs: ProfileSigns::default(),
             name,
             nmt: None,
             attention: true,
@@ -140,14 +140,14 @@ impl Node {
             last_seen: None,
             last_heard: 0,
             reset_frame: None,
-            sync: CanId::standard(0x80),
-            restart: Restart::PowerOn,
+            sync: CanId::from_standard(0x80),
+            restart: RestartType::PowerOn,
             emcy_order: None,
             contradicted: None,
             just_booted: false,
             boots: 0,
-            heartbeat: Heartbeat::default(),
-            guarding: Guarding::default(),
+            heartbeat: HeartbeatState::default(),
+            guarding: GuardingState::default(),
             active_errors: Vec::new(),
             last_error: None,
             saved: false,
@@ -155,11 +155,11 @@ impl Node {
             device: Arc::clone(plain_device()),
             assigned: None,
             given_pdos: Arc::default(),
-            behaviour: Behaviour::default(),
+            behaviour: DeviceBehaviour::default(),
             introduction: None,
             ambiguous: false,
             delivered_ids: Vec::new(),
-            conflicts: Conflicts::default(),
+            conflicts: EmittedConflicts::default(),
             j1939: None,
         }
     }
@@ -180,7 +180,7 @@ impl Node {
     }
 
     /// Boot-ups counted.
-    pub fn boots(&self) -> u32 {
+    pub fn boot_count(&self) -> u32 {
         self.boots
     }
 
@@ -190,7 +190,7 @@ impl Node {
     }
 
     /// Behaviour that can suggest a profile.
-    pub(crate) fn signs(&self) -> &Signs {
+    pub(crate) fn signs(&self) -> &ProfileSigns {
         &self.signs
     }
 
@@ -205,9 +205,9 @@ impl Node {
     }
 
     /// Confirmed raw value of an object, not doubtful since, and its origin.
-    pub fn proven(&self, object: ObjectAddress) -> Option<(i64, Origin)> {
-        let entry = self.store.seen(object).filter(|entry| !entry.stale)?;
-        let number = self.resolver().number(object).filter(|number| !number.assumed)?;
+    pub fn proven_value(&self, object: ObjectAddress) -> Option<(i64, StoredOrigin)> {
+        let entry = self.store.seen_value(object).filter(|entry| !entry.stale)?;
+        let number = self.resolver().resolve_number(object).filter(|number| !number.assumed)?;
         Some((number.raw, entry.origin))
     }
 
@@ -222,17 +222,17 @@ impl Node {
     }
 
     /// Object values of the node.
-    pub fn store(&self) -> &Store {
+    pub fn store(&self) -> &ObjectStore {
         &self.store
     }
 
     /// Assigned device; a device with CiA 301 objects only if none is assigned.
-    pub fn device(&self) -> &Arc<Device> {
+    pub fn device(&self) -> &Arc<DeviceProfile> {
         &self.device
     }
 
     /// Source of the device assignment.
-    pub fn assigned(&self) -> Option<AssignedBy> {
+    pub fn assigned_by(&self) -> Option<AssignedBy> {
         self.assigned
     }
 
@@ -252,31 +252,31 @@ impl Node {
     }
 
     /// Present meaning of an object.
-    pub fn meaning(&self, object: ObjectAddress) -> Option<Meaning> {
-        self.resolver().meaning(object)
+    pub fn meaning(&self, object: ObjectAddress) -> Option<ObjectMeaning> {
+        self.resolver().resolve_meaning(object)
     }
 
     /// Resolver for the meanings and values of the node's objects.
-    pub(in crate::session) fn resolver(&self) -> Resolver<'_> {
-        Resolver::for_node(&self.device.dictionary, &*self.store, self.id.number())
+    pub(in crate::session) fn resolver(&self) -> EntryResolver<'_> {
+        EntryResolver::for_node(&self.device.dictionary, &*self.store, self.id.number())
     }
 
     /// Updates `attention` after a change of `nmt` or `lost`.
     pub(in crate::session) fn refresh_attention(&mut self) {
-        let settled = self
-            .nmt
-            .is_some_and(|nmt| nmt.state == NmtState::Operational && nmt.certainty == Certainty::Confirmed);
+        let settled = self.nmt.is_some_and(|nmt| {
+            nmt.state == NmtState::Operational && nmt.certainty == StateCertainty::Confirmed
+        });
         self.attention = !settled || self.lost;
     }
 
     /// Active errors as text: EMCY codes, and faults of DM1.
-    pub(in crate::session) fn errors(&self) -> impl Iterator<Item = String> {
+    pub(in crate::session) fn error_texts(&self) -> impl Iterator<Item = String> {
         let codes = self.active_errors.iter().map(|code| format!("{code:04X}"));
         codes.chain(self.active_dtcs().map(|(spn, fmi)| format!("SPN {spn} FMI {fmi}")))
     }
 
     /// Adds an active error; `false` if the oldest one was evicted.
-    pub(in crate::session) fn raise(&mut self, code: u16) -> bool {
+    pub(in crate::session) fn raise_error(&mut self, code: u16) -> bool {
         self.last_error = Some(code);
         if self.active_errors.contains(&code) {
             return true;
@@ -303,13 +303,13 @@ impl Node {
 impl Node {
     /// SPN and FMI of the trouble codes in the last DM1.
     pub fn active_dtcs(&self) -> impl Iterator<Item = (u32, u8)> {
-        self.j1939.iter().flat_map(|state| state.faults.active())
+        self.j1939.iter().flat_map(|state| state.faults.active_codes())
     }
 }
 
 impl Node {
     /// NAME of a J1939 device; `None` before its address claim.
-    pub fn j1939_name(&self) -> Option<Name> {
+    pub fn j1939_name(&self) -> Option<J1939Name> {
         self.j1939.as_ref()?.name
     }
 

@@ -1,10 +1,10 @@
 //! Frames that are not decoded, counted by reason, for one note per reason.
 
-use crate::words::plural;
+use crate::words::count_noun;
 
 /// Numbers of frames that are not decoded, by reason.
 #[derive(Debug, Clone, Copy, Default)]
-pub(in crate::session) struct Omissions {
+pub(in crate::session) struct OmittedFrames {
     /// On CANopen identifiers of a bus not detected as CANopen.
     pub(in crate::session) canopen: u64,
     /// With 29 bits on a bus not detected as J1939.
@@ -19,20 +19,24 @@ pub(in crate::session) struct Omissions {
     pub(in crate::session) without_slot: u64,
 }
 
-impl Omissions {
+impl OmittedFrames {
     /// Number of frames that were emitted undecoded.
-    pub(in crate::session) fn undecoded(&self) -> u64 {
+    pub(in crate::session) fn undecoded_count(&self) -> u64 {
         let Self { canopen, j1939, time, fd, .. } = self;
         canopen.saturating_add(*j1939).saturating_add(*time).saturating_add(*fd)
     }
 
     /// One text per reason: number of frames, reason, and the option that changes it.
-    pub(in crate::session) fn texts(&self, canopen: Option<&str>, j1939: Option<&str>) -> Vec<String> {
+    pub(in crate::session) fn omission_texts(
+        &self,
+        canopen: Option<&str>,
+        j1939: Option<&str>,
+    ) -> Vec<String> {
         let unknown = "the protocol is not detected";
         let mut texts = Vec::new();
         let mut add = |count: u64, text: String| {
             if count > 0 {
-                texts.push(format!("{}{text}", plural(count, "frame")));
+                texts.push(format!("{}{text}", count_noun(count, "frame")));
             }
         };
         add(
@@ -77,14 +81,14 @@ mod tests {
 
     #[test]
     fn one_text_per_reason_with_its_count() {
-        let omissions = Omissions { canopen: 1, fd: 1_200, ..Omissions::default() };
-        let texts = omissions.texts(Some("no heartbeat"), None);
+        let omissions = OmittedFrames { canopen: 1, fd: 1_200, ..OmittedFrames::default() };
+        let texts = omissions.omission_texts(Some("no heartbeat"), None);
         assert_eq!(texts.len(), 2);
         assert!(
             texts[0]
                 .starts_with("1 frame on CANopen identifiers not decoded: no heartbeat; --protocol canopen")
         );
         assert!(texts[1].starts_with("1200 frames in CAN FD"), "{texts:?}");
-        assert!(Omissions::default().texts(None, None).is_empty());
+        assert!(OmittedFrames::default().omission_texts(None, None).is_empty());
     }
 }

@@ -11,7 +11,7 @@ pub(in crate::session) struct OpenTransfers {
 
 impl OpenTransfers {
     /// Opens session `number`, or closes it with `None`.
-    pub(in crate::session) fn set(&mut self, number: u16, transfer: Option<(u8, Option<Pgn>)>) {
+    pub(in crate::session) fn set_session(&mut self, number: u16, transfer: Option<(u8, Option<Pgn>)>) {
         let number = usize::from(number);
         if number >= self.list.len() {
             self.list.resize(number.saturating_add(1), None);

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::cob_id::{nonzero_identifier, predefined};
+use super::cob_id::{nonzero_identifier, predefined_identifier};
 use super::node::Node;
 use super::pdo_users::{PdoUsers, Users};
 use super::state::Bus;
@@ -35,7 +35,7 @@ impl Bus {
         let configured =
             self.node(id).filter(|_| name.is_sent()).and_then(|node| node.configured_cob_id(name));
         let configured = configured.and_then(nonzero_identifier);
-        configured.is_some_and(|configured| Some(configured) != predefined(name, id))
+        configured.is_some_and(|configured| Some(configured) != predefined_identifier(name, id))
     }
 
     /// Updates the users of all identifiers after a COB-ID changed.
@@ -49,7 +49,9 @@ impl Bus {
                 if let Some(id) = configured {
                     users.entry(id).or_default().push((name, node.id()));
                 }
-                left.extend(predefined(name, node.id()).filter(|default| Some(*default) != configured));
+                left.extend(
+                    predefined_identifier(name, node.id()).filter(|default| Some(*default) != configured),
+                );
             }
         }
         for id in &left {
@@ -60,7 +62,7 @@ impl Bus {
     }
 
     /// Text of the known consumers of an identifier: `received by RPDO1 of 7/07`, `no known consumer`.
-    pub(crate) fn consumers(&self, id: CanId) -> String {
+    pub(crate) fn consumers_text(&self, id: CanId) -> String {
         let all = self.pdo_users(id).into_iter().filter(|(name, _)| !name.is_sent());
         let names: Vec<_> = all.map(|(name, node)| format!("{name} of {}", node.label())).collect();
         if names.is_empty() {
@@ -106,7 +108,7 @@ mod tests {
         let mut bus = BusDecoder::new(BusIndex(0), "can0", Arc::new(options));
         let mut points = Vec::new();
         for (number, (id, data)) in (1..).zip(frames) {
-            let mut frame = Frame::data_frame(CanId::standard(*id), data);
+            let mut frame = Frame::data_frame(CanId::from_standard(*id), data);
             frame.number = number;
             frame.time = Some(Timestamp(1_000_000 * i64::try_from(number).unwrap()));
             bus.push(&frame, &mut |event: &Event, bus: &Bus| {
@@ -195,7 +197,7 @@ mod tests {
             (0x18B, tpdo),
         ];
         decoded(&frames, &mut |bus| {
-            let describe = |id| bus.describe_id(CanId::standard(id));
+            let describe = |id| bus.describe_id(CanId::from_standard(id));
             seen = vec![describe(0x286), describe(0x1C5), describe(0x18B)];
             assert!(bus.node(NodeId::Canopen(6)).is_none());
         });

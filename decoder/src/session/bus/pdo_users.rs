@@ -21,7 +21,7 @@ impl Node {
     /// Configured COB-ID of a PDO, written or read and not doubtful since; bit 31 marks it as not valid.
     pub(crate) fn configured_cob_id(&self, name: PdoName) -> Option<u64> {
         let object = ObjectAddress::new(name.communication_index(), 1);
-        let entry = self.store.seen(object)?;
+        let entry = self.store.seen_value(object)?;
         let is_sure = !entry.stale && entry.origin.kind != OriginKind::Pdo;
         is_sure.then(|| self.store.number(object)).flatten()
     }

@@ -1,8 +1,8 @@
 //! New node-IDs that a node accepted and that a restart activates.
 
-use super::{Bus, Node, Restart};
+use super::{Bus, Node, RestartType};
 use crate::event::NodeIdSource;
-use crate::profile::{Effect, Role, Storage, integer};
+use crate::profile::{ObjectRole, ValueStorage, WriteEffect, as_integer};
 use crate::wire::NodeId;
 
 /// A new node-ID that the present restart of its node activates.
@@ -20,7 +20,7 @@ impl Bus {
         let node = self.node(id)?;
         let changes = &self.node_id_changes;
         // CiA 305 §3.9.3: NMT reset communication activates the node-ID, other restarts load the stored one.
-        let is_activated = changes.is_lss_stored || node.restart == Restart::Communication;
+        let is_activated = changes.is_lss_stored || node.restart == RestartType::Communication;
         let by_lss = changes.by_lss.filter(|(from, _)| from.map(NodeId::Canopen) == Some(id) && is_activated);
         let by_uds = changes.by_uds.filter(|(from, _)| *from == id);
         let found = [
@@ -37,14 +37,16 @@ impl Node {
     /// Written node-ID object that the present restart activates.
     fn node_id_object(&self) -> Option<u8> {
         self.store.all_waiting().find_map(|(object, waiting)| {
-            let entry = self.device.dictionary.find(object)?.entry?;
-            let is_kept = self.restart == Restart::Communication
-                || entry.storage == Storage::EachWrite
-                || entry.storage == Storage::Save && self.saved;
-            let is_brought = self.restart.brings(waiting.effect) && waiting.effect != Effect::Unknown;
-            let meaning =
-                self.meaning(object).filter(|it| it.role == Some(Role::NodeId) && is_brought && is_kept)?;
-            let to = u8::try_from(integer(&meaning.decode(&waiting.value))?).ok()?;
+            let entry = self.device.dictionary.find_object(object)?.entry?;
+            let is_kept = self.restart == RestartType::Communication
+                || entry.storage == ValueStorage::EachWrite
+                || entry.storage == ValueStorage::Save && self.saved;
+            let is_brought =
+                self.restart.applies_value(waiting.effect) && waiting.effect != WriteEffect::Unknown;
+            let meaning = self
+                .meaning(object)
+                .filter(|it| it.role == Some(ObjectRole::NodeId) && is_brought && is_kept)?;
+            let to = u8::try_from(as_integer(&meaning.decode(&waiting.value))?).ok()?;
             (to != self.id.number()).then_some(to)
         })
     }

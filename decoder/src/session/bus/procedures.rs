@@ -1,6 +1,6 @@
 //! Running procedures of a device.
 
-use super::moment::Moment;
+use super::moment::FrameMoment;
 use crate::profile::device::ProcedureStatus;
 
 /// State of a running procedure.
@@ -8,7 +8,7 @@ use crate::profile::device::ProcedureStatus;
 pub(in crate::session) struct RunningProcedure {
     /// Index in the procedure list of the device.
     pub(in crate::session) place: usize,
-    pub(in crate::session) started: Moment<()>,
+    pub(in crate::session) started: FrameMoment<()>,
     /// Step emitted last.
     pub(in crate::session) step: Option<usize>,
     /// Consecutive messages that met the conditions of the pending trigger.
@@ -21,7 +21,7 @@ pub(in crate::session) struct ProcedureResult {
     /// Index in the procedure list of the device.
     pub(in crate::session) place: usize,
     /// Start; None before the capture.
-    pub(in crate::session) started: Option<Moment<()>>,
+    pub(in crate::session) started: Option<FrameMoment<()>>,
     /// Frame with the end, or with the first status.
     pub(in crate::session) ended: u64,
     pub(in crate::session) outcome: ProcedureStatus,

@@ -8,7 +8,7 @@ const KNOWN: u32 = 3;
 
 /// Intervals of an identifier.
 #[derive(Debug, Clone, Copy, Default)]
-pub(in crate::session) struct Pulse {
+pub(in crate::session) struct IdentifierIntervals {
     last: i64,
     longest: i64,
     /// Longest interval of the window before.
@@ -16,13 +16,13 @@ pub(in crate::session) struct Pulse {
     count: u32,
 }
 
-impl Pulse {
+impl IdentifierIntervals {
     /// Before the first frame.
     pub(in crate::session) const NEW: Self = Self { last: 0, longest: 0, before: 0, count: 0 };
 
     /// Registers a frame at a monotonic time.
     #[inline]
-    pub(in crate::session) fn beat(&mut self, now: i64) {
+    pub(in crate::session) fn note_frame(&mut self, now: i64) {
         if self.count != 0 {
             self.longest = self.longest.max(now.saturating_sub(self.last));
         }
@@ -34,12 +34,12 @@ impl Pulse {
     }
 
     /// Moves the last frame by `delay` ns, during which all traffic stopped.
-    pub(in crate::session) fn postpone(&mut self, delay: i64) {
+    pub(in crate::session) fn postpone_frame(&mut self, delay: i64) {
         self.last = self.last.saturating_add(delay);
     }
 
     /// Time at which the next frame is missing; `None` if too few frames are known.
-    pub(in crate::session) fn due(&self) -> Option<i64> {
+    pub(in crate::session) fn due_time(&self) -> Option<i64> {
         let longest = self.longest.max(self.before);
         (self.count >= KNOWN).then(|| self.last.saturating_add(longest).saturating_add(longest / 5))
     }
@@ -53,14 +53,14 @@ mod tests {
 
     #[test]
     fn old_intervals_are_forgotten() {
-        let mut pulse = Pulse::NEW;
+        let mut pulse = IdentifierIntervals::NEW;
         for n in 0..4 {
-            pulse.beat(n * 1_000 * MS);
+            pulse.note_frame(n * 1_000 * MS);
         }
-        assert_eq!(pulse.due(), Some(4_200 * MS));
+        assert_eq!(pulse.due_time(), Some(4_200 * MS));
         for n in 1..=64 {
-            pulse.beat((3_000 + n * 10) * MS);
+            pulse.note_frame((3_000 + n * 10) * MS);
         }
-        assert_eq!(pulse.due(), Some((3_640 + 12) * MS));
+        assert_eq!(pulse.due_time(), Some((3_640 + 12) * MS));
     }
 }

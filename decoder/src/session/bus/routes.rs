@@ -7,22 +7,22 @@ use foldhash::fast::FixedState;
 
 use super::cadence::Cadence;
 use super::last_payload::LastPayload;
-use super::link::Link;
+use super::link::UdsLink;
 use super::plan::IdentifierPlan;
-use super::pulse::Pulse;
+use super::pulse::IdentifierIntervals;
 use super::skipped_times::SkippedTimes;
-use crate::event::{Event, EventKind, Pdo};
+use crate::event::{DecodedPdo, Event, EventKind};
 use crate::frame::{CanId, Frame};
-use crate::profile::{Layout, Owner, PdoDirection, PdoName, connection_set};
+use crate::profile::{IdentifierOwner, PayloadLayout, PdoDirection, PdoName, connection_set};
 use crate::session::limits::EXTENDED_ID_LIMIT;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
-use crate::wire::canopen::sdo::Side;
+use crate::wire::canopen::sdo::SdoSide;
 use crate::wire::j1939::{J1939Id, NO_ADDRESS};
 
 /// Service of an identifier, with its node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::session) enum Service {
+pub(in crate::session) enum IdentifierService {
     /// No known service.
     Unclassified,
     /// Reserved identifier with a name; not decoded.
@@ -35,7 +35,7 @@ pub(in crate::session) enum Service {
     /// PDO of a node.
     Pdo(PdoName, NodeId),
     /// Request or response of an SDO channel.
-    Sdo(Side, u16),
+    Sdo(SdoSide, u16),
     /// NMT error control of a node: heartbeat, boot-up and guarding.
     ErrorControl(NodeId),
     /// LSS; `true` for messages of the master.
@@ -45,13 +45,13 @@ pub(in crate::session) enum Service {
     /// A J1939 message.
     J1939(J1939Id),
     /// ISO-TP frame of a link.
-    IsoTp(Link),
+    IsoTp(UdsLink),
 }
 
 /// State of one identifier, created at its first frame.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct IdentifierState {
-    pub(in crate::session) service: Service,
+    pub(in crate::session) service: IdentifierService,
     /// Last data frame.
     pub(in crate::session) last: LastPayload,
     /// Payload bits that the session itself needs; `None` if it needs each frame.
@@ -71,10 +71,10 @@ pub(in crate::session) struct IdentifierState {
     pub(in crate::session) skipped: Option<Box<SkippedTimes>>,
     /// Last frame, if only a database describes it.
     pub(in crate::session) described: Option<Box<Frame>>,
-    pulse: Pulse,
+    pulse: IdentifierIntervals,
 }
 
-impl Service {
+impl IdentifierService {
     /// Whether remote frames go to the service's machine. Only PDOs and error control are requested by remote
     /// frames (CiA 301 §7.2.2, §7.2.8.3.2.1). Frames of unknown services are emitted undecoded.
     pub(in crate::session) const fn has_remote_frames(self) -> bool {
@@ -86,24 +86,24 @@ impl Service {
 }
 
 impl IdentifierState {
-    fn new(service: Service) -> Self {
+    fn new(service: IdentifierService) -> Self {
         Self {
             service,
             last: LastPayload::NONE,
             needed: None,
-            sender: sender(service),
+            sender: sender_slot(service),
             version: 0,
             prepared: None,
             plan: None,
             cadence: None,
             skipped: None,
             described: None,
-            pulse: Pulse::NEW,
+            pulse: IdentifierIntervals::NEW,
         }
     }
 
     /// Drops the prepared event; the next frame uses the present layout.
-    pub(in crate::session) fn refresh(&mut self) {
+    pub(in crate::session) fn drop_event(&mut self) {
         (self.prepared, self.needed) = (None, None);
         self.version = self.version.wrapping_add(1);
     }
@@ -116,8 +116,8 @@ impl IdentifierState {
 
     /// Registers a frame at a monotonic time.
     #[inline]
-    pub(in crate::session) fn hear(&mut self, now: i64) {
-        self.pulse.beat(now);
+    pub(in crate::session) fn note_frame(&mut self, now: i64) {
+        self.pulse.note_frame(now);
     }
 }
 
@@ -126,33 +126,33 @@ const NO_SLOT: u16 = u16::MAX;
 /// No node has this index.
 const NO_SENDER: u16 = u16::MAX;
 
-fn sender(service: Service) -> u16 {
+fn sender_slot(service: IdentifierService) -> u16 {
     let node = match service {
-        Service::Pdo(name, node) if name.direction == PdoDirection::Transmit => node,
-        Service::J1939(id) if id.source < NO_ADDRESS => NodeId::J1939(id.source),
+        IdentifierService::Pdo(name, node) if name.direction == PdoDirection::Transmit => node,
+        IdentifierService::J1939(id) if id.source < NO_ADDRESS => NodeId::J1939(id.source),
         _ => return NO_SENDER,
     };
-    u16::try_from(node.place()).unwrap_or(NO_SENDER)
+    u16::try_from(node.table_place()).unwrap_or(NO_SENDER)
 }
 
 /// Services of all identifiers of one bus.
 #[derive(Debug, Clone)]
-pub(in crate::session) struct Routes {
+pub(in crate::session) struct IdentifierRoutes {
     /// Index of the state of each 11-bit identifier.
     standard: Box<[u16; 2048]>,
     /// The same for 29-bit identifiers.
     extended: HashMap<u32, u16, FixedState>,
     slots: Vec<IdentifierState>,
     /// Services from the user; they override all others.
-    given: Arc<BTreeMap<CanId, Service>>,
+    given: Arc<BTreeMap<CanId, IdentifierService>>,
     /// Services learnt from messages; they override the defaults.
-    learnt: Arc<BTreeMap<CanId, Service>>,
+    learnt: Arc<BTreeMap<CanId, IdentifierService>>,
     /// UDS servers from the user; they override only the defaults.
-    named: Arc<BTreeMap<CanId, Service>>,
+    named: Arc<BTreeMap<CanId, IdentifierService>>,
     refused: bool,
 }
 
-impl Default for Routes {
+impl Default for IdentifierRoutes {
     fn default() -> Self {
         Self {
             standard: Box::new([NO_SLOT; 2048]),
@@ -170,17 +170,17 @@ impl Default for Routes {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::session) enum RouteOrigin {
     /// From the user, from messages, or from ISO-TP addresses in the identifier.
-    Learnt(Service),
+    Learnt(IdentifierService),
     /// From the predefined connection set.
-    Default(Owner),
+    Default(IdentifierOwner),
     /// From the fields of a 29-bit identifier.
     J1939(J1939Id),
 }
 
-impl Routes {
+impl IdentifierRoutes {
     /// Index of an identifier in order of appearance; `None` before its first frame.
     #[inline]
-    pub(in crate::session) fn find(&self, id: CanId) -> Option<usize> {
+    pub(in crate::session) fn find_slot(&self, id: CanId) -> Option<usize> {
         let slot = match id {
             CanId::Standard(id) => self.standard.get(usize::from(id)).copied()?,
             CanId::Extended(id) => self.extended.get(&id).copied()?,
@@ -190,20 +190,22 @@ impl Routes {
 
     /// Registers a frame at a monotonic time; service of its slot.
     #[inline]
-    pub(in crate::session) fn hear(&mut self, slot: usize, now: i64) -> Option<Service> {
+    pub(in crate::session) fn note_frame(&mut self, slot: usize, now: i64) -> Option<IdentifierService> {
         let slot = self.slots.get_mut(slot)?;
-        slot.pulse.beat(now);
+        slot.pulse.note_frame(now);
         Some(slot.service)
     }
 
     /// Services of all slots with their intervals.
-    pub(in crate::session) fn pulses(&self) -> impl Iterator<Item = (Service, Pulse)> {
+    pub(in crate::session) fn pulses(
+        &self,
+    ) -> impl Iterator<Item = (IdentifierService, IdentifierIntervals)> {
         self.slots.iter().map(|slot| (slot.service, slot.pulse))
     }
 
     /// Moves the last frame of all identifiers by `delay` ns, during which all traffic stopped.
-    pub(in crate::session) fn postpone(&mut self, delay: i64) {
-        self.slots.iter_mut().for_each(|slot| slot.pulse.postpone(delay));
+    pub(in crate::session) fn postpone_frames(&mut self, delay: i64) {
+        self.slots.iter_mut().for_each(|slot| slot.pulse.postpone_frame(delay));
     }
 
     #[inline]
@@ -217,22 +219,21 @@ impl Routes {
     }
 
     /// Service of an identifier before its first frame.
-    pub(in crate::session) fn origin(&self, id: CanId) -> RouteOrigin {
+    pub(in crate::session) fn route_origin(&self, id: CanId) -> RouteOrigin {
         let known = [&self.given, &self.learnt, &self.named].into_iter().find_map(|map| map.get(&id));
-        let known = known.copied().or_else(|| Link::of(id).map(Service::IsoTp));
+        let known = known.copied().or_else(|| UdsLink::link_of(id).map(IdentifierService::IsoTp));
         if let Some(service) = known {
             return RouteOrigin::Learnt(service);
         }
         match id {
-            CanId::Standard(id) => RouteOrigin::Default(connection_set().owner(id)),
-            CanId::Extended(id) => {
-                J1939Id::of(id).map_or(RouteOrigin::Default(Owner::Unclassified), RouteOrigin::J1939)
-            }
+            CanId::Standard(id) => RouteOrigin::Default(connection_set().owner_of(id)),
+            CanId::Extended(id) => J1939Id::from_identifier(id)
+                .map_or(RouteOrigin::Default(IdentifierOwner::Unclassified), RouteOrigin::J1939),
         }
     }
 
     /// Creates the slot of an identifier; `None` if the table of 29-bit identifiers is full.
-    pub(in crate::session) fn add(&mut self, id: CanId, service: Service) -> Option<usize> {
+    pub(in crate::session) fn add_slot(&mut self, id: CanId, service: IdentifierService) -> Option<usize> {
         let index = self.slots.len();
         let slot = u16::try_from(index).ok()?;
         match id {
@@ -254,7 +255,7 @@ impl Routes {
     }
 
     /// Sets the learnt service of `id`.
-    pub(in crate::session) fn learn(&mut self, id: CanId, service: Service) {
+    pub(in crate::session) fn learn_service(&mut self, id: CanId, service: IdentifierService) {
         if self.learnt.get(&id) == Some(&service) {
             return;
         }
@@ -272,7 +273,12 @@ impl Routes {
     }
 
     /// Removes the learnt service of `id`; the default `replaces` applies again.
-    pub(in crate::session) fn forget(&mut self, id: CanId, service: Service, replaces: Service) {
+    pub(in crate::session) fn forget_service(
+        &mut self,
+        id: CanId,
+        service: IdentifierService,
+        replaces: IdentifierService,
+    ) {
         if self.learnt.get(&id) == Some(&service) {
             Arc::make_mut(&mut self.learnt).remove(&id);
             self.reroute(id, replaces);
@@ -280,7 +286,7 @@ impl Routes {
     }
 
     /// Sets the service of `id` from the user.
-    pub(in crate::session) fn give(&mut self, id: CanId, service: Service) {
+    pub(in crate::session) fn set_service(&mut self, id: CanId, service: IdentifierService) {
         Arc::make_mut(&mut self.given).insert(id, service);
     }
 
@@ -290,56 +296,56 @@ impl Routes {
     }
 
     /// Assigns `id` to a UDS link from the user; the first assignment wins.
-    pub(in crate::session) fn name(&mut self, id: CanId, link: Link) {
-        Arc::make_mut(&mut self.named).entry(id).or_insert(Service::IsoTp(link));
+    pub(in crate::session) fn assign_named_link(&mut self, id: CanId, link: UdsLink) {
+        Arc::make_mut(&mut self.named).entry(id).or_insert(IdentifierService::IsoTp(link));
     }
 
     /// Assigns `id` to a UDS link that the traffic revealed; services from the user and from messages remain.
-    pub(in crate::session) fn assign(&mut self, id: CanId, link: Link) {
+    pub(in crate::session) fn assign_link(&mut self, id: CanId, link: UdsLink) {
         if !self.learnt.contains_key(&id) && !self.named.contains_key(&id) {
-            self.name(id, link);
-            self.reroute(id, Service::IsoTp(link));
+            self.assign_named_link(id, link);
+            self.reroute(id, IdentifierService::IsoTp(link));
         }
     }
 
     /// Sets the service of `id` until another one is learnt.
-    pub(in crate::session) fn reroute(&mut self, id: CanId, service: Service) {
+    pub(in crate::session) fn reroute(&mut self, id: CanId, service: IdentifierService) {
         if self.given.contains_key(&id) {
             return;
         }
-        if let Some(slot) = self.find(id).and_then(|index| self.slots.get_mut(index)) {
+        if let Some(slot) = self.find_slot(id).and_then(|index| self.slots.get_mut(index)) {
             let version = slot.version.wrapping_add(1);
             *slot = IdentifierState { version, ..IdentifierState::new(service) };
         }
     }
 
     /// Identifier learnt for a service.
-    pub(in crate::session) fn learnt_id(&self, service: Service) -> Option<CanId> {
+    pub(in crate::session) fn learnt_id(&self, service: IdentifierService) -> Option<CanId> {
         self.learnt.iter().find(|(_, learnt)| **learnt == service).map(|(id, _)| *id)
     }
 
     /// Present service of an identifier; `None` before its first frame.
-    pub(in crate::session) fn service_of(&self, id: CanId) -> Option<Service> {
-        self.slot(self.find(id)?).map(|slot| slot.service)
+    pub(in crate::session) fn service_of(&self, id: CanId) -> Option<IdentifierService> {
+        self.slot(self.find_slot(id)?).map(|slot| slot.service)
     }
 
     /// Service learnt for an identifier.
-    pub(in crate::session) fn learnt_at(&self, id: CanId) -> Option<Service> {
+    pub(in crate::session) fn learnt_at(&self, id: CanId) -> Option<IdentifierService> {
         self.learnt.get(&id).copied()
     }
 
     /// Whether a service has an identifier, learnt or from the user.
-    pub(in crate::session) fn is_placed(&self, service: Service) -> bool {
+    pub(in crate::session) fn is_placed(&self, service: IdentifierService) -> bool {
         self.given.values().chain(self.learnt.values()).any(|placed| *placed == service)
     }
 
     /// Copies all learnt services, for moving them to another node-ID.
-    pub(in crate::session) fn learnt(&self) -> Vec<(CanId, Service)> {
+    pub(in crate::session) fn learnt_services(&self) -> Vec<(CanId, IdentifierService)> {
         self.learnt.iter().map(|(id, service)| (*id, *service)).collect()
     }
 
     /// PDOs received so far, with their layouts.
-    pub(in crate::session) fn layouts(&self) -> impl Iterator<Item = (Service, &Layout)> {
+    pub(in crate::session) fn layouts(&self) -> impl Iterator<Item = (IdentifierService, &PayloadLayout)> {
         self.slots.iter().filter_map(|slot| match &slot.prepared.as_deref()?.kind {
             EventKind::Pdo(pdo) => Some((slot.service, pdo.layout.as_deref()?)),
             _ => None,
@@ -349,8 +355,8 @@ impl Routes {
     /// Drops the prepared event of a PDO, so that the next one uses the present layout.
     pub(in crate::session) fn refresh_pdo(&mut self, name: PdoName, node: NodeId) {
         for slot in &mut self.slots {
-            if slot.service == Service::Pdo(name, node) {
-                slot.refresh();
+            if slot.service == IdentifierService::Pdo(name, node) {
+                slot.drop_event();
             }
         }
     }
@@ -359,13 +365,15 @@ impl Routes {
     /// refreshed when their mapping becomes known.
     pub(in crate::session) fn refresh_dependents(&mut self, id: NodeId, object: ObjectAddress) {
         for slot in &mut self.slots {
-            let depends = matches!(slot.service, Service::Pdo(_, node) if node == id)
+            let depends = matches!(slot.service, IdentifierService::Pdo(_, node) if node == id)
                 && slot.prepared.as_deref().is_some_and(|event| match &event.kind {
-                    EventKind::Pdo(Pdo { layout: Some(layout), .. }) => layout.depends.contains(&object),
+                    EventKind::Pdo(DecodedPdo { layout: Some(layout), .. }) => {
+                        layout.depends.contains(&object)
+                    }
                     _ => false,
                 });
             if depends {
-                slot.refresh();
+                slot.drop_event();
             }
         }
     }
@@ -373,8 +381,8 @@ impl Routes {
     /// Drops prepared events of all PDOs of a node.
     pub(in crate::session) fn refresh_pdos_of(&mut self, id: NodeId) {
         for slot in &mut self.slots {
-            if matches!(slot.service, Service::Pdo(_, node) if node == id) {
-                slot.refresh();
+            if matches!(slot.service, IdentifierService::Pdo(_, node) if node == id) {
+                slot.drop_event();
             }
         }
     }
@@ -393,8 +401,8 @@ impl Routes {
     pub(in crate::session) fn refresh_messages(&mut self) -> Vec<(u16, Box<Cadence>)> {
         let mut dropped = Vec::new();
         for (number, slot) in (0..).zip(&mut self.slots) {
-            if matches!(slot.service, Service::J1939(_)) {
-                slot.refresh();
+            if matches!(slot.service, IdentifierService::J1939(_)) {
+                slot.drop_event();
                 dropped.extend(slot.cadence.take().map(|cadence| (number, cadence)));
             }
         }

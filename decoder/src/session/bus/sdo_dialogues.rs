@@ -3,7 +3,7 @@
 use std::fmt;
 
 use crate::frame::{CanId, Frame};
-use crate::profile::{Owner, connection_set};
+use crate::profile::{IdentifierOwner, connection_set};
 
 /// Max pairs of identifiers counted; more pairs match only by chance.
 const PAIR_LIMIT: usize = 32;
@@ -22,13 +22,13 @@ const LENGTH: usize = 8;
 pub(in crate::session) struct SdoDialogues {
     /// Last request: identifier, command specifier and multiplexer.
     asked: Option<(CanId, u8, [u8; 3])>,
-    pairs: Vec<Pair>,
+    pairs: Vec<SdoIdentifiers>,
     budget: u32,
 }
 
 /// Identifiers of requests and of their responses.
 #[derive(Debug, Clone, Copy)]
-struct Pair {
+struct SdoIdentifiers {
     request: CanId,
     response: CanId,
     exchanges: u32,
@@ -54,22 +54,25 @@ impl SdoDialogues {
         let is_known = |id: CanId| self.pairs.iter().any(|pair| pair.request == id || pair.response == id);
         self.budget > 0
             && frame.data().len() == LENGTH
-            && (request(frame.data()).is_some() || response(frame.data()).is_some() || is_known(frame.id))
+            && (parse_request(frame.data()).is_some()
+                || parse_response(frame.data()).is_some()
+                || is_known(frame.id))
     }
 
     /// Evaluates a frame of an identifier without SDO channel; returns its pair at the exchange that rules out
     /// chance.
-    pub(in crate::session) fn take(&mut self, frame: &Frame) -> Option<SdoPair> {
+    pub(in crate::session) fn take_frame(&mut self, frame: &Frame) -> Option<SdoPair> {
         let data = frame.data();
         if data.len() != LENGTH {
             // An SDO always has eight bytes.
-            let is_pending = |pair: &Pair| pair.exchanges < ENOUGH;
+            let is_pending = |pair: &SdoIdentifiers| pair.exchanges < ENOUGH;
             self.pairs
                 .retain(|pair| !is_pending(pair) || pair.request != frame.id && pair.response != frame.id);
             return None;
         }
         self.budget = self.budget.checked_sub(1)?;
-        if let (Some((id, specifier, object)), Some((responses, responded))) = (self.asked, response(data))
+        if let (Some((id, specifier, object)), Some((responses, responded))) =
+            (self.asked, parse_response(data))
             && id != frame.id
             && responses.contains(&specifier)
             && object == responded
@@ -78,28 +81,28 @@ impl SdoDialogues {
             self.budget = BUDGET;
             return self.add_exchange(id, frame.id);
         }
-        if let Some((specifier, object)) = request(data) {
+        if let Some((specifier, object)) = parse_request(data) {
             self.asked = Some((frame.id, specifier, object));
         }
         None
     }
 
     /// Pairs with enough exchanges.
-    pub(in crate::session) fn hints(&self) -> Vec<SdoPairHint> {
+    pub(in crate::session) fn pair_hints(&self) -> Vec<SdoPairHint> {
         let enough = self.pairs.iter().filter(|pair| pair.exchanges >= ENOUGH);
         enough
-            .map(|Pair { request, response, .. }| {
+            .map(|SdoIdentifiers { request, response, .. }| {
                 let pair = SdoPair { request: *request, response: *response };
-                SdoPairHint { request: *request, response: *response, node: pair.node() }
+                SdoPairHint { request: *request, response: *response, node: pair.server_node() }
             })
             .collect()
     }
 
     fn add_exchange(&mut self, request: CanId, response: CanId) -> Option<SdoPair> {
-        let is_same = |pair: &&mut Pair| (pair.request, pair.response) == (request, response);
+        let is_same = |pair: &&mut SdoIdentifiers| (pair.request, pair.response) == (request, response);
         let Some(pair) = self.pairs.iter_mut().find(is_same) else {
             if self.pairs.len() < PAIR_LIMIT {
-                self.pairs.push(Pair { request, response, exchanges: 1 });
+                self.pairs.push(SdoIdentifiers { request, response, exchanges: 1 });
             }
             return None;
         };
@@ -110,14 +113,14 @@ impl SdoDialogues {
 
 impl SdoPair {
     /// Node-ID of the server, from an identifier of the predefined connection set; 1 if there is none.
-    fn node(self) -> u8 {
-        [self.response, self.request].into_iter().find_map(owner).unwrap_or(1)
+    fn server_node(self) -> u8 {
+        [self.response, self.request].into_iter().find_map(predefined_owner).unwrap_or(1)
     }
 
     /// Pair and its entries in the bus file, as text.
-    pub(in crate::session) fn hint(self) -> String {
+    pub(in crate::session) fn hint_text(self) -> String {
         let Self { request, response } = self;
-        let node = self.node();
+        let node = self.server_node();
         format!(
             "{response} responds to {request} like an SDO server, {ENOUGH} exchanges: no longer decoded as PDO; to \
              decode, add to a bus file (--bus), with the node-ID of the server: \
@@ -162,10 +165,10 @@ impl fmt::Display for SdoPairHint {
 }
 
 /// Node-ID in an identifier of the predefined connection set.
-fn owner(id: CanId) -> Option<u8> {
+fn predefined_owner(id: CanId) -> Option<u8> {
     match id {
-        CanId::Standard(id) => match connection_set().owner(id) {
-            Owner::Pdo(_, node) => Some(node),
+        CanId::Standard(id) => match connection_set().owner_of(id) {
+            IdentifierOwner::Pdo(_, node) => Some(node),
             _ => None,
         },
         CanId::Extended(_) => None,
@@ -173,23 +176,23 @@ fn owner(id: CanId) -> Option<u8> {
 }
 
 /// Multiplexer of an object that exists in a dictionary (CiA 301 table 41: 0001 to 0FFF are data types).
-fn multiplexer(low: u8, high: u8, sub: u8) -> Option<[u8; 3]> {
+fn valid_multiplexer(low: u8, high: u8, sub: u8) -> Option<[u8; 3]> {
     (0x10..0xC0).contains(&high).then_some([low, high, sub])
 }
 
 /// Client command specifier (1: download, 2: upload, 5 and 6: blocks) and multiplexer of an initiate request.
-fn request(data: &[u8]) -> Option<(u8, [u8; 3])> {
+fn parse_request(data: &[u8]) -> Option<(u8, [u8; 3])> {
     let [command, low, high, sub, rest @ ..] = data else { return None };
     let is_valid = match command {
         0x40 => rest == [0; 4],
         0x20 | 0x21 | 0x22 | 0x23 | 0x27 | 0x2B | 0x2F | 0xA0 | 0xA4 | 0xC0 | 0xC2 | 0xC4 | 0xC6 => true,
         _ => false,
     };
-    Some((command >> 5, multiplexer(*low, *high, *sub)?)).filter(|_| is_valid)
+    Some((command >> 5, valid_multiplexer(*low, *high, *sub)?)).filter(|_| is_valid)
 }
 
 /// Client command specifiers that a response belongs to, and its multiplexer.
-fn response(data: &[u8]) -> Option<(&'static [u8], [u8; 3])> {
+fn parse_response(data: &[u8]) -> Option<(&'static [u8], [u8; 3])> {
     let [command, low, high, sub, rest @ ..] = data else { return None };
     let specifiers: &[u8] = match command {
         0x60 if rest == [0; 4] => &[1],
@@ -200,7 +203,7 @@ fn response(data: &[u8]) -> Option<(&'static [u8], [u8; 3])> {
         0x80 if matches!(rest, [.., 5 | 6 | 8]) => &[1, 2, 5, 6],
         _ => return None,
     };
-    Some((specifiers, multiplexer(*low, *high, *sub)?))
+    Some((specifiers, valid_multiplexer(*low, *high, *sub)?))
 }
 
 #[cfg(test)]
@@ -209,8 +212,8 @@ mod tests {
 
     fn found(frames: &[(u16, &[u8])]) -> Vec<SdoPair> {
         let mut dialogues = SdoDialogues::default();
-        let frames = frames.iter().map(|(id, data)| Frame::data_frame(CanId::standard(*id), data));
-        frames.filter_map(|frame| dialogues.take(&frame)).collect()
+        let frames = frames.iter().map(|(id, data)| Frame::data_frame(CanId::from_standard(*id), data));
+        frames.filter_map(|frame| dialogues.take_frame(&frame)).collect()
     }
 
     // Read of 1000:00, write of 1017:00, refused read of 2000:01.
@@ -224,7 +227,7 @@ mod tests {
     fn three_exchanges_reveal_a_pair() {
         let pairs = found(&[READ, VALUE, WRITE, DONE, READ, REFUSED, READ, VALUE]);
         let [pair] = pairs.as_slice() else { panic!("{pairs:?}") };
-        let hint = pair.hint();
+        let hint = pair.hint_text();
         assert!(hint.starts_with("1A3 responds to 223 like an SDO server"), "{hint}");
         // One line of TOML.
         let lines = "id = [{ id = \"223\", service = \"sdo-request\", node = 35 }, \

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::pulse::Pulse;
-use super::routes::Service;
+use super::pulse::IdentifierIntervals;
+use super::routes::IdentifierService;
 use crate::profile::PdoDirection;
 
 /// Producers that must miss a message at the same time: with fewer, a hole cannot be distinguished from a lost node.
@@ -11,20 +11,20 @@ const PRODUCERS: usize = 3;
 
 /// Sender of a message, as far as it is periodic by its nature.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Producer {
+enum PeriodicProducer {
     Master,
     Node(u8),
     Address(u8),
 }
 
-fn producer(service: Service) -> Option<Producer> {
+fn periodic_producer(service: IdentifierService) -> Option<PeriodicProducer> {
     match service {
-        Service::Pdo(name, node) if name.direction == PdoDirection::Transmit => {
-            Some(Producer::Node(node.number()))
+        IdentifierService::Pdo(name, node) if name.direction == PdoDirection::Transmit => {
+            Some(PeriodicProducer::Node(node.number()))
         }
-        Service::ErrorControl(node) => Some(Producer::Node(node.number())),
-        Service::Pdo(..) | Service::Sync => Some(Producer::Master),
-        Service::J1939(id) => Some(Producer::Address(id.source)),
+        IdentifierService::ErrorControl(node) => Some(PeriodicProducer::Node(node.number())),
+        IdentifierService::Pdo(..) | IdentifierService::Sync => Some(PeriodicProducer::Master),
+        IdentifierService::J1939(id) => Some(PeriodicProducer::Address(id.source)),
         _ => None,
     }
 }
@@ -32,12 +32,12 @@ fn producer(service: Service) -> Option<Producer> {
 /// Time after which a bus without frames since `heard` is silent as a whole: so many producers that were active then have
 /// missed all their messages. `None` if there are too few.
 pub(in crate::session) fn shared_gap(
-    pulses: impl Iterator<Item = (Service, Pulse)>,
+    pulses: impl Iterator<Item = (IdentifierService, IdentifierIntervals)>,
     heard: i64,
 ) -> Option<i64> {
-    let mut missing: BTreeMap<Producer, i64> = BTreeMap::new();
+    let mut missing: BTreeMap<PeriodicProducer, i64> = BTreeMap::new();
     for (service, pulse) in pulses {
-        let Some((producer, due)) = producer(service).zip(pulse.due()) else { continue };
+        let Some((producer, due)) = periodic_producer(service).zip(pulse.due_time()) else { continue };
         if due >= heard {
             let latest = missing.entry(producer).or_insert(due);
             *latest = due.max(*latest);
@@ -54,16 +54,16 @@ mod tests {
 
     const MS: i64 = 1_000_000;
 
-    fn every(milliseconds: i64, last: i64) -> Pulse {
-        let mut pulse = Pulse::NEW;
+    fn every(milliseconds: i64, last: i64) -> IdentifierIntervals {
+        let mut pulse = IdentifierIntervals::NEW;
         for back in (0..6).rev() {
-            pulse.beat((last - back * milliseconds) * MS);
+            pulse.note_frame((last - back * milliseconds) * MS);
         }
         pulse
     }
 
-    fn heartbeat(node: u8) -> Service {
-        Service::ErrorControl(node.into())
+    fn heartbeat(node: u8) -> IdentifierService {
+        IdentifierService::ErrorControl(node.into())
     }
 
     #[test]
@@ -71,7 +71,7 @@ mod tests {
         let pulses = [
             (heartbeat(1), every(100, 990)),
             (heartbeat(2), every(50, 1_000)),
-            (Service::Sync, every(20, 995)),
+            (IdentifierService::Sync, every(20, 995)),
         ];
         // 990 + 120, 1000 + 60 and 995 + 24: the last of the three is node 1.
         assert_eq!(shared_gap(pulses.into_iter(), 1_000 * MS), Some(1_110 * MS));
@@ -91,7 +91,7 @@ mod tests {
         let pulses = [
             (heartbeat(1), every(100, 500)),
             (heartbeat(2), every(50, 1_000)),
-            (Service::Sync, every(20, 995)),
+            (IdentifierService::Sync, every(20, 995)),
         ];
         assert_eq!(shared_gap(pulses.into_iter(), 1_000 * MS), None);
     }

@@ -10,7 +10,7 @@ const CODES: usize = 16;
 
 /// Behaviour of a node that can suggest its profile, or contradict it.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Signs {
+pub(crate) struct ProfileSigns {
     /// Whether the node sent an EMCY without data.
     pub(crate) is_ready_sent: bool,
     /// Whether the node sent a boot-up message.
@@ -21,9 +21,9 @@ pub(crate) struct Signs {
     pub(crate) codes: Vec<u16>,
 }
 
-impl Signs {
+impl ProfileSigns {
     /// Records the length of a PDO.
-    pub(crate) fn pdo(&mut self, name: PdoName, length: u8) {
+    pub(crate) fn note_pdo(&mut self, name: PdoName, length: u8) {
         let has_room = self.pdos.len() < PDOS;
         match self.pdos.iter_mut().find(|(known, _)| *known == name) {
             Some((_, known)) => *known = known.filter(|known| *known == length),
@@ -33,7 +33,7 @@ impl Signs {
     }
 
     /// Records the code of a reported error.
-    pub(crate) fn emcy(&mut self, code: u16) {
+    pub(crate) fn note_emcy(&mut self, code: u16) {
         if code != 0 && self.codes.len() < CODES && !self.codes.contains(&code) {
             self.codes.push(code);
         }
@@ -41,7 +41,7 @@ impl Signs {
 
     /// Length of a PDO, `Some(None)` if it varies; `None` if not yet received.
     #[expect(clippy::option_option, reason = "not received, varying and fixed are three cases")]
-    pub(crate) fn length(&self, name: &str) -> Option<Option<u8>> {
+    pub(crate) fn pdo_length(&self, name: &str) -> Option<Option<u8>> {
         let mut pdos = self.pdos.iter();
         pdos.find(|(known, _)| known.to_string() == name).map(|(_, length)| *length)
     }

@@ -4,29 +4,31 @@ use std::sync::Arc;
 
 use super::cadence::Cadence;
 use super::channels::SdoChannels;
-use super::clock::{AmbiguousGap, Clock};
+use super::clock::{AmbiguousGap, BusClock};
 use super::gates::GateState;
-use super::link::Pairs;
+use super::link::UdsPairs;
 use super::named::NamedNodes;
 use super::node::Node;
 use super::node_id_changes::NodeIdChanges;
-use super::omissions::Omissions;
+use super::omissions::OmittedFrames;
 use super::open_transfers::OpenTransfers;
 use super::pdo_users::PdoUsers;
 use super::restart::RestartEvidence;
-use super::routes::{Routes, Service};
+use super::routes::{IdentifierRoutes, IdentifierService};
 use super::sdo_dialogues::{SdoDialogues, SdoPairHint};
 use super::shared_gap::shared_gap;
 use super::unnamed_uds::{UdsPairHint, UdsSuspects};
 use crate::event::FrameRange;
 use crate::frame::{BusIndex, CanId, Timestamp};
-use crate::profile::dbc::{Database, Parameter};
-use crate::profile::{Catalogue, Meaning, NoValues, Owner, Resolver, is_fast_packet, plain_device};
+use crate::profile::dbc::{Database, SuspectParameter};
+use crate::profile::{
+    Catalogue, EntryResolver, IdentifierOwner, NoValues, ObjectMeaning, is_fast_packet, plain_device,
+};
 use crate::session::detection::{CanopenDetection, J1939Detection, ProtocolStatus};
 use crate::session::options::{ProtocolChoice, SessionOptions};
 use crate::wire::canopen::ObjectAddress;
-use crate::wire::canopen::sdo::Side;
-use crate::wire::j1939::{Name, Pgn};
+use crate::wire::canopen::sdo::SdoSide;
+use crate::wire::j1939::{J1939Name, Pgn};
 use crate::wire::{NODE_PLACES, NodeId};
 
 /// State of one bus. Machines change it, observers read it.
@@ -43,14 +45,14 @@ pub struct Bus {
     /// Nodes whose protocol is settled.
     pub(in crate::session) named: NamedNodes,
     /// Frames that are not decoded, by reason.
-    pub(in crate::session) omissions: Omissions,
-    pub(in crate::session) clock: Clock,
-    pub(in crate::session) routes: Routes,
+    pub(in crate::session) omissions: OmittedFrames,
+    pub(in crate::session) clock: BusClock,
+    pub(in crate::session) routes: IdentifierRoutes,
     pub(in crate::session) channels: SdoChannels,
     /// UDS servers in the bus file.
-    pub(in crate::session) uds_pairs: Arc<Pairs>,
+    pub(in crate::session) uds_pairs: Arc<UdsPairs>,
     pub(in crate::session) nodes: Vec<Node>,
-    /// Index in `nodes` + 1, by [`NodeId::place`]; 0 = no node.
+    /// Index in `nodes` + 1, by [`NodeId::table_place`]; 0 = no node.
     pub(in crate::session) node_by_id: Box<[u16; NODE_PLACES]>,
     pub(in crate::session) restarts: RestartEvidence,
     pub(in crate::session) node_id_changes: NodeIdChanges,
@@ -94,10 +96,10 @@ impl Bus {
             canopen: CanopenDetection::new(protocol),
             j1939: J1939Detection::new(protocol),
             named: NamedNodes::default(),
-            omissions: Omissions::default(),
+            omissions: OmittedFrames::default(),
             options,
-            clock: Clock::default(),
-            routes: Routes::default(),
+            clock: BusClock::default(),
+            routes: IdentifierRoutes::default(),
             channels: SdoChannels::default(),
             uds_pairs: Arc::default(),
             nodes: Vec::new(),
@@ -223,7 +225,7 @@ impl Bus {
 
     /// Whether CANopen was rejected; only nodes that the user named are decoded.
     pub fn is_canopen_rejected(&self) -> bool {
-        self.canopen.status() == ProtocolStatus::Rejected
+        self.canopen.protocol_status() == ProtocolStatus::Rejected
     }
 
     /// Whether the events of a node, or of the CANopen services of the bus, were withdrawn: the traffic proved not to
@@ -239,18 +241,19 @@ impl Bus {
     }
 
     /// Limits of decoding on this bus, one text per reason: number of frames, reason, and the option to change it.
-    pub fn limits(&self) -> Vec<String> {
-        let canopen = self.rejection();
-        let mut texts = self.omissions.texts(canopen.as_deref(), self.j1939.reason().as_deref());
+    pub fn limit_texts(&self) -> Vec<String> {
+        let canopen = self.rejection_reason();
+        let mut texts =
+            self.omissions.omission_texts(canopen.as_deref(), self.j1939.rejection_reason().as_deref());
         // If CANopen was detected later, the frame is a single wrong one.
         let contradiction = self.named.contradiction().filter(|_| !self.canopen.is_confirmed());
         texts.extend(contradiction.map(str::to_owned));
         texts
     }
 
-    /// Number of frames of no known service that no database describes, without those of [`Self::limits`].
+    /// Number of frames of no known service that no database describes, without those of [`Self::limit_texts`].
     pub fn unknown_frames(&self) -> u64 {
-        self.undecoded.0.saturating_sub(self.omissions.undecoded())
+        self.undecoded.0.saturating_sub(self.omissions.undecoded_count())
     }
 
     /// Whether `source` has an open multi-packet transfer that may be about `pgn`.
@@ -259,13 +262,13 @@ impl Bus {
     }
 
     /// Name and unit of a suspect parameter, from the user's databases.
-    pub fn parameter(&self, spn: u32) -> Option<&Parameter> {
-        self.database.parameter(spn)
+    pub fn suspect_parameter(&self, spn: u32) -> Option<&SuspectParameter> {
+        self.database.parameter_by_spn(spn)
     }
 
     /// Node with this node-ID or address; a plain number is a CANopen node-ID.
     pub fn node(&self, id: impl Into<NodeId>) -> Option<&Node> {
-        self.node_at(id.into().place())
+        self.node_at(id.into().table_place())
     }
 
     /// Node with this node-ID; if it has no frame, the node that had it before a change of its node-ID.
@@ -277,25 +280,26 @@ impl Bus {
 
     /// All nodes in ascending order, CANopen first.
     pub fn nodes(&self) -> impl Iterator<Item = &Node> {
-        NodeId::all().filter_map(|id| self.node(id))
+        NodeId::all_ids().filter_map(|id| self.node(id))
     }
 
     /// All gates of all set points of a node received so far, closed ones first.
     pub fn gates(&self, node: impl Into<NodeId>) -> Vec<GateState> {
-        self.node(node).map_or_else(Vec::new, |node| node.gates(self.clock.now(), |id| self.consumers(id)))
+        self.node(node)
+            .map_or_else(Vec::new, |node| node.all_gates(self.clock.now(), |id| self.consumers_text(id)))
     }
 
     /// Device that must receive a J1939 message within a time, and the time from its manual, in ns.
-    pub fn awaited(&self, id: CanId) -> Option<(NodeId, i64)> {
-        let slot = self.routes.find(id).and_then(|slot| self.routes.slot(slot))?;
-        slot.cadence.as_deref().map(Cadence::limit)
+    pub fn awaited_message(&self, id: CanId) -> Option<(NodeId, i64)> {
+        let slot = self.routes.find_slot(id).and_then(|slot| self.routes.slot(slot))?;
+        slot.cadence.as_deref().map(Cadence::max_interval)
     }
 
     /// Present meaning of an object of a node; as in CiA 301 for an unknown node.
-    pub(in crate::session) fn meaning(&self, id: NodeId, object: ObjectAddress) -> Option<Meaning> {
+    pub(in crate::session) fn meaning(&self, id: NodeId, object: ObjectAddress) -> Option<ObjectMeaning> {
         match self.node(id) {
             Some(node) => node.meaning(object),
-            None => Resolver::new(&plain_device().dictionary, &NoValues).meaning(object),
+            None => EntryResolver::new(&plain_device().dictionary, &NoValues).resolve_meaning(object),
         }
     }
 
@@ -306,13 +310,13 @@ impl Bus {
 
     /// Reason why the bus was not detected as CANopen; `None` if it was, if nothing contradicts CANopen, or if a node
     /// that the user named is present.
-    pub fn doubt(&self) -> Option<String> {
-        self.rejection().filter(|_| !self.named.has_canopen())
+    pub fn detection_doubt(&self) -> Option<String> {
+        self.rejection_reason().filter(|_| !self.named.has_canopen())
     }
 
     /// Reason why identifiers of nodes that nobody named are not decoded as CANopen.
-    pub(in crate::session) fn rejection(&self) -> Option<String> {
-        (self.canopen.status() == ProtocolStatus::Rejected).then(|| self.canopen.reason())
+    pub(in crate::session) fn rejection_reason(&self) -> Option<String> {
+        (self.canopen.protocol_status() == ProtocolStatus::Rejected).then(|| self.canopen.rejection_reason())
     }
 
     /// Whether at least one UDS request received a response.
@@ -330,12 +334,12 @@ impl Bus {
 
     /// Pairs of identifiers that look like UDS and are missing from the bus file.
     pub fn unnamed_uds(&self) -> Vec<UdsPairHint> {
-        self.unnamed.hints()
+        self.unnamed.pair_hints()
     }
 
     /// Pairs of identifiers without a channel that exchange messages like SDO client and server.
     pub fn sdo_dialogues(&self) -> Vec<SdoPairHint> {
-        self.dialogues.hints()
+        self.dialogues.pair_hints()
     }
 
     /// Bytes held, without stores shared with checkpoints.
@@ -350,7 +354,7 @@ impl Bus {
     /// Node with this node-ID or address, created on first use.
     #[inline]
     pub(in crate::session) fn node_mut(&mut self, id: NodeId) -> Option<&mut Node> {
-        let place = match *self.node_by_id.get(id.place())? {
+        let place = match *self.node_by_id.get(id.table_place())? {
             0 => self.add_node(id)?,
             place => place,
         };
@@ -360,7 +364,7 @@ impl Bus {
     /// Node with this node-ID or address, if it exists.
     #[inline]
     pub(in crate::session) fn known_node_mut(&mut self, id: NodeId) -> Option<&mut Node> {
-        self.node_at_mut(id.place())
+        self.node_at_mut(id.table_place())
     }
 
     /// Node by the index of its node-ID in tables by node, if it exists.
@@ -383,7 +387,7 @@ impl Bus {
         let place = u16::try_from(self.nodes.len() + 1).ok()?;
         let name = self.given_name(id);
         self.nodes.push(Node::new(id, name));
-        *self.node_by_id.get_mut(id.place())? = place;
+        *self.node_by_id.get_mut(id.table_place())? = place;
         Some(place)
     }
 
@@ -395,35 +399,37 @@ impl Bus {
     }
 
     /// Service of a default owner; creates its SDO channel if needed.
-    pub(in crate::session) fn service_of(&mut self, owner: Owner) -> Service {
+    pub(in crate::session) fn service_of(&mut self, owner: IdentifierOwner) -> IdentifierService {
         match owner {
-            Owner::Unclassified => Service::Unclassified,
-            Owner::Named(name) => Service::Named(name),
-            Owner::Nmt => Service::Nmt,
-            Owner::Sync => Service::Sync,
-            Owner::Time => Service::Time,
-            Owner::Emcy(node) => Service::Emcy(node.into()),
-            Owner::Pdo(name, node) if self.is_sent_elsewhere(name, node.into()) => Service::Unclassified,
-            Owner::Pdo(name, node) => Service::Pdo(name, node.into()),
-            Owner::Sdo(side, node) => match self.channels.default_channel(node) {
-                Some(channel) => Service::Sdo(side, channel),
-                None => Service::Unclassified,
+            IdentifierOwner::Unclassified => IdentifierService::Unclassified,
+            IdentifierOwner::Named(name) => IdentifierService::Named(name),
+            IdentifierOwner::Nmt => IdentifierService::Nmt,
+            IdentifierOwner::Sync => IdentifierService::Sync,
+            IdentifierOwner::Time => IdentifierService::Time,
+            IdentifierOwner::Emcy(node) => IdentifierService::Emcy(node.into()),
+            IdentifierOwner::Pdo(name, node) if self.is_sent_elsewhere(name, node.into()) => {
+                IdentifierService::Unclassified
+            }
+            IdentifierOwner::Pdo(name, node) => IdentifierService::Pdo(name, node.into()),
+            IdentifierOwner::Sdo(side, node) => match self.channels.default_channel(node) {
+                Some(channel) => IdentifierService::Sdo(side, channel),
+                None => IdentifierService::Unclassified,
             },
-            Owner::ErrorControl(node) => Service::ErrorControl(node.into()),
-            Owner::Lss(from_master) => Service::Lss(from_master),
-            Owner::TestMarker => Service::TestMarker,
+            IdentifierOwner::ErrorControl(node) => IdentifierService::ErrorControl(node.into()),
+            IdentifierOwner::Lss(from_master) => IdentifierService::Lss(from_master),
+            IdentifierOwner::TestMarker => IdentifierService::TestMarker,
         }
     }
 
     /// Identifiers of request and response of an SDO channel.
     pub(in crate::session) fn channel_ids(&self, channel: u16) -> Option<(CanId, CanId)> {
-        self.channels.ids(channel)
+        self.channels.channel_ids(channel)
     }
 
     /// Routes both identifiers of a channel.
     pub(in crate::session) fn route_channel(&mut self, channel: u16, request: CanId, response: CanId) {
-        self.routes.learn(request, Service::Sdo(Side::Client, channel));
-        self.routes.learn(response, Service::Sdo(Side::Server, channel));
+        self.routes.learn_service(request, IdentifierService::Sdo(SdoSide::Client, channel));
+        self.routes.learn_service(response, IdentifierService::Sdo(SdoSide::Server, channel));
     }
 
     /// Bit rate in bit/s, from the bus file, otherwise from the capture.
@@ -442,14 +448,14 @@ impl Bus {
     }
 
     /// Service of an 11-bit identifier in the predefined connection set.
-    pub(in crate::session) fn default_service(&mut self, id: CanId) -> Service {
-        let CanId::Standard(id) = id else { return Service::Unclassified };
-        let owner = crate::profile::connection_set().owner(id);
+    pub(in crate::session) fn default_service(&mut self, id: CanId) -> IdentifierService {
+        let CanId::Standard(id) = id else { return IdentifierService::Unclassified };
+        let owner = crate::profile::connection_set().owner_of(id);
         self.service_of(owner)
     }
 
     /// Address of the device with a NAME.
-    pub(in crate::session) fn address_of(&self, name: Name) -> Option<u8> {
+    pub(in crate::session) fn address_of(&self, name: J1939Name) -> Option<u8> {
         self.nodes.iter().find(|node| node.j1939_name() == Some(name)).and_then(|node| node.id().j1939())
     }
 }

@@ -1,6 +1,6 @@
 //! State machines of a device, and the states that a control word reaches.
 
-use crate::profile::device::{Machine, Transition};
+use crate::profile::device::{StateMachine, StateTransition};
 
 /// State of one machine of a node.
 #[derive(Debug, Clone, Default)]
@@ -35,25 +35,31 @@ pub(in crate::session) struct CommandStep {
 }
 
 /// Text of the profile on the control word that leaves a state.
-pub(in crate::session) fn leave(machine: &Machine, state: &str) -> Option<String> {
+pub(in crate::session) fn leave_text(machine: &StateMachine, state: &str) -> Option<String> {
     let mut out = machine.transitions.iter().filter(|it| it.from.0.iter().any(|from| from == state));
     out.find_map(|it| it.text.clone())
 }
 
 /// Whether a control word triggers a transition.
-pub(in crate::session) fn fits(transition: &Transition, control: u64, rising: u64) -> bool {
+pub(in crate::session) fn is_triggered_by(transition: &StateTransition, control: u64, rising: u64) -> bool {
     control & transition.mask == transition.value & transition.mask
         && rising & transition.edge == transition.edge
 }
 
 /// Whether a control word leads from one state to another, also over intermediate states.
-pub(in crate::session) fn leads(machine: &Machine, from: &str, to: &str, control: u64, rising: u64) -> bool {
+pub(in crate::session) fn leads_to(
+    machine: &StateMachine,
+    from: &str,
+    to: &str,
+    control: u64,
+    rising: u64,
+) -> bool {
     let mut reached = vec![from];
     let mut next = 0;
     while let Some(state) = reached.get(next).copied() {
         next += 1;
         for it in machine.transitions.iter().filter(|it| it.from.0.iter().any(|own| own == state)) {
-            if fits(it, control, rising) && !reached.contains(&it.to.as_str()) {
+            if is_triggered_by(it, control, rising) && !reached.contains(&it.to.as_str()) {
                 if it.to == to {
                     return true;
                 }
@@ -65,7 +71,7 @@ pub(in crate::session) fn leads(machine: &Machine, from: &str, to: &str, control
 }
 
 /// Whether the control word leads to a further state without an edge.
-pub(in crate::session) fn continues(machine: &Machine, from: &str, control: u64) -> bool {
+pub(in crate::session) fn leads_further(machine: &StateMachine, from: &str, control: u64) -> bool {
     let mut out = machine.transitions.iter().filter(|it| it.from.0.iter().any(|own| own == from));
-    out.any(|it| it.to != from && it.edge == 0 && fits(it, control, 0))
+    out.any(|it| it.to != from && it.edge == 0 && is_triggered_by(it, control, 0))
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use foldhash::fast::FixedState;
 
 use crate::frame::Timestamp;
-use crate::profile::{Effect, KnownValues};
+use crate::profile::{KnownValues, WriteEffect};
 use crate::session::limits::{OBJECT_BYTES_LIMIT, OBJECT_LIMIT, OBJECT_VALUE_LIMIT};
 use crate::wire::canopen::ObjectAddress;
 
@@ -40,7 +40,7 @@ impl OriginKind {
 
 impl OriginKind {
     /// Origin as one or two words in text output.
-    pub const fn verb(self) -> &'static str {
+    pub const fn origin_text(self) -> &'static str {
         match self {
             Self::Download => "written",
             Self::Upload => "read",
@@ -53,7 +53,7 @@ impl OriginKind {
 
 /// Origin of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Origin {
+pub struct StoredOrigin {
     /// Source of the value.
     pub kind: OriginKind,
     /// Frame that confirmed it.
@@ -62,14 +62,14 @@ pub struct Origin {
     pub time: Option<Timestamp>,
 }
 
-impl Origin {
+impl StoredOrigin {
     /// Whether a frame before the capture carried the value, as the bus file states.
     pub const fn is_earlier(&self) -> bool {
         self.frame == 0 && matches!(self.kind, OriginKind::Download | OriginKind::Upload | OriginKind::Pdo)
     }
 
     /// Place in text output: ` {88}`, ` before the capture`, or nothing for a value without a frame.
-    pub fn place(&self) -> String {
+    pub fn origin_place(&self) -> String {
         match self.frame {
             0 if self.is_earlier() => " before the capture".to_owned(),
             0 => String::new(),
@@ -80,21 +80,21 @@ impl Origin {
 
 /// Value of one object.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Entry {
+pub struct StoredObject {
     /// Bytes, truncated to 1 KiB.
     pub value: Vec<u8>,
     /// Size of the complete value in bytes.
     pub size: u64,
     /// Source, frame and time of the value.
-    pub origin: Origin,
+    pub origin: StoredOrigin,
     /// The value may have changed since, for example by a restart that restored the stored value.
     pub stale: bool,
 }
 
 /// Objects of a node by address.
 #[derive(Debug, Clone, Default)]
-pub struct Store {
-    entries: HashMap<ObjectAddress, Entry, FixedState>,
+pub struct ObjectStore {
+    entries: HashMap<ObjectAddress, StoredObject, FixedState>,
     bytes: usize,
     /// Units from the user, for objects whose unit no message contains.
     units: BTreeMap<ObjectAddress, String>,
@@ -103,7 +103,7 @@ pub struct Store {
     /// Values known to be in non-volatile memory.
     kept: BTreeMap<ObjectAddress, Vec<u8>>,
     /// Values in a device file: used until a message contains the value, and always marked as doubtful.
-    wanted: Arc<BTreeMap<ObjectAddress, Entry>>,
+    wanted: Arc<BTreeMap<ObjectAddress, StoredObject>>,
     /// Counter of changes, without values of a device file.
     changes: u64,
 }
@@ -114,29 +114,29 @@ pub struct PendingValue {
     /// Value as written.
     pub value: Vec<u8>,
     /// Condition under which it takes effect.
-    pub effect: Effect,
+    pub effect: WriteEffect,
     /// Transfer that wrote it.
-    pub origin: Origin,
+    pub origin: StoredOrigin,
 }
 
-impl KnownValues for Store {
-    fn bytes(&self, object: ObjectAddress) -> Option<(&[u8], bool)> {
+impl KnownValues for ObjectStore {
+    fn object_bytes(&self, object: ObjectAddress) -> Option<(&[u8], bool)> {
         self.get(object).map(|entry| (entry.value.as_slice(), entry.stale))
     }
 
-    fn unit(&self, object: ObjectAddress) -> Option<&str> {
+    fn object_unit(&self, object: ObjectAddress) -> Option<&str> {
         self.units.get(&object).map(String::as_str)
     }
 }
 
-impl Store {
+impl ObjectStore {
     /// Sets the unit of an object from the user.
     pub(in crate::session) fn give_unit(&mut self, address: ObjectAddress, unit: &str) {
         self.units.insert(address, unit.to_owned());
     }
 
     /// Value of an object that takes effect later.
-    pub fn waiting(&self, address: ObjectAddress) -> Option<&PendingValue> {
+    pub fn waiting_value(&self, address: ObjectAddress) -> Option<&PendingValue> {
         self.waiting.get(&address)
     }
 
@@ -146,7 +146,7 @@ impl Store {
     }
 
     /// Adds a value that takes effect later; long values are not stored, because nothing depends on them.
-    pub(in crate::session) fn wait(&mut self, address: ObjectAddress, waiting: PendingValue) {
+    pub(in crate::session) fn add_waiting(&mut self, address: ObjectAddress, waiting: PendingValue) {
         let fits = self.waiting.len() < OBJECT_LIMIT / 4 || self.waiting.contains_key(&address);
         if fits && waiting.value.len() <= OBJECT_VALUE_LIMIT / 16 {
             self.waiting.insert(address, waiting);
@@ -156,7 +156,7 @@ impl Store {
     /// Removes and returns the waiting values whose effect the closure accepts.
     pub(in crate::session) fn take_waiting(
         &mut self,
-        comes: impl Fn(Effect) -> bool,
+        comes: impl Fn(WriteEffect) -> bool,
     ) -> Vec<(ObjectAddress, Vec<u8>)> {
         let (now, later): (BTreeMap<_, _>, _) =
             std::mem::take(&mut self.waiting).into_iter().partition(|(_, waiting)| comes(waiting.effect));
@@ -165,7 +165,7 @@ impl Store {
     }
 
     /// Value in non-volatile memory; `None` if unknown.
-    pub fn kept(&self, address: ObjectAddress) -> Option<&[u8]> {
+    pub fn stored_value(&self, address: ObjectAddress) -> Option<&[u8]> {
         self.kept.get(&address).map(Vec::as_slice)
     }
 
@@ -183,7 +183,7 @@ impl Store {
     }
 
     /// Marks all objects selected by `picks` as stored in non-volatile memory.
-    pub(in crate::session) fn keep(&mut self, picks: impl Fn(ObjectAddress) -> bool) {
+    pub(in crate::session) fn mark_stored(&mut self, picks: impl Fn(ObjectAddress) -> bool) {
         for (address, entry) in &self.entries {
             if entry.value.len() <= OBJECT_VALUE_LIMIT / 16 && picks(*address) {
                 self.kept.insert(*address, entry.value.clone());
@@ -198,7 +198,7 @@ impl Store {
 
     /// Counter of changes, without values of a device file; equal counters mean equal contents.
     #[inline]
-    pub fn changes(&self) -> u64 {
+    pub fn change_count(&self) -> u64 {
         self.changes
     }
 
@@ -220,7 +220,7 @@ impl Store {
     }
 
     /// Marks a value as doubtful: it may have changed unnoticed.
-    pub(in crate::session) fn doubt(&mut self, address: ObjectAddress) {
+    pub(in crate::session) fn mark_doubtful(&mut self, address: ObjectAddress) {
         self.changes = self.changes.wrapping_add(1);
         if let Some(entry) = self.entries.get_mut(&address) {
             entry.stale = true;
@@ -245,10 +245,13 @@ impl Store {
     }
 
     /// Replaces the values of the device file.
-    pub(in crate::session) fn want(&mut self, values: impl Iterator<Item = (ObjectAddress, Vec<u8>)>) {
-        const ORIGIN: Origin = Origin { kind: OriginKind::DeviceFile, frame: 0, time: None };
+    pub(in crate::session) fn set_expected(
+        &mut self,
+        values: impl Iterator<Item = (ObjectAddress, Vec<u8>)>,
+    ) {
+        const ORIGIN: StoredOrigin = StoredOrigin { kind: OriginKind::DeviceFile, frame: 0, time: None };
         let entry = |(address, value): (ObjectAddress, Vec<u8>)| {
-            (address, Entry { size: value.len() as u64, value, origin: ORIGIN, stale: true })
+            (address, StoredObject { size: value.len() as u64, value, origin: ORIGIN, stale: true })
         };
         self.wanted = Arc::new(values.map(entry).collect());
     }
@@ -259,12 +262,12 @@ impl Store {
     }
 
     /// Value from messages or the bus file, otherwise from the device file.
-    pub fn get(&self, address: ObjectAddress) -> Option<&Entry> {
-        self.seen(address).or_else(|| self.wanted.get(&address))
+    pub fn get(&self, address: ObjectAddress) -> Option<&StoredObject> {
+        self.seen_value(address).or_else(|| self.wanted.get(&address))
     }
 
     /// Value from messages or the bus file.
-    pub fn seen(&self, address: ObjectAddress) -> Option<&Entry> {
+    pub fn seen_value(&self, address: ObjectAddress) -> Option<&StoredObject> {
         self.entries.get(&address)
     }
 
@@ -275,11 +278,11 @@ impl Store {
     }
 
     /// Confirms the value of an object; whether it was stale. `None` without any effect if the object has another value.
-    pub(in crate::session) fn confirm(
+    pub(in crate::session) fn confirm_value(
         &mut self,
         address: ObjectAddress,
         value: &[u8],
-        origin: Origin,
+        origin: StoredOrigin,
     ) -> Option<bool> {
         let known = self.entries.get_mut(&address).filter(|known| known.value == value)?;
         self.changes = self.changes.wrapping_add(1);
@@ -292,8 +295,8 @@ impl Store {
         &mut self,
         address: ObjectAddress,
         value: &[u8],
-        origin: Origin,
-    ) -> Result<Option<Entry>, StoreFull> {
+        origin: StoredOrigin,
+    ) -> Result<Option<StoredObject>, StoreFull> {
         if self.entries.len() >= OBJECT_LIMIT && !self.entries.contains_key(&address) {
             return Err(StoreFull);
         }
@@ -304,7 +307,7 @@ impl Store {
             return Err(StoreFull);
         }
         self.bytes += kept.len();
-        let entry = Entry { value: kept, size: value.len() as u64, origin, stale: false };
+        let entry = StoredObject { value: kept, size: value.len() as u64, origin, stale: false };
         let before = self.entries.insert(address, entry);
         if let Some(before) = &before {
             self.bytes = self.bytes.saturating_sub(before.value.len());
@@ -313,7 +316,7 @@ impl Store {
     }
 
     /// All objects, sorted by address.
-    pub fn sorted(&self) -> Vec<(ObjectAddress, &Entry)> {
+    pub fn sorted(&self) -> Vec<(ObjectAddress, &StoredObject)> {
         let wanted = self.wanted.iter().filter(|(address, _)| !self.entries.contains_key(address));
         let mut all: Vec<_> =
             self.entries.iter().chain(wanted).map(|(address, entry)| (*address, entry)).collect();
@@ -341,17 +344,17 @@ pub(in crate::session) struct StoreFull;
 mod tests {
     use super::*;
 
-    const ORIGIN: Origin = Origin { kind: OriginKind::Download, frame: 7, time: None };
+    const ORIGIN: StoredOrigin = StoredOrigin { kind: OriginKind::Download, frame: 7, time: None };
 
     #[test]
     fn values_replace_each_other_and_read_as_numbers() {
-        let mut store = Store::default();
+        let mut store = ObjectStore::default();
         let address = ObjectAddress::new(0x1017, 0);
         assert_eq!(store.set(address, &[0xE8, 3], ORIGIN), Ok(None));
         assert_eq!(store.number(address), Some(1000));
-        let later = Origin { frame: 9, ..ORIGIN };
-        assert_eq!(store.confirm(address, &[0, 0], later), None);
-        assert_eq!(store.confirm(address, &[0xE8, 3], later), Some(false));
+        let later = StoredOrigin { frame: 9, ..ORIGIN };
+        assert_eq!(store.confirm_value(address, &[0, 0], later), None);
+        assert_eq!(store.confirm_value(address, &[0xE8, 3], later), Some(false));
         assert_eq!(store.get(address).map(|entry| entry.origin), Some(later));
         let before = store.set(address, &[0, 0], ORIGIN).unwrap().unwrap();
         assert_eq!(before.value, [0xE8, 3]);
@@ -359,10 +362,10 @@ mod tests {
 
     #[test]
     fn values_of_a_file_follow_observed_values() {
-        let mut store = Store::default();
+        let mut store = ObjectStore::default();
         let [first, second] = [ObjectAddress::new(0x1017, 0), ObjectAddress::new(0x2000, 0)];
-        store.want([(first, vec![1, 0]), (second, vec![2])].into_iter());
-        assert_eq!((store.number(first), store.len(), store.seen(first)), (Some(1), 2, None));
+        store.set_expected([(first, vec![1, 0]), (second, vec![2])].into_iter());
+        assert_eq!((store.number(first), store.len(), store.seen_value(first)), (Some(1), 2, None));
         assert!(store.get(first).unwrap().stale);
         // The value of the device file is not returned as the previous one.
         assert_eq!(store.set(first, &[5, 0], ORIGIN), Ok(None));
@@ -375,7 +378,7 @@ mod tests {
 
     #[test]
     fn the_place_of_an_origin() {
-        let place = |kind, frame| Origin { kind, frame, time: None }.place();
+        let place = |kind, frame| StoredOrigin { kind, frame, time: None }.origin_place();
         assert_eq!(place(OriginKind::Download, 88), " {88}");
         assert_eq!(place(OriginKind::Upload, 0), " before the capture");
         assert_eq!(place(OriginKind::BusFile, 0), "");
@@ -383,9 +386,10 @@ mod tests {
 
     #[test]
     fn the_bytes_of_all_values_are_bounded() {
-        let mut store = Store::default();
-        let set =
-            |store: &mut Store, index, value: &[u8]| store.set(ObjectAddress::new(index, 0), value, ORIGIN);
+        let mut store = ObjectStore::default();
+        let set = |store: &mut ObjectStore, index, value: &[u8]| {
+            store.set(ObjectAddress::new(index, 0), value, ORIGIN)
+        };
         for index in 0..64 {
             set(&mut store, index, &[0; 1024]).unwrap();
         }
@@ -398,7 +402,7 @@ mod tests {
 
     #[test]
     fn the_number_of_objects_is_bounded() {
-        let mut store = Store::default();
+        let mut store = ObjectStore::default();
         for index in 0..u16::try_from(OBJECT_LIMIT).unwrap() {
             store.set(ObjectAddress::new(index, 0), &[0], ORIGIN).unwrap();
         }

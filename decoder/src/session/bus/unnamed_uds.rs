@@ -7,8 +7,8 @@ use std::fmt;
 
 use crate::frame::{CanId, Frame};
 use crate::profile;
-use crate::wire::isotp::{self, IsoTp};
-use crate::words::plural;
+use crate::wire::isotp::{self, IsoTpFrame};
+use crate::words::count_noun;
 
 /// Max pairs of identifiers counted; more pairs match only by chance.
 const MOST_PAIRS: usize = 32;
@@ -52,7 +52,7 @@ pub struct UdsPairHint {
 impl fmt::Display for UdsPairHint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { request, response, answers } = self;
-        let times = plural(*answers, "time");
+        let times = count_noun(*answers, "time");
         write!(
             f,
             "{response} responds to {request} like a UDS server ({times}); to decode, add to a bus file (--bus): \
@@ -63,18 +63,19 @@ impl fmt::Display for UdsPairHint {
 
 impl UdsSuspects {
     /// Evaluates a frame that belongs to no service.
-    pub(in crate::session) fn take(&mut self, frame: &Frame) {
+    pub(in crate::session) fn take_frame(&mut self, frame: &Frame) {
         let data = frame.data();
-        let Ok(IsoTp::Single { data } | IsoTp::First { data, .. }) = isotp::parse(data, data.len()) else {
+        let Ok(IsoTpFrame::Single { data } | IsoTpFrame::First { data, .. }) = isotp::parse(data, data.len())
+        else {
             return;
         };
         let Some(service) = data.first().copied() else { return };
         if let Some((request, asked)) = self.asked.filter(|(request, _)| *request != frame.id)
             && (service == asked | ANSWER || matches!(data, [NEGATIVE, refused, _] if *refused == asked))
         {
-            return self.answered(request, frame.id);
+            return self.count_response(request, frame.id);
         }
-        let is_known = || profile::uds().service(service).is_some_and(|known| !known.is_obd());
+        let is_known = || profile::uds_names().service_by_id(service).is_some_and(|known| !known.is_obd());
         if service & ANSWER == 0 && (KWP.contains(&service) || is_known()) {
             self.asked = Some((frame.id, service));
             let is_suppressed =
@@ -94,7 +95,7 @@ impl UdsSuspects {
         }
     }
 
-    fn answered(&mut self, request: CanId, response: CanId) {
+    fn count_response(&mut self, request: CanId, response: CanId) {
         // Another response to the same request would be that of another server.
         self.asked = None;
         let has_room = self.pairs.len() < MOST_PAIRS;
@@ -109,7 +110,7 @@ impl UdsSuspects {
     }
 
     /// All pairs with enough responses, the most frequent first.
-    pub(in crate::session) fn hints(&self) -> Vec<UdsPairHint> {
+    pub(in crate::session) fn pair_hints(&self) -> Vec<UdsPairHint> {
         let asked = |id| self.requests.iter().find(|(known, _)| *known == id).map_or(0, |(_, count)| *count);
         let is_enough = |pair: &UdsPairHint| {
             pair.answers >= ENOUGH && pair.answers.saturating_mul(2) >= asked(pair.request)
@@ -131,12 +132,12 @@ impl UdsSuspects {
 mod tests {
     use super::*;
 
-    fn hints(frames: &[(u16, &[u8])]) -> Vec<String> {
+    fn pair_hints(frames: &[(u16, &[u8])]) -> Vec<String> {
         let mut unnamed = UdsSuspects::default();
         for (id, data) in frames {
-            unnamed.take(&Frame::data_frame(CanId::standard(*id), data));
+            unnamed.take_frame(&Frame::data_frame(CanId::from_standard(*id), data));
         }
-        unnamed.hints().iter().map(ToString::to_string).collect()
+        unnamed.pair_hints().iter().map(ToString::to_string).collect()
     }
 
     // Session control requests; one receives a positive, one a negative response (7F, service, NRC).
@@ -146,7 +147,7 @@ mod tests {
 
     #[test]
     fn requests_with_responses_reveal_unnamed_identifiers() {
-        let hints = hints(&[ASKED, GRANTED, ASKED, REFUSED]);
+        let hints = pair_hints(&[ASKED, GRANTED, ASKED, REFUSED]);
         let [hint] = &hints[..] else { panic!("{hints:?}") };
         assert!(hint.starts_with("7E8 responds to 7E0 like a UDS server (2 times); to decode"), "{hint}");
         assert!(hint.ends_with("uds = [{ request = \"7E0\", response = \"7E8\" }]"), "{hint}");
@@ -154,10 +155,10 @@ mod tests {
 
     #[test]
     fn one_answer_may_be_chance_and_other_traffic_is_none() {
-        assert_eq!(hints(&[ASKED, GRANTED]), [""; 0]);
+        assert_eq!(pair_hints(&[ASKED, GRANTED]), [""; 0]);
         // A response to another service, and a response on the identifier of the request.
-        assert_eq!(hints(&[ASKED, (0x7E8, &[2, 0x51, 1]), ASKED, (0x7E0, &[2, 0x50, 3])]), [""; 0]);
-        assert_eq!(hints(&[(0x123, &[0xFF; 8]), (0x124, &[]), (0x123, &[0x10])]), [""; 0]);
+        assert_eq!(pair_hints(&[ASKED, (0x7E8, &[2, 0x51, 1]), ASKED, (0x7E0, &[2, 0x50, 3])]), [""; 0]);
+        assert_eq!(pair_hints(&[(0x123, &[0xFF; 8]), (0x124, &[]), (0x123, &[0x10])]), [""; 0]);
     }
 
     #[test]
@@ -168,7 +169,7 @@ mod tests {
         // By chance, 300 looks like a response once, and twice like another request.
         const CHANCE: (u16, &[u8]) = (0x300, &[2, 0x50, 3, 0, 0, 0, 0, 0]);
         let pair = [ASKED, GRANTED, OTHER, ITS_ANSWER];
-        let found = hints(&[&pair[..], &[ASKED, CHANCE, ASKED, CHANCE], &pair, &pair].concat());
+        let found = pair_hints(&[&pair[..], &[ASKED, CHANCE, ASKED, CHANCE], &pair, &pair].concat());
         assert_eq!(found.len(), 2, "{found:?}");
         assert!(found[0].starts_with("7BB responds to 79B") || found[1].starts_with("7BB responds to 79B"));
         assert!(
@@ -179,9 +180,9 @@ mod tests {
     #[test]
     fn requests_that_are_mostly_unanswered_are_no_pair() {
         let cyclic = [ASKED; 7];
-        assert_eq!(hints(&[&cyclic[..], &[ASKED, GRANTED, ASKED, GRANTED]].concat()), [""; 0]);
+        assert_eq!(pair_hints(&[&cyclic[..], &[ASKED, GRANTED, ASKED, GRANTED]].concat()), [""; 0]);
         // Tester present without response (bit 7 of the sub-function) does not count.
         let present: (u16, &[u8]) = (0x7E0, &[2, 0x3E, 0x80, 0, 0, 0, 0, 0]);
-        assert_eq!(hints(&[&[present; 7][..], &[ASKED, GRANTED, ASKED, GRANTED]].concat()).len(), 1);
+        assert_eq!(pair_hints(&[&[present; 7][..], &[ASKED, GRANTED, ASKED, GRANTED]].concat()).len(), 1);
     }
 }

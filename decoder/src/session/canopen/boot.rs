@@ -3,8 +3,8 @@
 use super::nmt::confirm_state;
 use crate::event::{BootCause, EventKind, PowerSign, StateCause};
 use crate::frame::Frame;
-use crate::session::bus::{Bus, Restart};
-use crate::session::context::Context;
+use crate::session::bus::{Bus, RestartType};
+use crate::session::context::MachineContext;
 use crate::session::device::on_device_restart;
 use crate::session::identity::apply_node_id_change;
 use crate::session::objects::{count_lost_settings, emit_restart_changes, restart_values};
@@ -16,7 +16,7 @@ use crate::wire::canopen::NmtState;
 const TOGETHER: i64 = 2_000_000_000;
 
 /// Handles a boot-up message.
-pub(in crate::session) fn on_boot_up(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+pub(in crate::session) fn on_boot_up(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
     apply_node_id_change(id, frame, cx);
     let cause = boot_cause(&mut cx.bus, id);
     mark_alive(id, frame, cx);
@@ -24,12 +24,17 @@ pub(in crate::session) fn on_boot_up(id: NodeId, frame: &Frame, cx: &mut Context
     let Some(node) = cx.bus.node_mut(id) else { return };
     node.active_errors.clear();
     node.restart_monitoring();
-    cx.emit(frame, id, false, EventKind::BootUp { cause, lost });
+    cx.emit_event(frame, id, false, EventKind::BootUp { cause, lost });
     on_restart(id, cause, frame, cx);
 }
 
 /// Handles a restart, after any boot sign.
-pub(in crate::session) fn on_restart(id: NodeId, cause: BootCause, frame: &Frame, cx: &mut Context<'_>) {
+pub(in crate::session) fn on_restart(
+    id: NodeId,
+    cause: BootCause,
+    frame: &Frame,
+    cx: &mut MachineContext<'_>,
+) {
     if matches!(cause, BootCause::PresumedPowerOn { .. }) {
         cx.bus.restarts.last_boot = Some((cx.bus.clock.now(), id));
     }
@@ -50,7 +55,7 @@ pub(in crate::session) fn boot_cause(bus: &mut Bus, id: NodeId) -> BootCause {
     let reset_of_all = bus.restarts.reset_of_all.filter(|(reset, _)| *reset > before);
     let Some(node) = bus.node_mut(id) else { return BootCause::PresumedPowerOn { sign } };
     let commanded = node.reset_frame.take().or(reset_of_all);
-    node.restart = commanded.map_or(Restart::PowerOn, |(_, restart)| restart);
+    node.restart = commanded.map_or(RestartType::PowerOn, |(_, restart)| restart);
     match commanded {
         Some((frame, _)) => BootCause::Commanded { frame },
         None => BootCause::PresumedPowerOn { sign },
@@ -59,7 +64,7 @@ pub(in crate::session) fn boot_cause(bus: &mut Bus, id: NodeId) -> BootCause {
 
 /// Evidence that the machine had a power cycle, not this node alone.
 fn power_sign(bus: &Bus, id: NodeId) -> Option<PowerSign> {
-    if !bus.clock.runs() {
+    if !bus.clock.has_timestamps() {
         return None;
     }
     let is_recent = |time: i64| bus.clock.now().saturating_sub(time) < TOGETHER;

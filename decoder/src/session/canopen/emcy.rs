@@ -4,15 +4,15 @@ use super::boot::{boot_cause, on_restart};
 use super::nmt::presume_state;
 use crate::event::{ByteOrderSource, EmcyAction, Emergency, EventKind, EvictedState, StateCause};
 use crate::frame::Frame;
-use crate::profile::device::{Boot, ClearMeaning, NmtName, Order};
-use crate::profile::{Device, emcy_codes};
+use crate::profile::device::{BootSign, ClearMeaning, ErrorCodeOrder, NmtName};
+use crate::profile::{DeviceProfile, emcy_codes};
 use crate::session::bus::{DetectedByteOrder, Node};
-use crate::session::context::Context;
+use crate::session::context::MachineContext;
 use crate::session::device::on_emcy_code;
-use crate::session::machine::Machine;
+use crate::session::machine::ProtocolMachine;
 use crate::session::presence::mark_alive;
 use crate::wire::NodeId;
-use crate::wire::canopen::emcy::{self, ByteOrder, Emcy as Message};
+use crate::wire::canopen::emcy::{self, EmcyByteOrder, EmcyMessage as Message};
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
 /// Life guard or heartbeat error (CiA 301 §7.2.7.1, table 26), for devices without a code of their own.
@@ -20,13 +20,13 @@ const LIFE_GUARD_ERROR: u16 = 0x8130;
 
 /// EMCY messages of all nodes; active errors and the detected byte order are in the node.
 #[derive(Debug, Clone)]
-pub(in crate::session) struct Emcy;
+pub(in crate::session) struct EmcyMachine;
 
-impl Machine for Emcy {
+impl ProtocolMachine for EmcyMachine {
     type Route<'a> = NodeId;
     type Product = ();
 
-    fn on_frame(&mut self, id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+    fn on_frame(&mut self, id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
         if !is_admitted(id, frame, cx) {
             return;
         }
@@ -42,7 +42,7 @@ impl Machine for Emcy {
             Err(error) => return cx.emit_malformed(frame, id, error, "an error code has two bytes"),
         };
         // The boot sign of a device without boot-up message is an EMCY.
-        let starts = node.device.nmt.boot == Boot::ReadyTelegram
+        let starts = node.device.nmt.boot == BootSign::ReadyTelegram
             && (message == Message::Ready || node.reset_frame.is_some());
         let boot = starts.then(|| boot_cause(&mut cx.bus, id));
         mark_alive(id, frame, cx);
@@ -52,7 +52,7 @@ impl Machine for Emcy {
             node.restart_monitoring();
         }
         let ((code, register, vendor, vendor_length), action, fits) = apply_message(message, node);
-        let alternative = code.and_then(|code| alternative(&node.device, code));
+        let alternative = code.and_then(|code| swapped_code(&node.device, code));
         let active = u16::try_from(node.active_errors.len()).unwrap_or(u16::MAX);
         let emergency = Emergency {
             cob_id: frame.id,
@@ -67,9 +67,9 @@ impl Machine for Emcy {
             alternative,
             boot,
         };
-        cx.emit(frame, id, false, EventKind::Emcy(emergency));
+        cx.emit_event(frame, id, false, EventKind::Emcy(emergency));
         if !fits {
-            cx.emit(frame, id, false, EventKind::Evicted { what: EvictedState::ActiveError, count: 1 });
+            cx.emit_event(frame, id, false, EventKind::Evicted { what: EvictedState::ActiveError, count: 1 });
         }
         emit_contradiction(id, contradicted, frame, cx);
         if let Some(cause) = boot {
@@ -83,7 +83,7 @@ impl Machine for Emcy {
 }
 
 /// Whether a frame is decoded as EMCY; otherwise it is emitted undecoded.
-fn is_admitted(id: NodeId, frame: &Frame, cx: &mut Context<'_>) -> bool {
+fn is_admitted(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) -> bool {
     if !cx.is_settled(Some(id)) {
         let now = cx.bus.clock.now();
         cx.bus.canopen.count_unsupported(id.number(), now);
@@ -107,9 +107,9 @@ fn apply_message(message: Message, node: &mut Node) -> (Content, EmcyAction, boo
             ((None, None, [0; 5], 0), EmcyAction::Ready, true)
         }
         Message::Error { code, register, vendor, vendor_length } => {
-            node.signs.emcy(code);
+            node.signs.note_emcy(code);
             let action = if code == 0 { end_of_error(node, register) } else { EmcyAction::Raised };
-            let fits = action != EmcyAction::Raised || node.raise(code);
+            let fits = action != EmcyAction::Raised || node.raise_error(code);
             ((Some(code), register, vendor, vendor_length), action, fits)
         }
     }
@@ -121,7 +121,7 @@ fn apply_message(message: Message, node: &mut Node) -> (Content, EmcyAction, boo
 fn is_plausible(active: &[u16], frame: &Frame) -> bool {
     let [low, high, register, ..] = frame.data() else { return frame.length == 0 };
     let is_new = |code: u16| {
-        let is_defined = code != 0 && emcy_codes().find(u32::from(code)).is_some();
+        let is_defined = code != 0 && emcy_codes().find_code(u32::from(code)).is_some();
         // Bit 6 of the error register is reserved (CiA 301 §7.5.2.2).
         is_defined && register & 0x41 == 1 && !active.contains(&code)
     };
@@ -130,7 +130,7 @@ fn is_plausible(active: &[u16], frame: &Frame) -> bool {
     frame.length == 8 && (ends || codes.into_iter().any(is_new))
 }
 
-fn emit_contradiction(id: NodeId, object: Option<ObjectAddress>, frame: &Frame, cx: &mut Context<'_>) {
+fn emit_contradiction(id: NodeId, object: Option<ObjectAddress>, frame: &Frame, cx: &mut MachineContext<'_>) {
     if let Some(object) = object {
         let text =
             format!("node {id}: EMCY codes contradict the value of {object} presumed since the restart");
@@ -140,10 +140,10 @@ fn emit_contradiction(id: NodeId, object: Option<ObjectAddress>, frame: &Frame, 
 
 /// A node leaves operational if guarding stops (CiA 301 §7.2.8.3.2.2, object 1029), or after errors for
 /// which its manual states this.
-fn apply_emcy_to_nmt(id: NodeId, code: u16, frame: &Frame, cx: &mut Context<'_>) {
+fn apply_emcy_to_nmt(id: NodeId, code: u16, frame: &Frame, cx: &mut MachineContext<'_>) {
     let Some(node) = cx.bus.node(id) else { return };
     let is_life_guard = code == node.device.monitoring.life_guard_emcy.unwrap_or(LIFE_GUARD_ERROR);
-    let to = match node.device.error(code) {
+    let to = match node.device.error_entry(code) {
         Some(error) => error.nmt.map(NmtName::state),
         None => is_life_guard.then_some(NmtState::PreOperational),
     };
@@ -176,21 +176,23 @@ fn end_of_error(node: &mut Node, register: Option<u8>) -> EmcyAction {
 ///
 /// A confirmed value of the object that sets the byte order has precedence. If the value is unknown, or
 /// doubtful after a restart, the order is taken from the first code that the profile knows in one order only.
-fn byte_order(node: &mut Node, data: &[u8]) -> (ByteOrder, ByteOrderSource) {
+fn byte_order(node: &mut Node, data: &[u8]) -> (EmcyByteOrder, ByteOrderSource) {
     let Some(order) = &node.device.emcy.byte_order else {
-        return (ByteOrder::LsbFirst, ByteOrderSource::Standard);
+        return (EmcyByteOrder::LsbFirst, ByteOrderSource::Standard);
     };
-    let Order::ByObject { object, .. } = order else { return (order.of(None), ByteOrderSource::Profile) };
+    let ErrorCodeOrder::ByObject { object, .. } = order else {
+        return (order.order_for(None), ByteOrderSource::Profile);
+    };
     let known = node.store.get(object.object);
     let value = node.store.number(object.object).and_then(|value| i64::try_from(value).ok());
-    let stated = order.of(value);
+    let stated = order.order_for(value);
     if known.is_some_and(|entry| !entry.stale) {
         return (stated, ByteOrderSource::Wire);
     }
     if let Some(DetectedByteOrder(learnt)) = node.emcy_order {
         return (learnt, ByteOrderSource::Learnt);
     }
-    let other = opposite(stated);
+    let other = opposite_order(stated);
     let (object, was_known) = (object.object, known.is_some());
     let origin = if was_known { ByteOrderSource::Presumed } else { ByteOrderSource::Profile };
     if !is_code(&node.device, data, stated) && is_code(&node.device, data, other) {
@@ -204,24 +206,24 @@ fn byte_order(node: &mut Node, data: &[u8]) -> (ByteOrder, ByteOrderSource) {
     (stated, origin)
 }
 
-const fn opposite(order: ByteOrder) -> ByteOrder {
+const fn opposite_order(order: EmcyByteOrder) -> EmcyByteOrder {
     match order {
-        ByteOrder::LsbFirst => ByteOrder::MsbFirst,
-        ByteOrder::MsbFirst => ByteOrder::LsbFirst,
+        EmcyByteOrder::LsbFirst => EmcyByteOrder::MsbFirst,
+        EmcyByteOrder::MsbFirst => EmcyByteOrder::LsbFirst,
     }
 }
 
 /// Whether a message, decoded in this byte order, has a code of the profile other than 0000.
-fn is_code(device: &Device, data: &[u8], order: ByteOrder) -> bool {
+fn is_code(device: &DeviceProfile, data: &[u8], order: EmcyByteOrder) -> bool {
     match emcy::parse(data, order) {
-        Ok(Message::Error { code, .. }) => code != 0 && device.error(code).is_some(),
+        Ok(Message::Error { code, .. }) => code != 0 && device.error_entry(code).is_some(),
         _ => false,
     }
 }
 
 /// Code in the other byte order, if the profile has this code and not the decoded one.
-fn alternative(device: &Device, code: u16) -> Option<u16> {
+fn swapped_code(device: &DeviceProfile, code: u16) -> Option<u16> {
     let other = code.swap_bytes();
-    let only_other = device.error(code).is_none() && device.error(other).is_some() && code != 0;
+    let only_other = device.error_entry(code).is_none() && device.error_entry(other).is_some() && code != 0;
     only_other.then_some(other)
 }

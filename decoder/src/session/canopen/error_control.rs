@@ -5,22 +5,22 @@ use super::nmt::confirm_state;
 use crate::event::{EventKind, MonitoringMethod, StateCause};
 use crate::frame::{Frame, FrameFlags};
 use crate::session::bus::{Bus, UNANSWERED};
-use crate::session::context::Context;
-use crate::session::machine::{Machine, Timed};
+use crate::session::context::MachineContext;
+use crate::session::machine::{ProtocolMachine, TimedMachine};
 use crate::session::presence::{emit_node_lost, mark_alive};
-use crate::session::timers::Subject;
-use crate::wire::canopen::error_control::{self, ErrorControl as Message};
+use crate::session::timers::DeadlineSubject;
+use crate::wire::canopen::error_control::{self, ErrorControlByte as Message};
 use crate::wire::canopen::{NmtState, ObjectAddress};
-use crate::wire::{Malformed, NodeId};
+use crate::wire::{MalformedPayload, NodeId};
 
 /// Intervals without a heartbeat after which the node is lost.
 const LOST_AFTER: i64 = 2;
 
 /// Heartbeat and guarding of all nodes; the state of each is in the node.
 #[derive(Debug, Clone)]
-pub(in crate::session) struct ErrorControl;
+pub(in crate::session) struct ErrorControlMachine;
 
-impl Machine for ErrorControl {
+impl ProtocolMachine for ErrorControlMachine {
     type Route<'a> = NodeId;
     type Product = ();
 
@@ -36,7 +36,7 @@ impl Machine for ErrorControl {
         }
     }
 
-    fn on_frame(&mut self, id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+    fn on_frame(&mut self, id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
         if frame.flags.contains(FrameFlags::REMOTE) {
             return on_guard_request(id, frame, cx);
         }
@@ -78,22 +78,23 @@ impl Machine for ErrorControl {
             on_heartbeat(id, message, frame, cx);
         }
         if frame.length > 1 {
-            let error = Malformed { layer: "error-control", offset: 1, needed: 0, available: frame.length };
+            let error =
+                MalformedPayload { layer: "error-control", offset: 1, needed: 0, available: frame.length };
             cx.emit_malformed(frame, id, error, "error control has one byte");
         }
     }
 }
 
-impl Timed for ErrorControl {
+impl TimedMachine for ErrorControlMachine {
     type Deadline = NodeId;
 
-    fn on_deadline(&mut self, id: NodeId, now: i64, cx: &mut Context<'_>) {
+    fn on_deadline(&mut self, id: NodeId, now: i64, cx: &mut MachineContext<'_>) {
         let Some(node) = cx.bus.node_mut(id) else { return };
         node.heartbeat.queued = false;
         let Some(deadline) = node.heartbeat.deadline else { return };
         if deadline >= now {
             node.heartbeat.queued = true;
-            return cx.timers.add(deadline, Subject::Heartbeat(id));
+            return cx.timers.add_deadline(deadline, DeadlineSubject::Heartbeat(id));
         }
         node.heartbeat.deadline = None;
         // A silence of the whole bus postpones the heartbeat, but not the last frame of the node.
@@ -106,18 +107,18 @@ impl Timed for ErrorControl {
     }
 }
 
-fn on_heartbeat(id: NodeId, message: Message, frame: &Frame, cx: &mut Context<'_>) {
+fn on_heartbeat(id: NodeId, message: Message, frame: &Frame, cx: &mut MachineContext<'_>) {
     mark_alive(id, frame, cx);
     let kind = EventKind::Heartbeat { state: message.state, code: message.code };
     // A defined state has an event of its own; only an undefined one is not routine.
-    cx.emit(frame, id, message.state.is_some(), kind);
+    cx.emit_event(frame, id, message.state.is_some(), kind);
     rearm_heartbeat(id, cx);
     if let Some(state) = message.state {
         confirm_state(id, state, StateCause::Heartbeat, frame, cx);
     }
 }
 
-fn on_guard_request(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+fn on_guard_request(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
     if !cx.is_decoded(Some(id), frame) {
         return;
     }
@@ -132,13 +133,13 @@ fn on_guard_request(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
     let is_lost =
         guarding.missed >= limit.unwrap_or(UNANSWERED) && guarding.last_reply.is_some() && !node.lost;
     let gap = guarding.last_reply.map_or(0, |last| now.saturating_sub(last));
-    cx.emit(frame, id, !first, EventKind::GuardRequest);
+    cx.emit_event(frame, id, !first, EventKind::GuardRequest);
     if is_lost {
         emit_node_lost(id, gap, MonitoringMethod::Guarding, frame, cx);
     }
 }
 
-fn on_guard_reply(id: NodeId, message: Message, frame: &Frame, cx: &mut Context<'_>) {
+fn on_guard_reply(id: NodeId, message: Message, frame: &Frame, cx: &mut MachineContext<'_>) {
     mark_alive(id, frame, cx);
     let now = cx.bus.clock.now();
     let Some(node) = cx.bus.node_mut(id) else { return };
@@ -158,15 +159,15 @@ fn on_guard_reply(id: NodeId, message: Message, frame: &Frame, cx: &mut Context<
         toggle: message.toggle,
         toggle_error,
     };
-    cx.emit(frame, id, !first && !toggle_error && message.state.is_some(), kind);
+    cx.emit_event(frame, id, !first && !toggle_error && message.state.is_some(), kind);
     if let Some(state) = message.state {
         confirm_state(id, state, StateCause::GuardReply, frame, cx);
     }
 }
 
 /// Sets the deadline of the next heartbeat.
-fn rearm_heartbeat(id: NodeId, cx: &mut Context<'_>) {
-    if !cx.bus.clock.runs() {
+fn rearm_heartbeat(id: NodeId, cx: &mut MachineContext<'_>) {
+    if !cx.bus.clock.has_timestamps() {
         return;
     }
     let now = cx.bus.clock.now();
@@ -177,9 +178,9 @@ fn rearm_heartbeat(id: NodeId, cx: &mut Context<'_>) {
         heartbeat.intervals = [now.saturating_sub(last).max(1), newest, second, third];
     }
     heartbeat.deadline =
-        heartbeat.expected().map(|interval| now.saturating_add(interval.saturating_mul(LOST_AFTER)));
+        heartbeat.expected_interval().map(|interval| now.saturating_add(interval.saturating_mul(LOST_AFTER)));
     if let (Some(deadline), false) = (heartbeat.deadline, heartbeat.queued) {
         heartbeat.queued = true;
-        cx.timers.add(deadline, Subject::Heartbeat(id));
+        cx.timers.add_deadline(deadline, DeadlineSubject::Heartbeat(id));
     }
 }

@@ -4,16 +4,16 @@ use crate::event::EventKind;
 use crate::frame::Frame;
 use crate::profile;
 use crate::session::bus::Bus;
-use crate::session::context::Context;
-use crate::session::device::{Announcement, emit_announcement};
-use crate::session::machine::Machine;
+use crate::session::context::MachineContext;
+use crate::session::device::{SettingAnnouncement, emit_announcement};
+use crate::session::machine::ProtocolMachine;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
-use crate::wire::canopen::lss::{self, Content};
+use crate::wire::canopen::lss::{self, LssContent};
 
 /// State of the LSS communication between master and slaves.
 #[derive(Debug, Clone, Default)]
-pub(in crate::session) struct Lss {
+pub(in crate::session) struct LssMachine {
     /// Requested node-ID, until the slave accepts it.
     requested: Option<u8>,
     /// Present node-ID of the slave, from its response to an inquiry.
@@ -23,7 +23,7 @@ pub(in crate::session) struct Lss {
     /// Command of the last message from the master.
     asked: Option<u8>,
     /// Bit rate requested and accepted, in kbit/s.
-    bit_rate: BitRate,
+    bit_rate: AnnouncedBitRate,
     /// Identity numbers of switch state selective received so far.
     address: [Option<u32>; 4],
 }
@@ -36,18 +36,18 @@ const SELECTIVE: u8 = 0x40;
 const SELECTED: u8 = 0x44;
 
 #[derive(Debug, Clone, Copy, Default)]
-struct BitRate {
+struct AnnouncedBitRate {
     asked: Option<u32>,
     accepted: Option<u32>,
 }
 
-impl Machine for Lss {
+impl ProtocolMachine for LssMachine {
     /// Whether the LSS master uses the identifier.
     type Route<'a> = bool;
     type Product = ();
 
-    fn on_frame(&mut self, from_master: bool, frame: &Frame, cx: &mut Context<'_>) {
-        self.weigh(from_master, frame, &mut cx.bus);
+    fn on_frame(&mut self, from_master: bool, frame: &Frame, cx: &mut MachineContext<'_>) {
+        self.weigh_evidence(from_master, frame, &mut cx.bus);
         if !cx.is_decoded(None, frame) {
             return;
         }
@@ -55,36 +55,46 @@ impl Machine for Lss {
             Ok(message) => message,
             Err(error) => return cx.emit_malformed(frame, None, error, "too short for its LSS command"),
         };
-        let is_scan_step = matches!(message.content, Content::FastScan { .. });
+        let is_scan_step = matches!(message.content, LssContent::FastScan { .. });
         let routine = if from_master {
             std::mem::replace(&mut self.scanning, is_scan_step) && is_scan_step
         } else {
             self.scanning
         };
         let kind = EventKind::Lss { command: message.command, from_master, content: message.content };
-        cx.emit(frame, None, routine, kind);
+        cx.emit_event(frame, None, routine, kind);
         self.follow_node_id(message, from_master, frame, cx);
         self.follow_bit_rate(message, from_master, frame, cx);
     }
 }
 
-impl Lss {
+impl LssMachine {
     /// Announces the new bit rate when the master activates it (CiA 305 §3.9.3.2).
-    fn follow_bit_rate(&mut self, message: lss::Lss, from_master: bool, frame: &Frame, cx: &mut Context<'_>) {
+    fn follow_bit_rate(
+        &mut self,
+        message: lss::LssMessage,
+        from_master: bool,
+        frame: &Frame,
+        cx: &mut MachineContext<'_>,
+    ) {
         match (message.content, from_master) {
-            (Content::BitTiming { table: 0, entry }, true) => {
-                self.bit_rate.asked = profile::lss().bit_rate(entry);
+            (LssContent::BitTiming { table: 0, entry }, true) => {
+                self.bit_rate.asked = profile::lss_names().bit_rate(entry);
             }
-            (Content::Result { code: 0, .. }, false) if message.command == BIT_TIMING => {
+            (LssContent::Result { code: 0, .. }, false) if message.command == BIT_TIMING => {
                 self.bit_rate.accepted = self.bit_rate.asked.take();
             }
-            (Content::Delay(delay), true) => {
+            (LssContent::Delay(delay), true) => {
                 if let Some(rate) = self.bit_rate.accepted.take() {
                     // The bus is silent for the delay before the switch and again after it.
                     let text =
                         format!("bit rate {rate} kbit/s after {delay} ms, then no frames for {delay} ms");
-                    let change =
-                        Announcement { procedure: "bit-rate change", word: "RATE", finished: false, text };
+                    let change = SettingAnnouncement {
+                        procedure: "bit-rate change",
+                        word: "RATE",
+                        finished: false,
+                        text,
+                    };
                     emit_announcement(None, change, frame, cx);
                 }
             }
@@ -94,7 +104,7 @@ impl Lss {
 
     /// Counts a response that matches its request as evidence of CANopen. Cars use these identifiers for UDS,
     /// which starts with small bytes, so only commands from 0x40 on are evaluated.
-    fn weigh(&mut self, from_master: bool, frame: &Frame, bus: &mut Bus) {
+    fn weigh_evidence(&mut self, from_master: bool, frame: &Frame, bus: &mut Bus) {
         let command = frame.data().first().copied().filter(|_| frame.length == 8);
         if from_master {
             self.asked = command;
@@ -122,9 +132,15 @@ impl Lss {
     }
 
     /// Follows a node-ID from inquiry and request to acceptance.
-    fn follow_node_id(&mut self, message: lss::Lss, from_master: bool, frame: &Frame, cx: &mut Context<'_>) {
+    fn follow_node_id(
+        &mut self,
+        message: lss::LssMessage,
+        from_master: bool,
+        frame: &Frame,
+        cx: &mut MachineContext<'_>,
+    ) {
         match (message.content, from_master) {
-            (Content::Number(number), true) => {
+            (LssContent::Number(number), true) => {
                 if let Some(slot) = message
                     .command
                     .checked_sub(SELECTIVE)
@@ -133,16 +149,16 @@ impl Lss {
                     *slot = Some(number);
                 }
             }
-            (Content::Nothing, false) if message.command == SELECTED => {
+            (LssContent::Nothing, false) if message.command == SELECTED => {
                 self.present = Self::node_of_address(&cx.bus, self.address);
             }
-            (Content::Mode(_), true) => self.address = [None; 4],
-            (Content::NodeId(id), true) => self.requested = Some(id),
-            (Content::NodeId(id), false) => self.present = Some(id),
-            (Content::Result { code: 0, .. }, false) if message.command == 0x17 => {
+            (LssContent::Mode(_), true) => self.address = [None; 4],
+            (LssContent::NodeId(id), true) => self.requested = Some(id),
+            (LssContent::NodeId(id), false) => self.present = Some(id),
+            (LssContent::Result { code: 0, .. }, false) if message.command == 0x17 => {
                 cx.bus.node_id_changes.is_lss_stored = true;
             }
-            (Content::Result { code: 0, .. }, false) if message.command == 0x11 => {
+            (LssContent::Result { code: 0, .. }, false) if message.command == 0x11 => {
                 // A slave without node-ID reports 255; other numbers are not valid (CiA 305: 1 to 127, 255).
                 let from = self.present.take().filter(|id| (1..=127).contains(id));
                 let to = self.requested.take().filter(|to| (1..=127).contains(to));
@@ -150,8 +166,12 @@ impl Lss {
                 cx.bus.node_id_changes.by_lss = to.filter(|to| from != Some(*to)).map(|to| (from, to));
                 if let Some((from, to)) = cx.bus.node_id_changes.by_lss {
                     let text = format!("node-ID {to} from the next boot-up");
-                    let change =
-                        Announcement { procedure: "node-ID change", word: "IDENT", finished: false, text };
+                    let change = SettingAnnouncement {
+                        procedure: "node-ID change",
+                        word: "IDENT",
+                        finished: false,
+                        text,
+                    };
                     emit_announcement(from.map(NodeId::Canopen), change, frame, cx);
                 }
             }

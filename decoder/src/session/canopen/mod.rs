@@ -10,11 +10,11 @@ mod sdo;
 mod sync;
 mod time_stamps;
 
-pub(in crate::session) use emcy::Emcy;
-pub(in crate::session) use error_control::ErrorControl;
-pub(in crate::session) use lss::Lss;
-pub(in crate::session) use nmt::Nmt;
-pub(in crate::session) use pdo::{Pdo, copy_payload};
-pub(in crate::session) use sdo::Sdo;
-pub(in crate::session) use sync::{ConformanceMarks, Sync};
+pub(in crate::session) use emcy::EmcyMachine;
+pub(in crate::session) use error_control::ErrorControlMachine;
+pub(in crate::session) use lss::LssMachine;
+pub(in crate::session) use nmt::NmtMachine;
+pub(in crate::session) use pdo::{PdoMachine, copy_payload};
+pub(in crate::session) use sdo::SdoMachine;
+pub(in crate::session) use sync::{ConformanceMarks, SyncMachine};
 pub(in crate::session) use time_stamps::TimeStamps;

@@ -3,15 +3,15 @@
 //! Commands are not acknowledged. The state after a command is presumed until a message of the node
 //! confirms it.
 
-use crate::event::{Certainty, Event, EventKind, StateCause, StateChange};
+use crate::event::{Event, EventKind, StateCause, StateCertainty, StateChange};
 use crate::frame::Frame;
-use crate::session::bus::{NmtStatus, Restart};
-use crate::session::context::Context;
+use crate::session::bus::{NmtStatus, RestartType};
+use crate::session::context::MachineContext;
 use crate::session::device::{on_nmt_service, reassess_set_points};
-use crate::session::machine::Machine;
+use crate::session::machine::ProtocolMachine;
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::nmt::{self, NmtService};
-use crate::wire::{Malformed, NodeId};
+use crate::wire::{MalformedPayload, NodeId};
 
 /// Time in ns after a state change in which queued messages of the node can still arrive.
 const QUEUED: i64 = 20_000_000;
@@ -27,22 +27,22 @@ const fn state_after(service: NmtService) -> Option<NmtState> {
 }
 
 /// Type of restart after a reset command.
-const fn restart(service: NmtService) -> Restart {
+const fn restart_type(service: NmtService) -> RestartType {
     match service {
-        NmtService::ResetCommunication => Restart::Communication,
-        _ => Restart::Node,
+        NmtService::ResetCommunication => RestartType::Communication,
+        _ => RestartType::Node,
     }
 }
 
 /// NMT commands of the master. The resulting states are in the nodes.
 #[derive(Debug, Clone)]
-pub(in crate::session) struct Nmt;
+pub(in crate::session) struct NmtMachine;
 
-impl Machine for Nmt {
+impl ProtocolMachine for NmtMachine {
     type Route<'a> = ();
     type Product = ();
 
-    fn on_frame(&mut self, (): (), frame: &Frame, cx: &mut Context<'_>) {
+    fn on_frame(&mut self, (): (), frame: &Frame, cx: &mut MachineContext<'_>) {
         let parsed = nmt::parse(frame.data());
         // Valid: exactly two bytes, and a defined command to an existing node-ID.
         let is_valid = frame.length == 2
@@ -68,14 +68,14 @@ impl Machine for Nmt {
         let kind = EventKind::NmtCommand { service: command.service, target: command.target, from, to };
         // No node has an ID above 127.
         let target = NodeId::Canopen(command.target);
-        cx.emit(frame, Some(target).filter(|target| target.is_valid()), false, kind);
+        cx.emit_event(frame, Some(target).filter(|target| target.is_valid()), false, kind);
         if frame.length > 2 {
-            let error = Malformed { layer: "nmt", offset: 2, needed: 0, available: frame.length };
+            let error = MalformedPayload { layer: "nmt", offset: 2, needed: 0, available: frame.length };
             cx.emit_malformed(frame, None, error, "an NMT command has two bytes");
         }
         let Some(to) = to else { return };
         if command.target == 0 && to == NmtState::Initialising {
-            cx.bus.restarts.reset_of_all = Some((frame.number, restart(command.service)));
+            cx.bus.restarts.reset_of_all = Some((frame.number, restart_type(command.service)));
         }
         let targets = if command.target == 0 { 1..=127 } else { command.target..=command.target };
         for id in targets {
@@ -91,10 +91,10 @@ fn target_of(frame: &Frame) -> Option<NodeId> {
     frame.data().get(1).copied().map(NodeId::Canopen).filter(|node| node.is_valid())
 }
 
-fn on_command(id: NodeId, service: NmtService, to: NmtState, frame: &Frame, cx: &mut Context<'_>) {
+fn on_command(id: NodeId, service: NmtService, to: NmtState, frame: &Frame, cx: &mut MachineContext<'_>) {
     let Some(node) = cx.bus.node_mut(id) else { return };
     if to == NmtState::Initialising {
-        node.reset_frame = Some((frame.number, restart(service)));
+        node.reset_frame = Some((frame.number, restart_type(service)));
         // A node that resets sends no heartbeat until it has booted.
         node.heartbeat.deadline = None;
         node.heartbeat.last = None;
@@ -111,13 +111,13 @@ pub(in crate::session) fn presume_state(
     to: NmtState,
     cause: StateCause,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let now = cx.bus.clock.now();
     let Some(node) = cx.bus.node_mut(id) else { return };
     let before = node.nmt.replace(NmtStatus {
         state: to,
-        certainty: Certainty::Presumed,
+        certainty: StateCertainty::Presumed,
         cause,
         frame: frame.number,
         since: now,
@@ -129,10 +129,10 @@ pub(in crate::session) fn presume_state(
         cause,
         cause_frame: frame.number,
         after: None,
-        certainty: Certainty::Presumed,
+        certainty: StateCertainty::Presumed,
     };
     // The event of the command already reports the state.
-    cx.emit(frame, id, cause == StateCause::Command, EventKind::NmtState(change));
+    cx.emit_event(frame, id, cause == StateCause::Command, EventKind::NmtState(change));
     reassess_set_points(id, frame, cx);
 }
 
@@ -142,14 +142,14 @@ pub(in crate::session) fn confirm_state(
     to: NmtState,
     cause: StateCause,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let now = cx.bus.clock.now();
-    let runs = cx.bus.clock.runs();
+    let runs = cx.bus.clock.has_timestamps();
     let Some(node) = cx.bus.node_mut(id) else { return };
     let before = node.nmt;
     let status =
-        NmtStatus { state: to, certainty: Certainty::Confirmed, cause, frame: frame.number, since: now };
+        NmtStatus { state: to, certainty: StateCertainty::Confirmed, cause, frame: frame.number, since: now };
     let Some(old) = before else {
         node.nmt = Some(status);
         node.refresh_attention();
@@ -159,15 +159,15 @@ pub(in crate::session) fn confirm_state(
     // A boot-up message after a reset is never an old one from a queue.
     let is_earlier = matches!(old.cause, StateCause::BusFile { .. });
     let may_be_queued = runs && age < QUEUED && cause != StateCause::BootUp && !is_earlier;
-    if old.state != to && old.certainty == Certainty::Presumed && may_be_queued {
+    if old.state != to && old.certainty == StateCertainty::Presumed && may_be_queued {
         return;
     }
-    let is_news = old.state != to || old.certainty == Certainty::Presumed;
+    let is_news = old.state != to || old.certainty == StateCertainty::Presumed;
     // Time and frame remain those of the change; the cause is the last evidence.
     node.nmt = Some(if is_news { status } else { NmtStatus { cause, ..old } });
     node.refresh_attention();
     if is_news {
-        let confirms = old.state == to && old.certainty == Certainty::Presumed;
+        let confirms = old.state == to && old.certainty == StateCertainty::Presumed;
         // The time of a command before the capture is unknown.
         let is_timed = runs && !is_earlier;
         emit_state_change(Some(old), status, frame, confirms.then_some(age).filter(|_| is_timed), id, cx);
@@ -181,7 +181,7 @@ fn emit_state_change(
     frame: &Frame,
     after: Option<i64>,
     id: NodeId,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let cause_frame = match before {
         Some(before) if before.state == now.state && before.frame > 0 => before.frame,
@@ -193,19 +193,19 @@ fn emit_state_change(
         cause: now.cause,
         cause_frame,
         after,
-        certainty: Certainty::Confirmed,
+        certainty: StateCertainty::Confirmed,
     };
-    let mut event: Event = cx.event(frame, EventKind::NmtState(change));
+    let mut event: Event = cx.canopen_event(frame, EventKind::NmtState(change));
     event.node = Some(id);
     event.presumed = !cx.bus.is_settled(Some(id));
     // The boot-up message itself means that the node is now pre-operational.
     event.routine = now.cause == StateCause::BootUp;
-    cx.send(&event);
+    cx.send_event(&event);
 }
 
 /// Confirms operational by a PDO of the node, if it is not confirmed yet.
 #[cold]
-pub(in crate::session) fn confirm_operational_by_pdo(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+pub(in crate::session) fn confirm_operational_by_pdo(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
     let contradicts_words = cx.bus.node(id).and_then(|node| node.nmt).is_some_and(|nmt| {
         // A state reported by the node has precedence over a PDO on its identifier.
         nmt.state != NmtState::Operational && nmt.is_reported()

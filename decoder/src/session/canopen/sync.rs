@@ -2,13 +2,13 @@
 
 use crate::event::EventKind;
 use crate::frame::Frame;
-use crate::session::context::Context;
-use crate::session::machine::Machine;
+use crate::session::context::MachineContext;
+use crate::session::machine::ProtocolMachine;
 use crate::wire::canopen::{sync, test_marker};
 
 /// SYNC with its counter.
 #[derive(Debug, Clone, Default)]
-pub(in crate::session) struct Sync {
+pub(in crate::session) struct SyncMachine {
     /// Counter of the last SYNC.
     counter: Option<u8>,
 }
@@ -17,7 +17,7 @@ pub(in crate::session) struct Sync {
 #[derive(Debug, Clone)]
 pub(in crate::session) struct ConformanceMarks;
 
-impl Sync {
+impl SyncMachine {
     /// Stores the counter; returns the expected counter if it differs.
     ///
     /// A step back to 1 is always valid, because the overflow value (1019) may be unknown (CiA 301 §7.2.5.3).
@@ -29,12 +29,12 @@ impl Sync {
     }
 }
 
-impl Machine for Sync {
+impl ProtocolMachine for SyncMachine {
     type Route<'a> = ();
     /// Whether it is a CANopen SYNC, on which devices act.
     type Product = bool;
 
-    fn on_frame(&mut self, (): (), frame: &Frame, cx: &mut Context<'_>) -> bool {
+    fn on_frame(&mut self, (): (), frame: &Frame, cx: &mut MachineContext<'_>) -> bool {
         if frame.length <= 1 {
             cx.bus.canopen.count_sync();
         } else {
@@ -47,18 +47,18 @@ impl Machine for Sync {
         let first = cx.bus.last_sync.replace(frame.id).is_none();
         let expected = self.take_counter(counter);
         let routine = !first && expected.is_none();
-        cx.emit(frame, None, routine, EventKind::Sync { counter, expected });
+        cx.emit_event(frame, None, routine, EventKind::Sync { counter, expected });
         true
     }
 }
 
-impl Machine for ConformanceMarks {
+impl ProtocolMachine for ConformanceMarks {
     type Route<'a> = ();
     type Product = ();
 
-    fn on_frame(&mut self, (): (), frame: &Frame, cx: &mut Context<'_>) {
+    fn on_frame(&mut self, (): (), frame: &Frame, cx: &mut MachineContext<'_>) {
         match test_marker::parse(frame.data()).filter(|_| cx.bus.canopen.is_confirmed()) {
-            Some(marker) => cx.emit(frame, None, false, EventKind::TestCase(marker)),
+            Some(marker) => cx.emit_event(frame, None, false, EventKind::TestCase(marker)),
             None => cx.emit_undecoded(frame, None),
         }
     }
@@ -70,7 +70,7 @@ mod tests {
 
     #[test]
     fn counters_run_to_their_overflow_and_start_at_one() {
-        let mut state = Sync::default();
+        let mut state = SyncMachine::default();
         let gaps: Vec<_> =
             [1, 2, 3, 1, 2, 5, 6].iter().map(|counter| state.take_counter(Some(*counter))).collect();
         assert_eq!(gaps, [None, None, None, None, None, Some(3), None]);

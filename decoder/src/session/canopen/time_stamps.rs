@@ -2,8 +2,8 @@
 
 use crate::event::EventKind;
 use crate::frame::Frame;
-use crate::session::context::Context;
-use crate::session::machine::Machine;
+use crate::session::context::MachineContext;
+use crate::session::machine::ProtocolMachine;
 use crate::wire::canopen::time;
 
 /// Max deviation of a clock that was not set, in ms.
@@ -40,11 +40,11 @@ pub(in crate::session) struct TimeStamps {
 impl TimeStamps {
     /// Whether a TIME matches the previous one plus the elapsed time.
     fn is_expected(&self, milliseconds: i64, now: i64) -> bool {
-        self.last.is_some_and(|last| deviation(last, milliseconds, now) < CLOCK_TOLERANCE)
+        self.last.is_some_and(|last| time_deviation(last, milliseconds, now) < CLOCK_TOLERANCE)
     }
 
     /// Compares a value with the time of the capture; without timestamps (`runs` false) it must only increase.
-    fn weigh(&mut self, value: i64, is_of_day: bool, now: i64, runs: bool) {
+    fn weigh_value(&mut self, value: i64, is_of_day: bool, now: i64, runs: bool) {
         let before = self.last.replace((value, now));
         let is_fast = runs && before.is_some_and(|(_, at)| now.saturating_sub(at) < FASTEST);
         // A later pause does not turn fast traffic into a clock.
@@ -56,7 +56,7 @@ impl TimeStamps {
         let anchor = *self.anchor.get_or_insert((value, now));
         let elapsed = now.saturating_sub(anchor.1) / 1_000_000;
         let is_contradicted = if runs {
-            deviation(anchor, value, now) >= CLOCK_TOLERANCE
+            time_deviation(anchor, value, now) >= CLOCK_TOLERANCE
         } else {
             before.is_some_and(|(then, _)| value <= then)
         };
@@ -69,7 +69,7 @@ impl TimeStamps {
     }
 
     /// Reason why the identifier is not TIME; `None` if it may be.
-    fn rejection(&self) -> Option<&'static str> {
+    fn rejection_reason(&self) -> Option<&'static str> {
         if self.fast >= FAST_LIMIT {
             return Some("period below 10 ms");
         }
@@ -79,16 +79,16 @@ impl TimeStamps {
 }
 
 /// Difference between a value and an earlier one plus the elapsed time, in ms.
-fn deviation((then, at): (i64, i64), value: i64, now: i64) -> i64 {
+fn time_deviation((then, at): (i64, i64), value: i64, now: i64) -> i64 {
     let elapsed = now.saturating_sub(at) / 1_000_000;
     value.saturating_sub(then).saturating_sub(elapsed).saturating_abs()
 }
 
-impl Machine for TimeStamps {
+impl ProtocolMachine for TimeStamps {
     type Route<'a> = ();
     type Product = ();
 
-    fn on_frame(&mut self, (): (), frame: &Frame, cx: &mut Context<'_>) {
+    fn on_frame(&mut self, (): (), frame: &Frame, cx: &mut MachineContext<'_>) {
         let time = match time::parse(frame.data()) {
             Ok(time) => time,
             // The length alone is evidence only on a bus that uses CANopen.
@@ -98,11 +98,11 @@ impl Machine for TimeStamps {
             Err(_) => return cx.emit_undecoded(frame, None),
         };
         let total = i64::from(time.days) * i64::from(DAY) + i64::from(time.milliseconds);
-        let (now, runs) = (cx.bus.clock.now(), cx.bus.clock.runs());
+        let (now, runs) = (cx.bus.clock.now(), cx.bus.clock.has_timestamps());
         let routine = self.is_expected(total, now) && runs;
-        self.weigh(total, time.milliseconds < DAY, now, runs);
+        self.weigh_value(total, time.milliseconds < DAY, now, runs);
         let is_given = cx.bus.routes.is_given(frame.id);
-        if let Some(reason) = self.rejection().filter(|_| !is_given) {
+        if let Some(reason) = self.rejection_reason().filter(|_| !is_given) {
             return self.on_other_traffic(reason, frame, cx);
         }
         cx.bus.is_time_rejected = false;
@@ -113,14 +113,14 @@ impl Machine for TimeStamps {
         }
         if cx.is_decoded(None, frame) {
             let kind = EventKind::Time { milliseconds: time.milliseconds, days: time.days };
-            cx.emit(frame, None, routine, kind);
+            cx.emit_event(frame, None, routine, kind);
         }
     }
 }
 
 impl TimeStamps {
     /// Handles a frame on the identifier of TIME that is not a clock.
-    fn on_other_traffic(&mut self, reason: &str, frame: &Frame, cx: &mut Context<'_>) {
+    fn on_other_traffic(&mut self, reason: &str, frame: &Frame, cx: &mut MachineContext<'_>) {
         cx.bus.is_time_rejected = true;
         if cx.is_settled(None) {
             cx.bus.omissions.time += 1;
@@ -143,46 +143,49 @@ mod tests {
     /// Weighs values in ms at times in ms.
     fn weighed(messages: impl Iterator<Item = (i64, i64)>, runs: bool) -> TimeStamps {
         let mut stamps = TimeStamps::default();
-        messages.for_each(|(value, at)| stamps.weigh(value, true, at * 1_000_000, runs));
+        messages.for_each(|(value, at)| stamps.weigh_value(value, true, at * 1_000_000, runs));
         stamps
     }
 
     #[test]
     fn a_clock_runs_with_the_capture_and_may_be_set() {
         let mut stamps = weighed((0..10).map(|count| (5_000 + count * 1_000, count * 1_000)), true);
-        assert!(stamps.agreements >= 7 && stamps.rejection().is_none());
+        assert!(stamps.agreements >= 7 && stamps.rejection_reason().is_none());
         // Set by an hour: one contradiction.
-        stamps.weigh(3_600_000, true, 10 * SECOND, true);
-        assert_eq!((stamps.contradictions, stamps.rejection()), (1, None));
+        stamps.weigh_value(3_600_000, true, 10 * SECOND, true);
+        assert_eq!((stamps.contradictions, stamps.rejection_reason()), (1, None));
     }
 
     #[test]
     fn a_constant_and_a_counter_of_frames_are_not_clocks() {
         let constant = weighed((0..11).map(|count| (7, count * 1_000)), true);
-        assert_eq!(constant.rejection(), Some("value does not advance with time"));
+        assert_eq!(constant.rejection_reason(), Some("value does not advance with time"));
         // 11 messages 100 ms apart deviate by 1.1 s - 11 ms: one contradiction each time.
         let counter = weighed((0..111).map(|count| (count, count * 100)), true);
-        assert_eq!((counter.agreements, counter.rejection()), (0, Some("value does not advance with time")));
+        assert_eq!(
+            (counter.agreements, counter.rejection_reason()),
+            (0, Some("value does not advance with time"))
+        );
     }
 
     #[test]
     fn a_thousand_messages_per_second_are_not_time_even_if_they_advance() {
         let fast = weighed((0..12).map(|count| (count, count)), true);
-        assert_eq!(fast.rejection(), Some("period below 10 ms"));
+        assert_eq!(fast.rejection_reason(), Some("period below 10 ms"));
         // Ten intervals of 10 ms are slow enough.
-        assert_eq!(weighed((0..12).map(|count| (count * 10, count * 10)), true).rejection(), None);
+        assert_eq!(weighed((0..12).map(|count| (count * 10, count * 10)), true).rejection_reason(), None);
     }
 
     #[test]
     fn without_timestamps_the_value_must_increase() {
-        assert_eq!(weighed((0..5).map(|count| (count, 0)), false).rejection(), None);
-        assert!(weighed((0..11).map(|_| (9, 0)), false).rejection().is_some());
+        assert_eq!(weighed((0..5).map(|count| (count, 0)), false).rejection_reason(), None);
+        assert!(weighed((0..11).map(|_| (9, 0)), false).rejection_reason().is_some());
     }
 
     #[test]
     fn more_milliseconds_than_a_day_contradict() {
         let mut stamps = TimeStamps::default();
-        (0..10).for_each(|count| stamps.weigh(86_400_000 + count * 1_000, false, count * SECOND, true));
-        assert!(stamps.rejection().is_some());
+        (0..10).for_each(|count| stamps.weigh_value(86_400_000 + count * 1_000, false, count * SECOND, true));
+        assert!(stamps.rejection_reason().is_some());
     }
 }

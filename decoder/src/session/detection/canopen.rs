@@ -6,7 +6,7 @@
 //! a car must be rejected; a short capture of a machine between two heartbeats must not.
 
 use crate::session::options::ProtocolChoice;
-use crate::words::plural;
+use crate::words::count_noun;
 
 /// Frames on PDO and EMCY identifiers without evidence after which CANopen is rejected.
 const UNSUPPORTED_LIMIT: u32 = 1_000;
@@ -77,7 +77,7 @@ impl CanopenDetection {
     }
 
     #[inline]
-    pub(in crate::session) fn status(&self) -> ProtocolStatus {
+    pub(in crate::session) fn protocol_status(&self) -> ProtocolStatus {
         self.status
     }
 
@@ -100,7 +100,7 @@ impl CanopenDetection {
     /// Counts a message that only CANopen uses.
     pub(in crate::session) fn add_evidence(&mut self) {
         self.evidence = self.evidence.saturating_add(1);
-        self.judge();
+        self.judge_evidence();
     }
 
     /// Counts a SYNC, empty or with a counter: no evidence, but it can prevent a rejection.
@@ -111,7 +111,7 @@ impl CanopenDetection {
     /// Counts a message that CANopen never uses.
     pub(in crate::session) fn add_contradiction(&mut self) {
         self.contradictions = self.contradictions.saturating_add(1);
-        self.judge();
+        self.judge_evidence();
     }
 
     /// Counts a frame on a PDO, EMCY or SDO identifier of a node at monotonic time `now`; not evidence.
@@ -122,7 +122,7 @@ impl CanopenDetection {
             self.unsupported_until = now;
             self.unsupported_nodes |= 1 << (node & 0x7F);
             if self.is_unsupported() {
-                self.judge();
+                self.judge_evidence();
             }
         }
     }
@@ -139,7 +139,7 @@ impl CanopenDetection {
     /// Stores an SDO request for comparison with its response.
     pub(in crate::session) fn note_request(&mut self, node: u8, data: &[u8]) {
         if !self.is_confirmed() {
-            self.request = multiplexer(data).map(|multiplexer| (node, multiplexer));
+            self.request = parse_multiplexer(data).map(|multiplexer| (node, multiplexer));
         }
     }
 
@@ -148,31 +148,31 @@ impl CanopenDetection {
         if self.is_confirmed() || self.request.is_none() {
             return;
         }
-        if multiplexer(data).map(|multiplexer| (node, multiplexer)) == self.request {
+        if parse_multiplexer(data).map(|multiplexer| (node, multiplexer)) == self.request {
             self.request = None;
             self.add_evidence();
         }
     }
 
     /// Reason for the rejection, as text.
-    pub(in crate::session) fn reason(&self) -> String {
+    pub(in crate::session) fn rejection_reason(&self) -> String {
         if self.contradictions >= CONTRADICTION_LIMIT {
             let count = self.contradictions;
             format!(
                 "{} with wrong length (identifier 000 without 2 bytes, or 701 to 77F without 1 byte)",
-                plural(count, "frame")
+                count_noun(count, "frame")
             )
         } else {
             let (frames, nodes) = (self.unsupported, self.unsupported_nodes.count_ones());
             format!(
                 "no heartbeat, NMT command or SDO response, but {} on PDO and EMCY identifiers of {}",
-                plural(frames, "frame"),
-                plural(nodes, "node-ID")
+                count_noun(frames, "frame"),
+                count_noun(nodes, "node-ID")
             )
         }
     }
 
-    fn judge(&mut self) {
+    fn judge_evidence(&mut self) {
         if !matches!(self.choice, ProtocolChoice::Auto | ProtocolChoice::J1939) {
             return;
         }
@@ -191,7 +191,7 @@ impl CanopenDetection {
 }
 
 /// Index and sub-index of an SDO message.
-fn multiplexer(data: &[u8]) -> Option<[u8; 3]> {
+fn parse_multiplexer(data: &[u8]) -> Option<[u8; 3]> {
     match data {
         [_, low, high, sub, ..] => Some([*low, *high, *sub]),
         _ => None,
@@ -205,32 +205,32 @@ mod tests {
     #[test]
     fn one_heartbeat_is_enough_and_contradictions_outweigh_it() {
         let mut detection = CanopenDetection::new(ProtocolChoice::Auto);
-        assert_eq!(detection.status(), ProtocolStatus::Presumed);
+        assert_eq!(detection.protocol_status(), ProtocolStatus::Presumed);
         detection.add_evidence();
-        assert_eq!(detection.status(), ProtocolStatus::Confirmed);
+        assert_eq!(detection.protocol_status(), ProtocolStatus::Confirmed);
         (0..3).for_each(|_| detection.add_contradiction());
-        assert_eq!(detection.status(), ProtocolStatus::Rejected);
+        assert_eq!(detection.protocol_status(), ProtocolStatus::Rejected);
         (0..20).for_each(|_| detection.add_evidence());
-        assert_eq!(detection.status(), ProtocolStatus::Confirmed);
+        assert_eq!(detection.protocol_status(), ProtocolStatus::Confirmed);
     }
 
     #[test]
     fn pdo_identifiers_alone_are_doubted_until_evidence_comes() {
         let mut detection = CanopenDetection::new(ProtocolChoice::Auto);
         (0..UNSUPPORTED_LIMIT).for_each(|_| detection.count_unsupported(5, 0));
-        assert_eq!(detection.status(), ProtocolStatus::Rejected);
+        assert_eq!(detection.protocol_status(), ProtocolStatus::Rejected);
         detection.note_request(5, &[0x40, 0x18, 0x10, 1, 0, 0, 0, 0]);
         detection.note_response(5, &[0x43, 0x18, 0x10, 1, 1, 2, 3, 4]);
-        assert_eq!(detection.status(), ProtocolStatus::Confirmed);
+        assert_eq!(detection.protocol_status(), ProtocolStatus::Confirmed);
     }
 
     #[test]
     fn many_nodes_without_evidence_are_doubted_soon() {
         let mut detection = CanopenDetection::new(ProtocolChoice::Auto);
         (1..20).for_each(|node| detection.count_unsupported(node, 0));
-        assert_eq!(detection.status(), ProtocolStatus::Presumed);
+        assert_eq!(detection.protocol_status(), ProtocolStatus::Presumed);
         detection.count_unsupported(20, 0);
-        assert_eq!(detection.status(), ProtocolStatus::Rejected);
+        assert_eq!(detection.protocol_status(), ProtocolStatus::Rejected);
     }
 
     #[test]
@@ -239,7 +239,7 @@ mod tests {
             let mut detection = CanopenDetection::new(ProtocolChoice::Auto);
             (0..syncs).for_each(|_| detection.count_sync());
             (0..=50).for_each(|count| detection.count_unsupported(5, count * 100_000_000));
-            assert_eq!(detection.status(), status);
+            assert_eq!(detection.protocol_status(), status);
         }
     }
 
@@ -247,9 +247,9 @@ mod tests {
     fn the_user_has_the_last_word() {
         let mut detection = CanopenDetection::new(ProtocolChoice::Canopen);
         (0..100).for_each(|_| detection.add_contradiction());
-        assert_eq!(detection.status(), ProtocolStatus::Confirmed);
+        assert_eq!(detection.protocol_status(), ProtocolStatus::Confirmed);
         let mut detection = CanopenDetection::new(ProtocolChoice::None);
         detection.add_evidence();
-        assert_eq!(detection.status(), ProtocolStatus::Rejected);
+        assert_eq!(detection.protocol_status(), ProtocolStatus::Rejected);
     }
 }

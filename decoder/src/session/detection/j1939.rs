@@ -71,11 +71,11 @@ impl J1939Detection {
     }
 
     /// Evaluates a frame as evidence or contradiction; called only until J1939 is confirmed.
-    pub(in crate::session) fn weigh(&mut self, id: J1939Id, data: &[u8], is_plain: bool) {
+    pub(in crate::session) fn weigh_frame(&mut self, id: J1939Id, data: &[u8], is_plain: bool) {
         if self.is_reported && self.status == J1939Status::Rejected {
             return;
         }
-        match evidence(id, data) {
+        match group_evidence(id, data) {
             _ if !is_plain => {}
             Some(true) => self.evidence = self.evidence.saturating_add(1),
             Some(false) => self.contradictions = self.contradictions.saturating_add(1),
@@ -85,7 +85,7 @@ impl J1939Detection {
             *word |= 1 << (id.source & 63);
         }
         if is_plain {
-            self.groups.take(id);
+            self.groups.count_frame(id);
         }
         let sources: u32 = self.sources.iter().map(|word| word.count_ones()).sum();
         self.status = if self.contradictions >= CONTRADICTION_LIMIT && self.contradictions > self.evidence {
@@ -104,11 +104,11 @@ impl J1939Detection {
         if !self.is_rejected() || std::mem::replace(&mut self.is_reported, true) {
             return None;
         }
-        self.reason()
+        self.rejection_reason()
     }
 
     /// Reason for the rejection, as text; `None` if not rejected.
-    pub(in crate::session) fn reason(&self) -> Option<String> {
+    pub(in crate::session) fn rejection_reason(&self) -> Option<String> {
         self.is_rejected().then(|| {
             if self.contradictions >= CONTRADICTION_LIMIT {
                 format!("{} network management messages with wrong format", self.contradictions)
@@ -120,7 +120,7 @@ impl J1939Detection {
 }
 
 /// Whether a message of a protocol group has the required format; `None` for other groups.
-fn evidence(id: J1939Id, data: &[u8]) -> Option<bool> {
+fn group_evidence(id: J1939Id, data: &[u8]) -> Option<bool> {
     Some(match id.pgn {
         Pgn::REQUEST => data.len() == 3,
         // Some devices repeat their claim to one address; J1939-81 §4.2.2 requires all addresses.
@@ -141,7 +141,7 @@ mod tests {
     fn weighed(frames: &[(u32, &[u8])]) -> J1939Detection {
         let mut belief = J1939Detection::new(ProtocolChoice::Auto);
         for (id, data) in frames {
-            belief.weigh(J1939Id::of(*id).unwrap(), data, true);
+            belief.weigh_frame(J1939Id::from_identifier(*id).unwrap(), data, true);
         }
         belief
     }

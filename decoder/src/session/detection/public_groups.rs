@@ -31,7 +31,7 @@ pub(super) struct PublicGroups {
 
 impl PublicGroups {
     /// Counts a frame.
-    pub(super) fn take(&mut self, id: J1939Id) {
+    pub(super) fn count_frame(&mut self, id: J1939Id) {
         let is_skipped = self.frames >= ROUND && self.frames % ROUND >= SAMPLED;
         self.frames = self.frames.checked_add(1).unwrap_or(ROUND);
         if is_skipped || id.pgn.is_proprietary() || id.source >= NO_ADDRESS {
@@ -69,7 +69,7 @@ mod tests {
     fn taken(ids: &[u32], rounds: usize) -> bool {
         let mut groups = PublicGroups::default();
         for id in ids.iter().cycle().take(ids.len() * rounds) {
-            groups.take(J1939Id::of(*id).unwrap());
+            groups.count_frame(J1939Id::from_identifier(*id).unwrap());
         }
         groups.are_evidence()
     }
@@ -102,12 +102,12 @@ mod tests {
     fn memory_is_bounded_and_a_late_network_is_still_found() {
         let mut groups = PublicGroups::default();
         for id in (0..200_000_u32).map(|number| number.wrapping_mul(0x9E37_79B1) & 0x1DFF_FFFF) {
-            groups.take(J1939Id::of(id).unwrap());
+            groups.count_frame(J1939Id::from_identifier(id).unwrap());
         }
         assert!(groups.public.len() <= LIMIT && groups.others.len() <= LIMIT && !groups.are_evidence());
         let mut late = PublicGroups { frames: ROUND + SAMPLED, ..PublicGroups::default() };
         for id in TRUCK.iter().cycle().take(8192) {
-            late.take(J1939Id::of(*id).unwrap());
+            late.count_frame(J1939Id::from_identifier(*id).unwrap());
         }
         assert!(late.are_evidence());
     }

@@ -6,7 +6,7 @@ use crate::bus_file::{BusFile, ProtocolChoice};
 use crate::event::{Event, EventKind};
 use crate::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
 use crate::profile::Catalogue;
-use crate::profile::dbc::{Database, parse};
+use crate::profile::dbc::{Database, parse_database};
 use crate::session::{AssignedBy, Assignment, Bus, BusDecoder, SessionOptions};
 use crate::wire::NodeId;
 
@@ -32,7 +32,7 @@ fn with_device(bus: Option<&str>, profile: &str) -> SessionOptions {
 fn push(bus: &mut BusDecoder, frames: impl IntoIterator<Item = (u16, Vec<u8>, i64)>) -> Vec<Event> {
     let mut events = Vec::new();
     for (id, data, time) in frames {
-        let mut frame = Frame::data_frame(CanId::standard(id), &data);
+        let mut frame = Frame::data_frame(CanId::from_standard(id), &data);
         frame.number = bus.bus().last_frame() + 1;
         frame.time = Some(Timestamp(time * MS));
         bus.push(&frame, &mut |event: &Event, _: &Bus| events.push(event.clone()));
@@ -65,7 +65,7 @@ fn only_tpdos_of_a_named_node_are_decoded_to_the_end() {
     let mut unnamed = decoder(SessionOptions::default());
     let events = push(&mut unnamed, tpdos(9, 200));
     assert_eq!(pdos(&events), 0);
-    let limits = unnamed.bus().limits();
+    let limits = unnamed.bus().limit_texts();
     assert_eq!(limits.len(), 1);
     // Frames 1 to 50 precede the rejection at frame 51, whose count is 5.0 s after the first.
     assert!(limits[0].starts_with("150 frames on CANopen identifiers not decoded: "), "{limits:?}");
@@ -79,7 +79,11 @@ fn only_tpdos_of_a_named_node_are_decoded_to_the_end() {
         let mut named = decoder(options);
         let events = push(&mut named, tpdos(9, 200));
         assert_eq!((pdos(&events), notes(&events).len()), (200, 0), "{:?}", notes(&events));
-        assert!(named.bus().is_canopen() && named.bus().doubt().is_none() && named.bus().limits().is_empty());
+        assert!(
+            named.bus().is_canopen()
+                && named.bus().detection_doubt().is_none()
+                && named.bus().limit_texts().is_empty()
+        );
     }
 }
 
@@ -129,7 +133,7 @@ fn other_nodes_of_the_bus_are_still_judged_by_evidence() {
         notes(&events).into_iter().filter(|text| text.contains("not detected")).collect();
     assert_eq!(rejections.len(), 1, "reported once");
     assert!(rejections[0].contains("only identifiers of named nodes (9) are decoded"), "{rejections:?}");
-    assert!(bus.bus().limits()[0].contains("frames on CANopen identifiers not decoded"));
+    assert!(bus.bus().limit_texts()[0].contains("frames on CANopen identifiers not decoded"));
     assert!(
         bus.bus().is_withdrawn(Some(NodeId::Canopen(8))) && !bus.bus().is_withdrawn(Some(NodeId::Canopen(9)))
     );
@@ -162,7 +166,7 @@ fn a_database_with_canopen_messages_names_their_nodes() {
     // BO_ 393 = 189h.
     let text = "BO_ 393 TPDO1_Sensor: 2 N\n SG_ A : 0|8@1+ (1,0) [0|0] \"\" N\n";
     let mut database = Database::default();
-    database.add(parse(text.as_bytes()).unwrap());
+    database.add_file(parse_database(text.as_bytes()).unwrap());
     let options = SessionOptions { database: Arc::new(database), ..SessionOptions::default() };
     assert_eq!(pdos(&push(&mut decoder(options), tpdos(9, 200))), 200);
 }
@@ -174,7 +178,7 @@ fn a_named_address_is_j1939_at_its_first_frame() {
     let mut events = Vec::new();
     // Proprietary B messages of 0B, and of 60 other addresses without any management message.
     for address in (0..60).chain([0x0B]) {
-        let mut frame = Frame::data_frame(CanId::extended(0x18FF_0000 | address), &[0; 8]);
+        let mut frame = Frame::data_frame(CanId::from_extended(0x18FF_0000 | address), &[0; 8]);
         frame.number = u64::from(address) + 1;
         bus.push(&frame, &mut |event: &Event, _: &Bus| events.push(event.clone()));
     }
@@ -186,9 +190,9 @@ fn a_named_address_is_j1939_at_its_first_frame() {
     assert_eq!(settled, [Some(NodeId::J1939(0x0B)); 2]);
     // The 48th address rejects J1939: it and the 12 later ones are not decoded.
     assert!(
-        bus.bus().limits()[0].starts_with("13 frames with 29-bit identifier"),
+        bus.bus().limit_texts()[0].starts_with("13 frames with 29-bit identifier"),
         "{:?}",
-        bus.bus().limits()
+        bus.bus().limit_texts()
     );
 }
 
@@ -240,16 +244,16 @@ fn fast_traffic_on_the_identifier_of_time_is_given_up_on_a_canopen_bus() {
     assert_eq!(time_notes.count(), 1);
     // Ten intervals below 10 ms follow the first message.
     assert!(
-        bus.bus().limits()[0].starts_with("990 frames on the identifier of TIME"),
+        bus.bus().limit_texts()[0].starts_with("990 frames on the identifier of TIME"),
         "{:?}",
-        bus.bus().limits()
+        bus.bus().limit_texts()
     );
 }
 
 #[test]
 fn remote_frames_of_a_named_node_are_requests() {
     let mut bus = decoder(with_device(None, "rexroth-sydfec"));
-    let mut frame = Frame::data_frame(CanId::standard(0x709), &[]);
+    let mut frame = Frame::data_frame(CanId::from_standard(0x709), &[]);
     frame.flags = FrameFlags::REMOTE;
     let mut events = Vec::new();
     bus.push(&frame, &mut |event: &Event, _: &Bus| events.push(event.clone()));

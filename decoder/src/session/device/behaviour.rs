@@ -15,12 +15,12 @@ use super::procedure::{
 };
 use super::procedure_status::on_status_read;
 use super::set_point::{reassess_set_points, set_points_changed};
-use crate::event::{EventKind, J1939Message, Pdo};
+use crate::event::{DecodedPdo, EventKind, J1939Message};
 use crate::frame::Frame;
 use crate::profile::device::TriggerEvent;
-use crate::profile::{Carrier, Layout, PdoDirection, Role};
-use crate::session::bus::{Bus, Moment, Origin, OriginKind, Plan};
-use crate::session::context::Context;
+use crate::profile::{ObjectRole, PayloadLayout, PdoDirection, ValueCarrier};
+use crate::session::bus::{Bus, FrameMoment, OriginKind, StoredOrigin, WatchPlan};
+use crate::session::context::MachineContext;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::nmt::NmtService;
@@ -29,16 +29,16 @@ use crate::wire::canopen::nmt::NmtService;
 #[cold]
 pub(in crate::session) fn on_values(
     slot: usize,
-    (carrier, direction): (&Carrier, PdoDirection),
+    (carrier, direction): (&ValueCarrier, PdoDirection),
     id: NodeId,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let Some(entry) = cx.bus.routes.slot(slot) else { return };
     let (Some(event), Some(planned)) = (entry.prepared.as_deref(), &entry.plan) else { return };
     let plan = Arc::clone(&planned.plan);
     let layout = match &event.kind {
-        EventKind::Pdo(Pdo { layout: Some(layout), is_request: false, .. })
+        EventKind::Pdo(DecodedPdo { layout: Some(layout), is_request: false, .. })
         | EventKind::J1939Message(J1939Message { layout: Some(layout), .. }) => Arc::clone(layout),
         _ => return,
     };
@@ -46,17 +46,17 @@ pub(in crate::session) fn on_values(
     let (mut set_points, mut gates) = (false, false);
     for watched in &plan.fields {
         let Some(field) = layout.fields.get(watched.place) else { continue };
-        let (Some(meaning), Some(raw)) = (&field.meaning, field.extract(frame.data())) else { continue };
+        let (Some(meaning), Some(raw)) = (&field.meaning, field.extract_bits(frame.data())) else { continue };
         if plan.commands {
             assign_control_slot(&mut cx.bus, id, &device, watched.object, slot);
         }
         let Some(node) = cx.bus.node_mut(id) else { return };
-        let before = node.behaviour.note(watched.object, raw);
+        let before = node.behaviour.note_value(watched.object, raw);
         if before == Some(raw) {
             continue;
         }
-        let decides = watched.decides && matches!(carrier, Carrier::Message(_));
-        let is_set_point = meaning.role == Some(Role::SetPoint) || decides;
+        let decides = watched.decides && matches!(carrier, ValueCarrier::Message(_));
+        let is_set_point = meaning.role == Some(ObjectRole::SetPoint) || decides;
         set_points |= is_set_point && direction == PdoDirection::Receive;
         gates |= watched.is_gate;
         let object = watched.object;
@@ -78,10 +78,10 @@ pub(in crate::session) fn on_values(
     }
 }
 
-fn field_changed(changed: &FieldChange<'_>, frame: &Frame, cx: &mut Context<'_>) {
+fn field_changed(changed: &FieldChange<'_>, frame: &Frame, cx: &mut MachineContext<'_>) {
     let object = changed.object;
     control_changed(&mut cx.bus, changed);
-    if changed.meaning.role == Some(Role::Mode) {
+    if changed.meaning.role == Some(ObjectRole::Mode) {
         update_mode(changed.id, object, frame, cx);
     }
     let bits_before = changed.before;
@@ -95,7 +95,7 @@ fn store_sample(bus: &mut Bus, changed: &FieldChange<'_>, frame: &Frame) {
     let length = usize::from(changed.field.bits.div_ceil(8));
     let bytes = changed.raw.to_le_bytes();
     let Some(node) = bus.node_mut(changed.id) else { return };
-    let origin = Origin { kind: OriginKind::Pdo, frame: frame.number, time: frame.time };
+    let origin = StoredOrigin { kind: OriginKind::Pdo, frame: frame.number, time: frame.time };
     let bytes = bytes.get(..length).unwrap_or(&bytes);
     if Arc::make_mut(&mut node.store).set(changed.object, bytes, origin).is_ok() {
         bus.routes.refresh_dependents(changed.id, changed.object);
@@ -104,33 +104,44 @@ fn store_sample(bus: &mut Bus, changed: &FieldChange<'_>, frame: &Frame) {
 
 /// Evaluates bits that were already set as set again, in a PDO that is sent once per occurrence: they may
 /// start a procedure.
-fn repeated_bits(id: NodeId, layout: &Layout, plan: &Plan, frame: &Frame, cx: &mut Context<'_>) {
+fn repeated_bits(
+    id: NodeId,
+    layout: &PayloadLayout,
+    plan: &WatchPlan,
+    frame: &Frame,
+    cx: &mut MachineContext<'_>,
+) {
     if !plan.once_an_occasion {
         return;
     }
     for watched in &plan.fields {
         let Some(field) = layout.fields.get(watched.place) else { continue };
-        let Some(raw) = field.extract(frame.data()) else { continue };
+        let Some(raw) = field.extract_bits(frame.data()) else { continue };
         advance_procedures_by_bits(id, watched.object, Some(0), raw, frame, cx);
     }
 }
 
 /// Applies an EMCY: it may be the cause of a state, or change the effect of set points.
-pub(in crate::session) fn on_emcy_code(id: NodeId, code: u16, frame: &Frame, cx: &mut Context<'_>) {
+pub(in crate::session) fn on_emcy_code(id: NodeId, code: u16, frame: &Frame, cx: &mut MachineContext<'_>) {
     let time = cx.bus.clock.now();
     let Some(node) = cx.bus.node_mut(id) else { return };
     if code != 0 {
-        node.behaviour.emcy = Some(Moment { what: code, frame: frame.number, time });
+        node.behaviour.emcy = Some(FrameMoment { what: code, frame: frame.number, time });
     }
     advance_procedures(id, &TriggerEvent::Emcy(code), frame, cx);
     reassess_set_points(id, frame, cx);
 }
 
 /// Applies a trouble code that was raised or recurred.
-pub(in crate::session) fn on_trouble_code(id: NodeId, code: (u32, u8), frame: &Frame, cx: &mut Context<'_>) {
+pub(in crate::session) fn on_trouble_code(
+    id: NodeId,
+    code: (u32, u8),
+    frame: &Frame,
+    cx: &mut MachineContext<'_>,
+) {
     let time = cx.bus.clock.now();
     let Some(node) = cx.bus.node_mut(id) else { return };
-    node.behaviour.dtc = Some(Moment { what: code, frame: frame.number, time });
+    node.behaviour.dtc = Some(FrameMoment { what: code, frame: frame.number, time });
     advance_procedures(id, &TriggerEvent::Dtc(code.0, code.1), frame, cx);
     reassess_set_points(id, frame, cx);
 }
@@ -140,12 +151,12 @@ pub(in crate::session) fn on_nmt_service(
     id: NodeId,
     service: NmtService,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let time = cx.bus.clock.now();
     let Some(node) = cx.bus.node_mut(id) else { return };
     let [first, second, _] = node.behaviour.nmt;
-    node.behaviour.nmt = [Some(Moment { what: service, frame: frame.number, time }), first, second];
+    node.behaviour.nmt = [Some(FrameMoment { what: service, frame: frame.number, time }), first, second];
     advance_procedures(id, &TriggerEvent::Nmt(service.name()), frame, cx);
 }
 
@@ -153,7 +164,7 @@ pub(in crate::session) fn on_nmt_service(
 pub(in crate::session) fn on_device_restart(bus: &mut Bus, id: NodeId, frame: &Frame) {
     let time = bus.clock.now();
     let Some(node) = bus.node_mut(id) else { return };
-    node.behaviour.boot = Some(Moment { what: (), frame: frame.number, time });
+    node.behaviour.boot = Some(FrameMoment { what: (), frame: frame.number, time });
     node.behaviour.interrupt_procedures(frame.number);
     node.behaviour.set_points.clear();
     node.behaviour.sync_queued = false;
@@ -170,10 +181,10 @@ pub(in crate::session) fn on_object_transfer(
     value: &[u8],
     kind: OriginKind,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let Some(node) = cx.bus.node(id).filter(|node| node.assigned.is_some()) else { return };
-    let is_mode = node.meaning(object).is_some_and(|meaning| meaning.role == Some(Role::Mode));
+    let is_mode = node.meaning(object).is_some_and(|meaning| meaning.role == Some(ObjectRole::Mode));
     if is_mode {
         update_mode(id, object, frame, cx);
     }

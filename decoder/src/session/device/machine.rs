@@ -3,12 +3,14 @@
 use super::changed::FieldChange;
 use super::procedure::advance_procedures;
 use super::set_point::reassess_set_points;
-use crate::event::{DeviceCause, DeviceState, EventKind, Path};
+use crate::event::{DeviceCause, DeviceState, EventKind, StatePath};
 use crate::frame::Frame;
-use crate::profile::Device;
-use crate::profile::device::{ForcingEvent, Machine, State, TriggerEvent};
-use crate::session::bus::{Bus, CommandStep, MachineState, Moment, Node, continues, fits, leads, leave};
-use crate::session::context::Context;
+use crate::profile::DeviceProfile;
+use crate::profile::device::{ForcingEvent, StateDefinition, StateMachine, TriggerEvent};
+use crate::session::bus::{
+    Bus, CommandStep, FrameMoment, MachineState, Node, is_triggered_by, leads_further, leads_to, leave_text,
+};
+use crate::session::context::MachineContext;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::nmt::NmtService;
@@ -30,7 +32,7 @@ struct StateReason {
 }
 
 impl StateReason {
-    const fn plain(cause: DeviceCause, frame: u64) -> Self {
+    const fn plain_reason(cause: DeviceCause, frame: u64) -> Self {
         Self { cause, frame, emcy: None, control: None, time: 0 }
     }
 }
@@ -39,7 +41,7 @@ impl StateReason {
 pub(in crate::session) fn assign_control_slot(
     bus: &mut Bus,
     id: NodeId,
-    device: &Device,
+    device: &DeviceProfile,
     object: ObjectAddress,
     slot: usize,
 ) {
@@ -67,7 +69,11 @@ pub(in crate::session) fn control_changed(bus: &mut Bus, changed: &FieldChange<'
 }
 
 /// Applies a changed status word.
-pub(in crate::session) fn status_changed(changed: &FieldChange<'_>, frame: &Frame, cx: &mut Context<'_>) {
+pub(in crate::session) fn status_changed(
+    changed: &FieldChange<'_>,
+    frame: &Frame,
+    cx: &mut MachineContext<'_>,
+) {
     for (place, machine) in changed.device.machines.iter().enumerate() {
         if machine.status.object.object == changed.object {
             on_reported_state(changed, place, machine, frame, cx);
@@ -78,11 +84,11 @@ pub(in crate::session) fn status_changed(changed: &FieldChange<'_>, frame: &Fram
 fn on_reported_state(
     changed: &FieldChange<'_>,
     place: usize,
-    machine: &Machine,
+    machine: &StateMachine,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
-    let Some(to) = machine.state(changed.raw) else {
+    let Some(to) = machine.reported_state(changed.raw) else {
         if let Some(known) = machine_mut(&mut cx.bus, changed.id, place) {
             known.undefined.get_or_insert((changed.raw & machine.status.mask, frame.number));
         }
@@ -102,9 +108,9 @@ fn on_reported_state(
     let known = known.clone();
     let from = known.state.and_then(|state| machine.states.get(usize::from(state)));
     let slot = known.slot.and_then(|slot| cx.bus.routes.slot(slot));
-    let latest = slot.and_then(|slot| slot.plan.as_deref()?.recent.latest());
+    let latest = slot.and_then(|slot| slot.plan.as_deref()?.recent.latest_pdo());
     let Some(node) = cx.bus.node(changed.id) else { return };
-    let why = why(node, machine, &known, (from, to), latest, now);
+    let why = find_cause(node, machine, &known, (from, to), latest, now);
     let path = record_step(&mut cx.bus, changed.id, place, machine, number, &why);
     let event = DeviceState {
         machine: machine.name.clone(),
@@ -115,7 +121,7 @@ fn on_reported_state(
         cause: why.cause,
         cause_frame: why.frame,
         emcy: why.emcy,
-        leave: to.fault.then(|| leave(machine, &to.name)).flatten(),
+        leave: to.fault.then(|| leave_text(machine, &to.name)).flatten(),
         control: why.control,
         path,
     };
@@ -124,7 +130,7 @@ fn on_reported_state(
         (known.frame, known.since) = (frame.number, now);
         known.rising = 0;
     }
-    cx.emit(frame, changed.id, false, EventKind::DeviceState(Box::new(event)));
+    cx.emit_event(frame, changed.id, false, EventKind::DeviceState(Box::new(event)));
     let reported = TriggerEvent::State(machine.channel, &to.name);
     advance_procedures(changed.id, &reported, frame, cx);
     reassess_set_points(changed.id, frame, cx);
@@ -135,10 +141,10 @@ fn record_step(
     bus: &mut Bus,
     id: NodeId,
     place: usize,
-    machine: &Machine,
+    machine: &StateMachine,
     to: Option<u8>,
     why: &StateReason,
-) -> Option<Box<Path>> {
+) -> Option<Box<StatePath>> {
     let known = machine_mut(bus, id, place)?;
     let control = why.control.filter(|_| why.cause == DeviceCause::ControlWord);
     let (Some(control), Some(to), Some(from)) = (control, to, known.state) else {
@@ -156,7 +162,7 @@ fn record_step(
         known.steps.push(CommandStep { state: to, frame: why.frame, time: why.time });
     }
     let name = &machine.states.get(usize::from(to))?.name;
-    if continues(machine, name, control) {
+    if leads_further(machine, name, control) {
         return None;
     }
     let steps = std::mem::take(&mut known.steps);
@@ -168,7 +174,7 @@ fn record_step(
     let mut frames: Vec<u64> = rest.iter().map(|step| step.frame).collect();
     frames.dedup();
     let duration = last.time.saturating_sub(second.time);
-    Some(Box::new(Path { states, frames, duration: bus.clock.runs().then_some(duration) }))
+    Some(Box::new(StatePath { states, frames, duration: bus.clock.has_timestamps().then_some(duration) }))
 }
 
 fn machine_mut(bus: &mut Bus, id: NodeId, place: usize) -> Option<&mut MachineState> {
@@ -180,51 +186,55 @@ fn machine_mut(bus: &mut Bus, id: NodeId, place: usize) -> Option<&mut MachineSt
 }
 
 /// Cause of the present state change.
-fn why(
+fn find_cause(
     node: &Node,
-    machine: &Machine,
+    machine: &StateMachine,
     known: &MachineState,
-    (from, to): (Option<&State>, &State),
+    (from, to): (Option<&StateDefinition>, &StateDefinition),
     latest: Option<(u64, i64)>,
     now: i64,
 ) -> StateReason {
-    if let Some(why) = forced(node, machine, known, (from, to), now) {
+    if let Some(why) = forced_cause(node, machine, known, (from, to), now) {
         return why;
     }
     if let Some(control) = known.control {
         let leads = match from {
-            Some(from) => leads(machine, &from.name, &to.name, control, known.rising),
-            None => machine.transitions.iter().any(|it| it.to == to.name && fits(it, control, known.rising)),
+            Some(from) => leads_to(machine, &from.name, &to.name, control, known.rising),
+            None => machine
+                .transitions
+                .iter()
+                .any(|it| it.to == to.name && is_triggered_by(it, control, known.rising)),
         };
         if leads {
             let (frame, time) = latest.unwrap_or((0, now));
             return StateReason {
                 control: Some(control),
                 time,
-                ..StateReason::plain(DeviceCause::ControlWord, frame)
+                ..StateReason::plain_reason(DeviceCause::ControlWord, frame)
             };
         }
     }
     let boot = node.behaviour.boot.filter(|it| is_recent(it, known, now));
     let emcy = node.behaviour.emcy.filter(|it| to.fault && is_recent(it, known, now));
-    let leads = |(spn, fmi)| node.device.dtc(spn, fmi).is_some_and(|own| own.reaction == to.name);
+    let leads =
+        |(spn, fmi)| node.device.trouble_code_entry(spn, fmi).is_some_and(|own| own.reaction == to.name);
     let dtc = node.behaviour.dtc.filter(|it| (to.fault || leads(it.what)) && is_recent(it, known, now));
     match (emcy, dtc, boot) {
         (Some(emcy), ..) => {
-            StateReason { emcy: Some(emcy.what), ..StateReason::plain(DeviceCause::Emcy, emcy.frame) }
+            StateReason { emcy: Some(emcy.what), ..StateReason::plain_reason(DeviceCause::Emcy, emcy.frame) }
         }
-        (None, Some(dtc), _) => StateReason::plain(DeviceCause::Dtc, dtc.frame),
-        (None, None, Some(boot)) => StateReason::plain(DeviceCause::BootUp, boot.frame),
-        (None, None, None) => StateReason::plain(DeviceCause::NotOnTheBus, 0),
+        (None, Some(dtc), _) => StateReason::plain_reason(DeviceCause::Dtc, dtc.frame),
+        (None, None, Some(boot)) => StateReason::plain_reason(DeviceCause::BootUp, boot.frame),
+        (None, None, None) => StateReason::plain_reason(DeviceCause::NotOnTheBus, 0),
     }
 }
 
 /// Cause listed in the profile for this change.
-fn forced(
+fn forced_cause(
     node: &Node,
-    machine: &Machine,
+    machine: &StateMachine,
     known: &MachineState,
-    (from, to): (Option<&State>, &State),
+    (from, to): (Option<&StateDefinition>, &StateDefinition),
     now: i64,
 ) -> Option<StateReason> {
     let behaviour = &node.behaviour;
@@ -235,34 +245,34 @@ fn forced(
     });
     for it in fitting {
         let mut commands = behaviour.nmt.iter().flatten();
-        let meant = |nmt: &&Moment<NmtService>| {
+        let meant = |nmt: &&FrameMoment<NmtService>| {
             it.nmt.as_deref() == Some(nmt.what.name()) && is_recent(nmt, known, now)
         };
         if let Some(nmt) = commands.find(meant) {
-            return Some(StateReason::plain(DeviceCause::NmtCommand, nmt.frame));
+            return Some(StateReason::plain_reason(DeviceCause::NmtCommand, nmt.frame));
         }
         let emcy = behaviour.emcy.filter(|emcy| is_recent(emcy, known, now));
         let meant = |code: u16| it.emcy.as_ref().is_some_and(|codes| codes.contains(code));
         if let Some(emcy) = emcy.filter(|emcy| meant(emcy.what)) {
             return Some(StateReason {
                 emcy: Some(emcy.what),
-                ..StateReason::plain(DeviceCause::Emcy, emcy.frame)
+                ..StateReason::plain_reason(DeviceCause::Emcy, emcy.frame)
             });
         }
         let is_expiry = it.event == Some(ForcingEvent::LifeGuard);
         if let Some(emcy) = emcy.filter(|it| is_expiry && Some(it.what) == life_guard) {
-            return Some(StateReason::plain(DeviceCause::LifeGuard, emcy.frame));
+            return Some(StateReason::plain_reason(DeviceCause::LifeGuard, emcy.frame));
         }
         let is_boot = it.event == Some(ForcingEvent::BootUp);
         let boot = behaviour.boot.filter(|boot| is_boot && is_recent(boot, known, now));
         if let Some(boot) = boot {
-            return Some(StateReason::plain(DeviceCause::BootUp, boot.frame));
+            return Some(StateReason::plain_reason(DeviceCause::BootUp, boot.frame));
         }
     }
     None
 }
 
 /// Whether it occurred after the last change of state, and within the time window.
-fn is_recent<T>(moment: &Moment<T>, known: &MachineState, now: i64) -> bool {
+fn is_recent<T>(moment: &FrameMoment<T>, known: &MachineState, now: i64) -> bool {
     moment.frame >= known.frame && now.saturating_sub(moment.time) <= WINDOW
 }

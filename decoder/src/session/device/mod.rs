@@ -11,5 +11,5 @@ mod set_point;
 pub(in crate::session) use behaviour::{
     on_device_restart, on_emcy_code, on_nmt_service, on_object_transfer, on_trouble_code, on_values,
 };
-pub(in crate::session) use procedure::{Announcement, emit_announcement};
-pub(in crate::session) use set_point::{Devices, confirm_identifier, reassess_set_points};
+pub(in crate::session) use procedure::{SettingAnnouncement, emit_announcement};
+pub(in crate::session) use set_point::{DeviceMachine, confirm_identifier, reassess_set_points};

@@ -6,12 +6,12 @@ use super::set_point::reassess_set_points;
 use crate::event::{EventKind, ProcedureEvent, ProcedurePhase};
 use crate::frame::Frame;
 use crate::profile::device::{
-    Condition, GateStatus, Procedure, ProcedureStatus, Trigger, TriggerEvent, UpdateSource, ValueUpdate,
-    evaluate_all,
+    DeviceCondition, DeviceProcedure, GateStatus, ProcedureStatus, ProfileTrigger, TriggerEvent,
+    UpdateSource, ValueUpdate, evaluate_all,
 };
-use crate::profile::{Carrier, Role, integer};
-use crate::session::bus::{Bus, Moment, OriginKind, ProcedureResult, RunningProcedure, Subject};
-use crate::session::context::Context;
+use crate::profile::{ObjectRole, ValueCarrier, as_integer};
+use crate::session::bus::{Bus, FrameMoment, GatedSetPoint, OriginKind, ProcedureResult, RunningProcedure};
+use crate::session::context::MachineContext;
 use crate::session::objects::mark_stale;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
@@ -20,7 +20,7 @@ use crate::wire::canopen::ObjectAddress;
 const MOST_RUNNING: usize = 32;
 
 /// A change of node-ID or bit rate.
-pub(in crate::session) struct Announcement {
+pub(in crate::session) struct SettingAnnouncement {
     pub(in crate::session) procedure: &'static str,
     pub(in crate::session) word: &'static str,
     pub(in crate::session) finished: bool,
@@ -32,7 +32,7 @@ pub(in crate::session) fn advance_procedures(
     id: NodeId,
     event: &TriggerEvent<'_>,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let Some(device) = cx.bus.node(id).map(|node| Arc::clone(&node.device)) else { return };
     for (place, procedure) in device.procedures.iter().enumerate() {
@@ -42,10 +42,10 @@ pub(in crate::session) fn advance_procedures(
 
 fn advance_procedure(
     id: NodeId,
-    (place, procedure): (usize, &Procedure),
-    happened: &dyn Fn(&Trigger) -> bool,
+    (place, procedure): (usize, &DeviceProcedure),
+    happened: &dyn Fn(&ProfileTrigger) -> bool,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let running = cx
         .bus
@@ -57,7 +57,7 @@ fn advance_procedure(
         }
         return;
     }
-    let is = |trigger: &Option<Trigger>| trigger.as_ref().is_some_and(happened);
+    let is = |trigger: &Option<ProfileTrigger>| trigger.as_ref().is_some_and(happened);
     if is(&procedure.stop) {
         finish_procedure(id, place, procedure, ProcedureStatus::Stopped, "", frame, cx);
     } else if is(&procedure.end) {
@@ -74,26 +74,27 @@ fn advance_procedure(
 /// Advances procedures that wait for a PDO or message, possibly several times and under conditions.
 pub(in crate::session) fn advance_procedures_by_message(
     id: NodeId,
-    carrier: &Carrier,
+    carrier: &ValueCarrier,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let Some(device) = cx.bus.node(id).map(|node| Arc::clone(&node.device)) else { return };
     let now = cx.bus.clock.now();
-    let subject = Subject { object: ObjectAddress::default(), channel: None, carrier, id: None };
+    let subject = GatedSetPoint { object: ObjectAddress::default(), channel: None, carrier, id: None };
     let event = carrier.into();
     for (place, procedure) in device.procedures.iter().enumerate() {
         let Some(node) = cx.bus.node(id) else { return };
         let facts = node.facts_of(subject, now);
-        let is_met = |trigger: &&Trigger| {
-            trigger.is_met_by(&event) && evaluate_all(trigger.when(), &facts, None) == GateStatus::Open
+        let is_met = |trigger: &&ProfileTrigger| {
+            trigger.is_met_by(&event)
+                && evaluate_all(trigger.trigger_conditions(), &facts, None) == GateStatus::Open
         };
-        let mut met: Vec<&Trigger> = procedure.triggers().filter(is_met).collect();
-        if met.is_empty() && !procedure.triggers().any(|trigger| trigger.is_met_by(&event)) {
+        let mut met: Vec<&ProfileTrigger> = procedure.all_triggers().filter(is_met).collect();
+        if met.is_empty() && !procedure.all_triggers().any(|trigger| trigger.is_met_by(&event)) {
             continue;
         }
         let streak = count_streak(&mut cx.bus, id, place, !met.is_empty());
-        met.retain(|trigger| trigger.times() <= streak);
+        met.retain(|trigger| trigger.occurrence_count() <= streak);
         advance_procedure(id, (place, procedure), &|trigger| met.contains(&trigger), frame, cx);
     }
 }
@@ -111,53 +112,53 @@ fn count_streak(bus: &mut Bus, id: NodeId, place: usize, again: bool) -> u8 {
 pub(super) fn start_procedure(
     id: NodeId,
     place: usize,
-    procedure: &Procedure,
+    procedure: &DeviceProcedure,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let time = cx.bus.clock.now();
     let range = procedure.invalidates.clone();
     mark_stale(&mut cx.bus, id, |object| range.iter().any(|range| range.covers(object, 0, 0)));
     if procedure.instant {
-        let mut event = described(procedure, ProcedurePhase::Finished, ProcedureStatus::Ok);
-        if procedure.effect.waits() {
-            event = described(procedure, ProcedurePhase::Accepted, ProcedureStatus::Ended);
-            event.text = format!("effective {}, result unknown until then", procedure.effect.when());
+        let mut event = procedure_event(procedure, ProcedurePhase::Finished, ProcedureStatus::Ok);
+        if procedure.effect.needs_restart() {
+            event = procedure_event(procedure, ProcedurePhase::Accepted, ProcedureStatus::Ended);
+            event.text = format!("effective {}, result unknown until then", procedure.effect.time_text());
         }
-        return cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
+        return cx.emit_event(frame, id, false, EventKind::Procedure(Box::new(event)));
     }
     let Some(node) = cx.bus.node_mut(id) else { return };
     if node.behaviour.running.len() >= MOST_RUNNING {
         node.behaviour.running.remove(0);
     }
     node.behaviour.results.retain(|result| result.place != place);
-    let started = Moment { what: (), frame: frame.number, time };
+    let started = FrameMoment { what: (), frame: frame.number, time };
     node.behaviour.running.push(RunningProcedure { place, started, step: None, streak: 0 });
-    let mut event = described(procedure, ProcedurePhase::Started, ProcedureStatus::Running);
+    let mut event = procedure_event(procedure, ProcedurePhase::Started, ProcedureStatus::Running);
     event.text = unmet_preconditions(&cx.bus, id, procedure);
-    cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
+    cx.emit_event(frame, id, false, EventKind::Procedure(Box::new(event)));
     if procedure.takes_over {
         reassess_set_points(id, frame, cx);
     }
 }
 
 /// Preconditions that are not met, as text.
-fn unmet_preconditions(bus: &Bus, id: NodeId, procedure: &Procedure) -> String {
+fn unmet_preconditions(bus: &Bus, id: NodeId, procedure: &DeviceProcedure) -> String {
     let Some(node) = bus.node(id) else { return String::new() };
-    let facts = node.facts(bus.clock.now());
-    let is_unmet = |need: &&Condition| need.evaluate(&facts, None) == GateStatus::Closed;
+    let facts = node.node_facts(bus.clock.now());
+    let is_unmet = |need: &&DeviceCondition| need.evaluate_condition(&facts, None) == GateStatus::Closed;
     let unmet = procedure.needs.iter().filter(is_unmet);
-    let unmet: Vec<_> = unmet.map(|need| facts.detail(need, None, GateStatus::Closed)).collect();
+    let unmet: Vec<_> = unmet.map(|need| facts.deciding_fact(need, None, GateStatus::Closed)).collect();
     if unmet.is_empty() { String::new() } else { format!("precondition not met: {}", unmet.join(", ")) }
 }
 
 fn enter_step(
     id: NodeId,
     place: usize,
-    procedure: &Procedure,
+    procedure: &DeviceProcedure,
     step: usize,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let now = cx.bus.clock.now();
     let Some(node) = cx.bus.node_mut(id) else { return };
@@ -167,20 +168,20 @@ fn enter_step(
     }
     let duration = now.saturating_sub(running.started.time);
     let Some(name) = procedure.steps.get(step).map(|step| step.step.clone()) else { return };
-    let mut event = described(procedure, ProcedurePhase::Step(name), ProcedureStatus::Running);
-    event.duration = cx.bus.clock.runs().then_some(duration);
-    cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
+    let mut event = procedure_event(procedure, ProcedurePhase::Step(name), ProcedureStatus::Running);
+    event.duration = cx.bus.clock.has_timestamps().then_some(duration);
+    cx.emit_event(frame, id, false, EventKind::Procedure(Box::new(event)));
 }
 
 /// Ends a running procedure; without a read status the outcome remains open.
 pub(super) fn finish_procedure(
     id: NodeId,
     place: usize,
-    procedure: &Procedure,
+    procedure: &DeviceProcedure,
     status: ProcedureStatus,
     text: &str,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let now = cx.bus.clock.now();
     let Some(node) = cx.bus.node_mut(id) else { return };
@@ -190,11 +191,11 @@ pub(super) fn finish_procedure(
         let (ended, outcome, is_read) = (frame.number, status, false);
         node.behaviour.set_result(ProcedureResult { place, started, ended, outcome, is_read });
     }
-    let mut event = described(procedure, ProcedurePhase::Finished, status);
+    let mut event = procedure_event(procedure, ProcedurePhase::Finished, status);
     let duration = started.map(|started| now.saturating_sub(started.time));
-    event.duration = duration.filter(|_| cx.bus.clock.runs());
+    event.duration = duration.filter(|_| cx.bus.clock.has_timestamps());
     text.clone_into(&mut event.text);
-    cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
+    cx.emit_event(frame, id, false, EventKind::Procedure(Box::new(event)));
     if procedure.takes_over {
         reassess_set_points(id, frame, cx);
     }
@@ -207,7 +208,7 @@ pub(in crate::session) fn advance_procedures_by_bits(
     before: Option<u64>,
     raw: u64,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let event = TriggerEvent::Value(ValueUpdate {
         object,
@@ -219,7 +220,7 @@ pub(in crate::session) fn advance_procedures_by_bits(
         is_fresh: true,
     });
     let mut procedures = cx.bus.node(id).into_iter().flat_map(|node| &node.device.procedures);
-    if procedures.any(|procedure| procedure.triggers().any(|trigger| is_awaited(trigger, &event))) {
+    if procedures.any(|procedure| procedure.all_triggers().any(|trigger| is_awaited(trigger, &event))) {
         advance_procedures(id, &event, frame, cx);
     }
 }
@@ -231,7 +232,7 @@ pub(in crate::session) fn advance_procedures_by_object(
     value: &[u8],
     kind: OriginKind,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let Some(node) = cx.bus.node(id) else { return };
     let meaning = node.meaning(object);
@@ -244,7 +245,7 @@ pub(in crate::session) fn advance_procedures_by_object(
         let event = TriggerEvent::Value(ValueUpdate {
             object,
             source,
-            raw: meaning.as_ref().and_then(|meaning| integer(&meaning.decode(value))),
+            raw: meaning.as_ref().and_then(|meaning| as_integer(&meaning.decode(value))),
             before: None,
             bytes: value,
             meaning: meaning.as_ref(),
@@ -261,27 +262,27 @@ pub(in crate::session) fn announce_written_change(
     value: &[u8],
     kind: OriginKind,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let Some(node) = cx.bus.node(id).filter(|_| kind == OriginKind::Download) else { return };
     let Some(meaning) = node.meaning(object) else { return };
-    let shown = meaning.show(&meaning.decode(value));
-    let entry = node.device.dictionary.find(object).and_then(|found| found.entry);
-    let when = entry.map_or("at an unknown time", |entry| entry.effect.when());
+    let shown = meaning.format_value(&meaning.decode(value));
+    let entry = node.device.dictionary.find_object(object).and_then(|found| found.entry);
+    let when = entry.map_or("at an unknown time", |entry| entry.effect.time_text());
     let (name, word, text) = match meaning.role {
-        Some(Role::NodeId) => ("node-ID change", "IDENT", format!("node-ID {shown} {when}")),
-        Some(Role::BitRate) => ("bit-rate change", "RATE", format!("bit rate {shown} {when}")),
+        Some(ObjectRole::NodeId) => ("node-ID change", "IDENT", format!("node-ID {shown} {when}")),
+        Some(ObjectRole::BitRate) => ("bit-rate change", "RATE", format!("bit rate {shown} {when}")),
         _ => return,
     };
-    emit_announcement(id, Announcement { procedure: name, word, finished: false, text }, frame, cx);
+    emit_announcement(id, SettingAnnouncement { procedure: name, word, finished: false, text }, frame, cx);
 }
 
 /// Emits a change of node-ID or bit rate that no profile describes.
 pub(in crate::session) fn emit_announcement(
     node: impl Into<Option<NodeId>>,
-    change: Announcement,
+    change: SettingAnnouncement,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let status = if change.finished { ProcedureStatus::Ok } else { ProcedureStatus::Running };
     let event = ProcedureEvent {
@@ -295,16 +296,16 @@ pub(in crate::session) fn emit_announcement(
         object: None,
         takes_over: false,
     };
-    cx.emit(frame, node, false, EventKind::Procedure(Box::new(event)));
+    cx.emit_event(frame, node, false, EventKind::Procedure(Box::new(event)));
 }
 
 /// Whether a trigger of a procedure is met by an event.
-fn is_awaited(trigger: &Trigger, event: &TriggerEvent<'_>) -> bool {
+fn is_awaited(trigger: &ProfileTrigger, event: &TriggerEvent<'_>) -> bool {
     !trigger.is_of_rules() && trigger.is_met_by(event)
 }
 
-pub(super) fn described(
-    procedure: &Procedure,
+pub(super) fn procedure_event(
+    procedure: &DeviceProcedure,
     phase: ProcedurePhase,
     status: ProcedureStatus,
 ) -> ProcedureEvent {
@@ -317,7 +318,7 @@ pub(super) fn described(
         nominal: procedure.seconds,
         text: String::new(),
         object: match &procedure.start {
-            Trigger::Write(object, _) => Some(object.object),
+            ProfileTrigger::Write(object, _) => Some(object.object),
             _ => None,
         },
         takes_over: procedure.takes_over,

@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use super::procedure::{described, finish_procedure, start_procedure};
+use super::procedure::{finish_procedure, procedure_event, start_procedure};
 use super::set_point::reassess_set_points;
 use crate::event::{EventKind, ProcedurePhase};
 use crate::frame::Frame;
-use crate::profile::device::{Procedure, ProcedureStatus, StatusCode};
+use crate::profile::device::{DeviceProcedure, ProcedureStatus, StatusCode};
 use crate::profile::little_endian;
 use crate::session::bus::{Bus, ProcedureResult, RunningProcedure};
-use crate::session::context::Context;
+use crate::session::context::MachineContext;
 use crate::session::objects::set_fallback;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
@@ -20,7 +20,7 @@ pub(super) fn on_status_read(
     object: ObjectAddress,
     value: &[u8],
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let Some(device) = cx.bus.node(id).map(|node| Arc::clone(&node.device)) else { return };
     let word = little_endian(value);
@@ -28,7 +28,7 @@ pub(super) fn on_status_read(
         let Some(status) = procedure.status.as_ref().filter(|it| it.object.object == object) else {
             continue;
         };
-        let Some(code) = device.codes.get(&status.codes).and_then(|codes| codes.find(word)) else {
+        let Some(code) = device.codes.get(&status.codes).and_then(|codes| codes.find_code(word)) else {
             continue;
         };
         on_procedure_status(id, (place, procedure), code, frame, cx);
@@ -38,10 +38,10 @@ pub(super) fn on_status_read(
 /// Applies a status that the device reported.
 fn on_procedure_status(
     id: NodeId,
-    (place, procedure): (usize, &Procedure),
+    (place, procedure): (usize, &DeviceProcedure),
     code: &StatusCode,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let Some(node) = cx.bus.node(id) else { return };
     let runs = node.behaviour.running.iter().any(|running| running.place == place);
@@ -52,7 +52,9 @@ fn on_procedure_status(
             finish_procedure(id, place, procedure, outcome, &code.text, frame, cx);
             confirm_result(id, place, procedure, outcome, None, frame, &mut cx.bus);
         }
-        (ProcedureStatus::Running, Some(last)) if !last.is_read => resume(id, procedure, &last, frame, cx),
+        (ProcedureStatus::Running, Some(last)) if !last.is_read => {
+            resume_procedure(id, procedure, &last, frame, cx)
+        }
         // If the capture started during the procedure, only its status shows it.
         (ProcedureStatus::Running, _) => start_procedure(id, place, procedure, frame, cx),
         (outcome, Some(last)) => on_late_status(id, procedure, &last, (outcome, &code.text), frame, cx),
@@ -63,7 +65,13 @@ fn on_procedure_status(
 
 /// Continues a procedure that a bit reported as ended, while its status still reports it as running. After a
 /// stop command the device needs time until the status changes.
-fn resume(id: NodeId, procedure: &Procedure, last: &ProcedureResult, frame: &Frame, cx: &mut Context<'_>) {
+fn resume_procedure(
+    id: NodeId,
+    procedure: &DeviceProcedure,
+    last: &ProcedureResult,
+    frame: &Frame,
+    cx: &mut MachineContext<'_>,
+) {
     let Some(node) = cx.bus.node_mut(id) else { return };
     let (ProcedureStatus::Ended, Some(started)) = (last.outcome, last.started) else { return };
     node.behaviour.results.retain(|result| result.place != last.place);
@@ -77,17 +85,17 @@ fn resume(id: NodeId, procedure: &Procedure, last: &ProcedureResult, frame: &Fra
 /// overrides an earlier status.
 fn on_late_status(
     id: NodeId,
-    procedure: &Procedure,
+    procedure: &DeviceProcedure,
     last: &ProcedureResult,
     (outcome, text): (ProcedureStatus, &str),
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let is_new = outcome != last.outcome && (!last.is_read || outcome == ProcedureStatus::Error);
     if is_new {
-        let mut event = described(procedure, ProcedurePhase::Finished, outcome);
+        let mut event = procedure_event(procedure, ProcedurePhase::Finished, outcome);
         text.clone_into(&mut event.text);
-        cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
+        cx.emit_event(frame, id, false, EventKind::Procedure(Box::new(event)));
     }
     let read_since = last.ended;
     confirm_result(id, last.place, procedure, outcome, Some(read_since), frame, &mut cx.bus);
@@ -96,14 +104,14 @@ fn on_late_status(
 /// Reports a failure without a start in the capture.
 fn on_earlier_failure(
     id: NodeId,
-    (place, procedure): (usize, &Procedure),
+    (place, procedure): (usize, &DeviceProcedure),
     text: &str,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
-    let mut event = described(procedure, ProcedurePhase::FailedEarlier, ProcedureStatus::Error);
+    let mut event = procedure_event(procedure, ProcedurePhase::FailedEarlier, ProcedureStatus::Error);
     text.clone_into(&mut event.text);
-    cx.emit(frame, id, false, EventKind::Procedure(Box::new(event)));
+    cx.emit_event(frame, id, false, EventKind::Procedure(Box::new(event)));
     confirm_result(id, place, procedure, ProcedureStatus::Error, Some(0), frame, &mut cx.bus);
 }
 
@@ -112,7 +120,7 @@ fn on_earlier_failure(
 fn confirm_result(
     id: NodeId,
     place: usize,
-    procedure: &Procedure,
+    procedure: &DeviceProcedure,
     outcome: ProcedureStatus,
     read_since: Option<u64>,
     frame: &Frame,

@@ -5,34 +5,34 @@ use std::sync::Arc;
 use crate::event::{EventKind, FrameRange};
 use crate::frame::Frame;
 use crate::profile::device::SYNC_AGE;
-use crate::profile::{Carrier, Layout, Meaning, PdoName, Role, Value};
-use crate::session::bus::{Bus, Moment, Plan, SetPointState, nonzero_identifier};
-use crate::session::context::Context;
-use crate::session::machine::{Machine, Timed};
-use crate::session::timers::Subject;
+use crate::profile::{DecodedValue, ObjectMeaning, ObjectRole, PayloadLayout, PdoName, ValueCarrier};
+use crate::session::bus::{Bus, FrameMoment, SetPointState, WatchPlan, nonzero_identifier};
+use crate::session::context::MachineContext;
+use crate::session::machine::{ProtocolMachine, TimedMachine};
+use crate::session::timers::DeadlineSubject;
 use crate::wire::NodeId;
 
 /// Applies changed set points of an RPDO or message.
 pub(in crate::session) fn set_points_changed(
     id: NodeId,
-    carrier: &Carrier,
-    layout: &Layout,
-    plan: &Plan,
+    carrier: &ValueCarrier,
+    layout: &PayloadLayout,
+    plan: &WatchPlan,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
-    let moment = Moment { what: (), frame: frame.number, time: cx.bus.clock.now() };
+    let moment = FrameMoment { what: (), frame: frame.number, time: cx.bus.clock.now() };
     if is_received_elsewhere(id, carrier, frame, &cx.bus) {
         return;
     }
     let Some(waits) = cx.bus.node(id).map(|node| node.waits_for_sync(carrier)) else { return };
     for watched in &plan.fields {
         let Some(field) = layout.fields.get(watched.place) else { continue };
-        let Some(meaning) = field.meaning.as_ref().filter(|it| it.role == Some(Role::SetPoint)) else {
+        let Some(meaning) = field.meaning.as_ref().filter(|it| it.role == Some(ObjectRole::SetPoint)) else {
             continue;
         };
-        let Some(raw) = field.extract(frame.data()) else { continue };
-        let value = field.data_type.number(raw);
+        let Some(raw) = field.extract_bits(frame.data()) else { continue };
+        let value = field.data_type.decode_raw(raw);
         let Some(place) = set_point(&mut cx.bus, id, carrier, meaning) else { continue };
         let Some(point) = set_point_mut(&mut cx.bus, id, place) else { continue };
         point.assumed = layout.assumed;
@@ -51,17 +51,22 @@ pub(in crate::session) fn set_points_changed(
 }
 
 /// Whether the node receives its commands on another identifier, which is in use too.
-fn is_received_elsewhere(id: NodeId, carrier: &Carrier, frame: &Frame, bus: &Bus) -> bool {
-    let Carrier::Pdo(name) = carrier else { return false };
+fn is_received_elsewhere(id: NodeId, carrier: &ValueCarrier, frame: &Frame, bus: &Bus) -> bool {
+    let ValueCarrier::Pdo(name) = carrier else { return false };
     let cob_id = bus.node(id).and_then(|node| node.configured_cob_id(*name));
     let configured = cob_id.and_then(nonzero_identifier).filter(|configured| *configured != frame.id);
-    configured.is_some_and(|configured| bus.routes.find(configured).is_some())
+    configured.is_some_and(|configured| bus.routes.find_slot(configured).is_some())
 }
 
 /// Updates the identifier of the set points in an RPDO at the first PDO after its COB-ID may have changed.
 #[cold]
-pub(in crate::session) fn confirm_identifier(id: NodeId, name: PdoName, frame: &Frame, cx: &mut Context<'_>) {
-    let carrier = Carrier::Pdo(name);
+pub(in crate::session) fn confirm_identifier(
+    id: NodeId,
+    name: PdoName,
+    frame: &Frame,
+    cx: &mut MachineContext<'_>,
+) {
+    let carrier = ValueCarrier::Pdo(name);
     if is_received_elsewhere(id, &carrier, frame, &cx.bus) {
         return;
     }
@@ -77,10 +82,10 @@ pub(in crate::session) fn confirm_identifier(id: NodeId, name: PdoName, frame: &
 }
 
 /// Queues a SYNC deadline, unless one is queued already.
-fn await_sync(cx: &mut Context<'_>, id: NodeId, deadline: i64) {
+fn await_sync(cx: &mut MachineContext<'_>, id: NodeId, deadline: i64) {
     let Some(node) = cx.bus.node_mut(id) else { return };
     if !std::mem::replace(&mut node.behaviour.sync_queued, true) {
-        cx.timers.add(deadline, Subject::SetPoint(id));
+        cx.timers.add_deadline(deadline, DeadlineSubject::SetPoint(id));
     }
 }
 
@@ -89,7 +94,12 @@ fn set_point_mut(bus: &mut Bus, id: NodeId, place: usize) -> Option<&mut SetPoin
 }
 
 /// Index of a set point, created or updated with its present meaning.
-fn set_point(bus: &mut Bus, id: NodeId, carrier: &Carrier, meaning: &Arc<Meaning>) -> Option<usize> {
+fn set_point(
+    bus: &mut Bus,
+    id: NodeId,
+    carrier: &ValueCarrier,
+    meaning: &Arc<ObjectMeaning>,
+) -> Option<usize> {
     let points = &mut bus.node_mut(id)?.behaviour.set_points;
     let known = points.iter().position(|it| it.meaning.object == meaning.object && it.carrier == *carrier);
     if let Some(place) = known {
@@ -113,15 +123,15 @@ fn set_point(bus: &mut Bus, id: NodeId, carrier: &Carrier, meaning: &Arc<Meaning
 
 /// Device state of all nodes; the state of each is in its node.
 #[derive(Debug, Clone)]
-pub(in crate::session) struct Devices;
+pub(in crate::session) struct DeviceMachine;
 
-impl Machine for Devices {
+impl ProtocolMachine for DeviceMachine {
     type Route<'a> = ();
     type Product = ();
 
     /// A SYNC makes the waiting set points effective.
-    fn on_frame(&mut self, (): (), frame: &Frame, cx: &mut Context<'_>) {
-        let moment = Moment { what: (), frame: frame.number, time: cx.bus.clock.now() };
+    fn on_frame(&mut self, (): (), frame: &Frame, cx: &mut MachineContext<'_>) {
+        let moment = FrameMoment { what: (), frame: frame.number, time: cx.bus.clock.now() };
         for place in 0..cx.bus.nodes.len() {
             let Some(node) = cx.bus.nodes.get_mut(place) else { return };
             if node.assigned.is_none() || node.sync != frame.id {
@@ -145,17 +155,17 @@ impl Machine for Devices {
 
     fn on_silence(&mut self, delay: i64, bus: &mut Bus) {
         for node in &mut bus.nodes {
-            node.behaviour.postpone(delay);
+            node.behaviour.postpone_deadlines(delay);
         }
     }
 }
 
-impl Timed for Devices {
+impl TimedMachine for DeviceMachine {
     /// Node whose set points wait for SYNC.
     type Deadline = NodeId;
 
     /// Emits set points that waited too long as not effective.
-    fn on_deadline(&mut self, id: NodeId, now: i64, cx: &mut Context<'_>) {
+    fn on_deadline(&mut self, id: NodeId, now: i64, cx: &mut MachineContext<'_>) {
         let Some(node) = cx.bus.node_mut(id) else { return };
         node.behaviour.sync_queued = false;
         for place in 0..node.behaviour.set_points.len() {
@@ -181,19 +191,19 @@ impl Timed for Devices {
 fn emit_set_point(
     id: NodeId,
     place: usize,
-    value: Value,
-    came: Moment<()>,
+    value: DecodedValue,
+    came: FrameMoment<()>,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let now = cx.bus.clock.now();
-    let runs = cx.bus.clock.runs();
+    let runs = cx.bus.clock.has_timestamps();
     let Some(node) = cx.bus.node(id) else { return };
     let Some(point) = node.behaviour.set_points.get(place) else { return };
-    let verdict = node.verdict(point.subject(), now);
+    let verdict = node.gate_verdict(point.gated_subject(), now);
     let waited =
         came.frame != frame.number && runs && node.behaviour.sync.is_some_and(|it| it.frame == frame.number);
-    let mut told = point.event(&value, verdict.effective, &verdict.gates);
+    let mut told = point.set_point_event(&value, verdict.effective, &verdict.gates);
     told.sync_after = waited.then(|| now.saturating_sub(came.time));
     let quantity = told.to.clone();
     let mut event = cx.event_of(frame, Some(id), EventKind::SetPoint(Box::new(told)));
@@ -203,19 +213,19 @@ fn emit_set_point(
         point.effective = Some(verdict.effective);
         point.gates = verdict.gates;
     }
-    cx.send(&event);
+    cx.send_event(&event);
 }
 
 /// Re-evaluates the gates and emits set points whose effectiveness changed.
-pub(in crate::session) fn reassess_set_points(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+pub(in crate::session) fn reassess_set_points(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
     let now = cx.bus.clock.now();
     let Some(node) = cx.bus.node(id) else { return };
     let mut changes = Vec::new();
     for (place, point) in node.behaviour.set_points.iter().enumerate() {
         let Some((value, _)) = &point.told else { continue };
-        let verdict = node.verdict(point.subject(), now);
+        let verdict = node.gate_verdict(point.gated_subject(), now);
         if point.effective != Some(verdict.effective) {
-            changes.push((place, point.event(value, verdict.effective, &verdict.gates), verdict));
+            changes.push((place, point.set_point_event(value, verdict.effective, &verdict.gates), verdict));
         }
     }
     for (place, event, verdict) in changes {
@@ -223,7 +233,7 @@ pub(in crate::session) fn reassess_set_points(id: NodeId, frame: &Frame, cx: &mu
             point.effective = Some(verdict.effective);
             point.gates = verdict.gates;
         }
-        cx.emit(frame, id, false, EventKind::SetPoint(Box::new(event)));
+        cx.emit_event(frame, id, false, EventKind::SetPoint(Box::new(event)));
     }
 }
 
@@ -264,7 +274,7 @@ mod tests {
         let mut bus = BusDecoder::new(BusIndex(0), "can0", Arc::new(options));
         let mut told = Vec::new();
         for (number, (time, id, data)) in (1..).zip(frames) {
-            let mut frame = Frame::data_frame(CanId::standard(*id), data);
+            let mut frame = Frame::data_frame(CanId::from_standard(*id), data);
             frame.number = number;
             frame.time = Some(Timestamp(time * 1_000_000));
             bus.push(&frame, &mut |event: &Event, _: &Bus| {

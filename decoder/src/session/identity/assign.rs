@@ -6,10 +6,10 @@ use std::sync::Arc;
 use super::messages::refresh_messages;
 use crate::event::{AssignedBy, EventKind, NodeIdentified};
 use crate::frame::Frame;
-use crate::profile::imported::Import;
-use crate::profile::{Device, ReportedIdentity, little_endian};
+use crate::profile::imported::DescriptionImport;
+use crate::profile::{DeviceProfile, ReportedIdentity, little_endian};
 use crate::session::bus::Node;
-use crate::session::context::Context;
+use crate::session::context::MachineContext;
 use crate::session::objects::take_delivered;
 use crate::session::options::{Assignment, ProtocolChoice};
 use crate::wire::NodeId;
@@ -25,7 +25,12 @@ const INTRODUCING: [ObjectAddress; 5] = [
 ];
 
 /// Assigns a device to a node.
-pub(in crate::session) fn assign(id: NodeId, device: &Arc<Device>, by: AssignedBy, cx: &mut Context<'_>) {
+pub(in crate::session) fn assign_device(
+    id: NodeId,
+    device: &Arc<DeviceProfile>,
+    by: AssignedBy,
+    cx: &mut MachineContext<'_>,
+) {
     let Some(node) = cx.bus.node_mut(id) else { return };
     node.device = Arc::clone(device);
     node.assigned = Some(by);
@@ -35,7 +40,7 @@ pub(in crate::session) fn assign(id: NodeId, device: &Arc<Device>, by: AssignedB
     cx.bus.routes.refresh_pdos_of(id);
     let is_detected = matches!(by, AssignedBy::Identity | AssignedBy::DeviceType);
     if cx.bus.protocol != ProtocolChoice::None {
-        cx.bus.named.add(id, is_detected);
+        cx.bus.named.add_node(id, is_detected);
     }
     if id.j1939().is_some() {
         if is_detected {
@@ -46,7 +51,12 @@ pub(in crate::session) fn assign(id: NodeId, device: &Arc<Device>, by: AssignedB
 }
 
 /// Tries to identify a node, after an identity object was learnt, if the user assigned no profile.
-pub(in crate::session) fn introduce(id: NodeId, object: ObjectAddress, frame: &Frame, cx: &mut Context<'_>) {
+pub(in crate::session) fn identify_node(
+    id: NodeId,
+    object: ObjectAddress,
+    frame: &Frame,
+    cx: &mut MachineContext<'_>,
+) {
     if !INTRODUCING.contains(&object) {
         return;
     }
@@ -56,7 +66,7 @@ pub(in crate::session) fn introduce(id: NodeId, object: ObjectAddress, frame: &F
         matches!(node.assigned, None | Some(AssignedBy::DeviceType)) || node.device.is_file_alone()
     };
     let Some(node) = cx.bus.node(id).filter(is_open) else { return };
-    let seen = |object| node.store().seen(object).map(|entry| entry.value.as_slice());
+    let seen = |object| node.store().seen_value(object).map(|entry| entry.value.as_slice());
     let number = |object| {
         let value = seen(object).filter(|value| !value.is_empty())?;
         u32::try_from(little_endian(value)).ok().filter(|_| value.len() <= 8)
@@ -75,23 +85,23 @@ pub(in crate::session) fn introduce(id: NodeId, object: ObjectAddress, frame: &F
     if node.introduction.as_deref() == Some(&introduction) {
         return;
     }
-    recognise(id, &introduction, frame, cx);
+    assign_matching(id, &introduction, frame, cx);
     if let Some(node) = cx.bus.node_mut(id) {
         node.introduction = Some(Arc::new(introduction));
     }
 }
 
 /// Assigns the matching device; several matching ones are only reported.
-pub(in crate::session) fn recognise(
+pub(in crate::session) fn assign_matching(
     id: NodeId,
     introduction: &ReportedIdentity,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let options = Arc::clone(&cx.bus.options);
     let file = cx.bus.node(id).and_then(|node| node.device.file.clone());
     let is_assigned = cx.bus.node(id).is_some_and(|node| node.assigned.is_some());
-    let mut candidates = options.catalogue.identify(introduction);
+    let mut candidates = options.catalogue.identify_node(introduction);
     // A generic profile for the device type is used only if no device is assigned.
     candidates.retain(|candidate| !is_assigned || !options.catalogue.is_generic(candidate));
     if file.is_some() {
@@ -100,7 +110,7 @@ pub(in crate::session) fn recognise(
     let device = match candidates.as_slice() {
         [] => return,
         [one] => match options.catalogue.device(one) {
-            Ok(device) => file.map_or(Arc::clone(&device), |import| Arc::new(device.filled(&import.file))),
+            Ok(device) => file.map_or(Arc::clone(&device), |import| Arc::new(device.fill_from(&import.file))),
             Err(error) => return cx.emit_note(frame, error.to_string()),
         },
         several => {
@@ -122,8 +132,8 @@ pub(in crate::session) fn recognise(
     let is_generic = options.catalogue.is_generic(&device.id);
     let by = if is_generic { AssignedBy::DeviceType } else { AssignedBy::Identity };
     let identified = NodeIdentified { device: device.full_id.clone(), title: device.title.clone(), by };
-    assign(id, &device, by, cx);
-    cx.emit(frame, id, false, EventKind::NodeIdentified(Box::new(identified)));
+    assign_device(id, &device, by, cx);
+    cx.emit_event(frame, id, false, EventKind::NodeIdentified(Box::new(identified)));
 }
 
 /// Devices assigned by the user to the nodes of a bus. The last profile of a node wins, and the last device
@@ -131,8 +141,8 @@ pub(in crate::session) fn recognise(
 pub(in crate::session) fn given_devices(
     assignments: &[Assignment],
     bus: &str,
-) -> Vec<(NodeId, Arc<Device>, AssignedBy)> {
-    let mut nodes: BTreeMap<NodeId, (Option<&Assignment>, Option<&Import>)> = BTreeMap::new();
+) -> Vec<(NodeId, Arc<DeviceProfile>, AssignedBy)> {
+    let mut nodes: BTreeMap<NodeId, (Option<&Assignment>, Option<&DescriptionImport>)> = BTreeMap::new();
     for assignment in assignments.iter().filter(|it| it.bus.as_deref().is_none_or(|name| name == bus)) {
         let (device, file) = nodes.entry(assignment.node).or_default();
         match assignment.device.file.as_ref().filter(|_| assignment.device.is_file_alone()) {
@@ -145,11 +155,11 @@ pub(in crate::session) fn given_devices(
             None => *device = Some(assignment),
         }
     }
-    let given = |(node, (assignment, file)): (NodeId, (Option<&Assignment>, Option<&Import>))| {
+    let given = |(node, (assignment, file)): (NodeId, (Option<&Assignment>, Option<&DescriptionImport>))| {
         let assignment = assignment?;
         let device = match file {
             Some(import) if !assignment.device.is_file_alone() => {
-                Arc::new(assignment.device.filled(&import.file))
+                Arc::new(assignment.device.fill_from(&import.file))
             }
             _ => Arc::clone(&assignment.device),
         };
@@ -163,7 +173,7 @@ mod tests {
     use super::*;
     use crate::profile::{Catalogue, device_file, imported};
 
-    fn of(bus: Option<&str>, device: &Arc<Device>, by: AssignedBy) -> Assignment {
+    fn of(bus: Option<&str>, device: &Arc<DeviceProfile>, by: AssignedBy) -> Assignment {
         Assignment { bus: bus.map(Into::into), node: NodeId::Canopen(5), device: Arc::clone(device), by }
     }
 
@@ -174,14 +184,14 @@ mod tests {
             let text = format!(
                 "[DeviceInfo]\nVendorName=A\nProductName={product}\n[2FFF]\nParameterName=Extra\nDataType=5"
             );
-            let file = Arc::new(device_file::parse(text.as_bytes()).unwrap());
-            Arc::new(imported::device(&file, "a.eds"))
+            let file = Arc::new(device_file::parse_device_file(text.as_bytes()).unwrap());
+            Arc::new(imported::describe_device(&file, "a.eds"))
         };
         let (first, second) = (file("b"), file("c"));
         let given = |assignments: &[Assignment], bus| {
             let given = given_devices(assignments, bus);
             let [(NodeId::Canopen(5), device, by)] = &given[..] else { panic!("{given:?}") };
-            let knows = device.dictionary.find(ObjectAddress::new(0x2FFF, 0)).is_some();
+            let knows = device.dictionary.find_object(ObjectAddress::new(0x2FFF, 0)).is_some();
             (device.id.clone(), by.name(), knows)
         };
         let files = [of(None, &first, AssignedBy::DeviceFile), of(None, &second, AssignedBy::DeviceFile)];

@@ -4,7 +4,7 @@ mod assign;
 mod messages;
 mod node_id;
 
-pub(in crate::session) use assign::{assign, given_devices, introduce};
+pub(in crate::session) use assign::{assign_device, given_devices, identify_node};
 pub(in crate::session) use messages::refresh_messages;
 #[cfg(test)]
 pub(in crate::session) use node_id::change_node_id;

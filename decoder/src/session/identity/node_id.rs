@@ -2,20 +2,20 @@
 
 use std::sync::Arc;
 
-use super::assign::assign;
+use super::assign::assign_device;
 use crate::event::{EventKind, NodeIdSource};
 use crate::frame::{CanId, Frame};
-use crate::profile::{PdoName, Role, integer};
-use crate::session::bus::{Bus, Node, Service, predefined};
-use crate::session::context::Context;
-use crate::session::device::{Announcement, emit_announcement};
+use crate::profile::{ObjectRole, PdoName, as_integer};
+use crate::session::bus::{Bus, IdentifierService, Node, predefined_identifier};
+use crate::session::context::MachineContext;
+use crate::session::device::{SettingAnnouncement, emit_announcement};
 use crate::session::objects::{move_delivered, revert_object};
-use crate::session::timers::Subject;
+use crate::session::timers::DeadlineSubject;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
 /// Handles the first frame under `id`, if a node was configured with this node-ID.
-pub(in crate::session) fn apply_node_id_change(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+pub(in crate::session) fn apply_node_id_change(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
     let (from, by) = if let Some((from, _)) = cx.bus.node_id_changes.take_by_lss(id) {
         (from.map(NodeId::Canopen).or_else(|| only_one_in_reset(&cx.bus, id)), NodeIdSource::Lss)
     } else if let Some(from) = cx.bus.node_id_changes.take_by_uds(id) {
@@ -29,9 +29,9 @@ pub(in crate::session) fn apply_node_id_change(id: NodeId, frame: &Frame, cx: &m
     emit_node_id_announcement(id, frame, cx);
 }
 
-fn emit_node_id_announcement(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+fn emit_node_id_announcement(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
     let text = format!("node-ID {}", id.number());
-    let change = Announcement { procedure: "node-ID change", word: "IDENT", finished: true, text };
+    let change = SettingAnnouncement { procedure: "node-ID change", word: "IDENT", finished: true, text };
     emit_announcement(id, change, frame, cx);
 }
 
@@ -44,7 +44,7 @@ fn only_one_in_reset(bus: &Bus, but: NodeId) -> Option<NodeId> {
 
 /// Handles a serial number (1018:04). A node with the identity of another one, silent since, is the same
 /// device under a new node-ID; a rotary switch is not visible on the bus.
-pub(in crate::session) fn join_by_serial(id: NodeId, frame: &Frame, cx: &mut Context<'_>) {
+pub(in crate::session) fn join_by_serial(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
     let numbers = |node: &Node| {
         let number = |sub| node.store.number(ObjectAddress::new(0x1018, sub));
         Some([number(1)?, number(2)?, number(4).filter(|serial| *serial != 0)?])
@@ -64,11 +64,11 @@ pub(in crate::session) fn join_by_serial(id: NodeId, frame: &Frame, cx: &mut Con
     }
     let is_open = cx.bus.node(id).is_some_and(|node| node.assigned.is_none());
     if let Some(by) = assigned.filter(|_| is_open) {
-        assign(id, &device, by, cx);
+        assign_device(id, &device, by, cx);
     }
     let by = NodeIdSource::SerialNumber;
     let kind = EventKind::NodeIdChange { from: Some(from.number()), to: id.number(), by };
-    cx.emit(frame, id, false, kind);
+    cx.emit_event(frame, id, false, kind);
 }
 
 /// Node whose written node-ID object has the value `id` and takes effect at a restart.
@@ -76,8 +76,8 @@ fn node_awaiting_id(bus: &Bus, id: NodeId) -> Option<NodeId> {
     let is_told = |node: &&Node| {
         node.id != id
             && node.store.all_waiting().any(|(object, waiting)| {
-                let meaning = node.meaning(object).filter(|it| it.role == Some(Role::NodeId));
-                let number = meaning.and_then(|meaning| integer(&meaning.decode(&waiting.value)));
+                let meaning = node.meaning(object).filter(|it| it.role == Some(ObjectRole::NodeId));
+                let number = meaning.and_then(|meaning| as_integer(&meaning.decode(&waiting.value)));
                 number == Some(i64::from(id.number()))
             })
     };
@@ -90,7 +90,7 @@ pub(in crate::session) fn change_node_id(
     to: NodeId,
     by: NodeIdSource,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     if let Some(from) = from {
         let staying = retained_pdo_ids(&cx.bus, from);
@@ -100,11 +100,11 @@ pub(in crate::session) fn change_node_id(
         }
         move_delivered(&mut cx.bus, to);
         for (name, id) in staying {
-            cx.bus.routes.learn(id, Service::Pdo(name, to));
+            cx.bus.routes.learn_service(id, IdentifierService::Pdo(name, to));
         }
         reset_moved_objects(&mut cx.bus, to);
     }
-    cx.emit(
+    cx.emit_event(
         frame,
         to,
         false,
@@ -116,8 +116,8 @@ pub(in crate::session) fn change_node_id(
 fn retained_pdo_ids(bus: &Bus, id: NodeId) -> Vec<(PdoName, CanId)> {
     let Some(node) = bus.node(id) else { return Vec::new() };
     let names = node.device.identity_change.cob_ids_stay.iter().filter_map(|name| name.parse().ok());
-    let free = names.filter(|name| bus.routes.learnt_id(Service::Pdo(*name, id)).is_none());
-    free.filter_map(|name| Some((name, predefined(name, id)?))).collect()
+    let free = names.filter(|name| bus.routes.learnt_id(IdentifierService::Pdo(*name, id)).is_none());
+    free.filter_map(|name| Some((name, predefined_identifier(name, id)?))).collect()
 }
 
 /// Resets objects that return to their defaults with a new node-ID.
@@ -135,14 +135,14 @@ fn reset_moved_objects(bus: &mut Bus, id: NodeId) {
 
 /// Changes the node-ID of a node; a node that has it already is removed. Learnt identifiers stay with the
 /// node, default identifiers follow the node-ID.
-fn move_node(from: NodeId, to: NodeId, cx: &mut Context<'_>) {
-    let place = |bus: &Bus, id: NodeId| bus.node_by_id.get(id.place()).copied().unwrap_or(0);
+fn move_node(from: NodeId, to: NodeId, cx: &mut MachineContext<'_>) {
+    let place = |bus: &Bus, id: NodeId| bus.node_by_id.get(id.table_place()).copied().unwrap_or(0);
     let (moved, replaced) = (place(&cx.bus, from), place(&cx.bus, to));
     for (place, id) in [(moved, to), (replaced, from)] {
         if let Some(node) = usize::from(place).checked_sub(1).and_then(|place| cx.bus.nodes.get_mut(place)) {
             node.id = id;
         }
-        if let Some(slot) = cx.bus.node_by_id.get_mut(id.place()) {
+        if let Some(slot) = cx.bus.node_by_id.get_mut(id.table_place()) {
             *slot = place;
         }
     }
@@ -150,18 +150,18 @@ fn move_node(from: NodeId, to: NodeId, cx: &mut Context<'_>) {
     if let Some(node) = usize::from(replaced).checked_sub(1).and_then(|place| cx.bus.nodes.get_mut(place)) {
         *node = Node::new(from, None);
     }
-    for (id, service) in cx.bus.routes.learnt() {
+    for (id, service) in cx.bus.routes.learnt_services() {
         let moved = match service {
-            Service::Pdo(name, node) if node == from => Service::Pdo(name, to),
-            Service::Emcy(node) if node == from => Service::Emcy(to),
+            IdentifierService::Pdo(name, node) if node == from => IdentifierService::Pdo(name, to),
+            IdentifierService::Emcy(node) if node == from => IdentifierService::Emcy(to),
             _ => continue,
         };
-        cx.bus.routes.learn(id, moved);
+        cx.bus.routes.learn_service(id, moved);
     }
     cx.bus.refresh_pdo_users();
     // Deadlines are queued by node-ID.
     for id in [from, to] {
-        cx.timers.remove(Subject::Heartbeat(id));
+        cx.timers.remove_subject(DeadlineSubject::Heartbeat(id));
     }
     let place = usize::from(moved).checked_sub(1);
     if let Some(heartbeat) =
@@ -169,7 +169,7 @@ fn move_node(from: NodeId, to: NodeId, cx: &mut Context<'_>) {
     {
         heartbeat.queued = heartbeat.deadline.is_some();
         if let Some(deadline) = heartbeat.deadline {
-            cx.timers.add(deadline, Subject::Heartbeat(to));
+            cx.timers.add_deadline(deadline, DeadlineSubject::Heartbeat(to));
         }
     }
 }
@@ -187,7 +187,7 @@ mod tests {
         let mut events = Vec::new();
         let mut push = |can_id: u16, data: &[u8]| {
             *number += 1;
-            let mut frame = Frame::data_frame(CanId::standard(can_id), data);
+            let mut frame = Frame::data_frame(CanId::from_standard(can_id), data);
             frame.number = *number;
             frame.time = Some(Timestamp(1_000_000 * i64::try_from(*number).unwrap()));
             bus.push(&frame, &mut |event: &Event, _: &Bus| events.push(event.clone()));

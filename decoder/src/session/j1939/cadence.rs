@@ -3,15 +3,15 @@
 use std::sync::Arc;
 
 use crate::frame::Frame;
-use crate::profile::Carrier;
+use crate::profile::ValueCarrier;
 use crate::session::bus::{Bus, Cadence};
-use crate::session::context::Context;
+use crate::session::context::MachineContext;
 use crate::session::device::reassess_set_points;
-use crate::session::timers::Subject;
+use crate::session::timers::DeadlineSubject;
 
 /// Handles a message with a monitored interval. A gap is emitted when it ends, with its length.
-pub(in crate::session) fn on_watched_message(slot: usize, frame: &Frame, cx: &mut Context<'_>) {
-    if !cx.bus.clock.runs() {
+pub(in crate::session) fn on_watched_message(slot: usize, frame: &Frame, cx: &mut MachineContext<'_>) {
+    if !cx.bus.clock.has_timestamps() {
         return;
     }
     let now = cx.bus.clock.now();
@@ -19,7 +19,7 @@ pub(in crate::session) fn on_watched_message(slot: usize, frame: &Frame, cx: &mu
         return;
     };
     let was_overdue = std::mem::replace(&mut cadence.is_overdue, false);
-    let gap = was_overdue.then(|| (cadence.node, cadence.name.clone(), cadence.gap(now, true)));
+    let gap = was_overdue.then(|| (cadence.node, cadence.name.clone(), cadence.gap_event(now, true)));
     let interval = now.saturating_sub(cadence.last);
     if !was_overdue && cadence.last_frame != 0 {
         cadence.intervals.rotate_right(1);
@@ -31,10 +31,10 @@ pub(in crate::session) fn on_watched_message(slot: usize, frame: &Frame, cx: &mu
     let deadline = now.saturating_add(cadence.limit);
     let must_queue = !std::mem::replace(&mut cadence.is_queued, true);
     if let (true, Ok(slot)) = (must_queue, u16::try_from(slot)) {
-        cx.timers.add(deadline, Subject::Message(slot));
+        cx.timers.add_deadline(deadline, DeadlineSubject::Message(slot));
     }
     if let Some((node, name, kind)) = gap {
-        cx.emit(frame, node, false, kind);
+        cx.emit_event(frame, node, false, kind);
         if let Some(node) = cx.bus.node_mut(node) {
             node.behaviour.overdue.retain(|overdue| *overdue != name);
         }
@@ -43,7 +43,7 @@ pub(in crate::session) fn on_watched_message(slot: usize, frame: &Frame, cx: &mu
 }
 
 /// Handles the queue entry of a message that is due.
-pub(in crate::session) fn on_message_deadline(slot: u16, now: i64, cx: &mut Context<'_>) {
+pub(in crate::session) fn on_message_deadline(slot: u16, now: i64, cx: &mut MachineContext<'_>) {
     let Some(cadence) =
         cx.bus.routes.slot_mut(usize::from(slot)).and_then(|slot| slot.cadence.as_deref_mut())
     else {
@@ -53,7 +53,7 @@ pub(in crate::session) fn on_message_deadline(slot: u16, now: i64, cx: &mut Cont
     let deadline = cadence.last.saturating_add(cadence.limit);
     if deadline >= now {
         cadence.is_queued = true;
-        return cx.timers.add(deadline, Subject::Message(slot));
+        return cx.timers.add_deadline(deadline, DeadlineSubject::Message(slot));
     }
     cadence.is_overdue = true;
     let (node, name, number) = (cadence.node, cadence.name.clone(), cadence.last_frame);
@@ -68,18 +68,18 @@ pub(in crate::session) fn on_message_deadline(slot: u16, now: i64, cx: &mut Cont
 }
 
 /// Emits the messages that are still missing at the end of the capture.
-pub(in crate::session) fn emit_overdue_messages(cx: &mut Context<'_>) {
+pub(in crate::session) fn emit_overdue_messages(cx: &mut MachineContext<'_>) {
     let now = cx.bus.clock.now();
     let overdue: Vec<_> = cx
         .bus
         .routes
         .cadences()
         .filter(|cadence| cadence.is_overdue)
-        .map(|cadence| (cadence.node, cadence.last_frame, cadence.gap(now, false)))
+        .map(|cadence| (cadence.node, cadence.last_frame, cadence.gap_event(now, false)))
         .collect();
     for (node, number, kind) in overdue {
         let frame = Frame { number, time: cx.bus.last_time, ..Frame::EMPTY };
-        cx.emit(&frame, node, false, kind);
+        cx.emit_event(&frame, node, false, kind);
     }
 }
 
@@ -93,9 +93,9 @@ pub(in crate::session) fn watch_message(bus: &mut Bus, slot: usize, cadence: Opt
 }
 
 /// Message name of a carrier; `None` for a PDO.
-pub(super) fn carrier_name(carrier: &Carrier) -> Option<&Arc<str>> {
+pub(super) fn carrier_name(carrier: &ValueCarrier) -> Option<&Arc<str>> {
     match carrier {
-        Carrier::Message(name) => Some(name),
-        Carrier::Pdo(_) => None,
+        ValueCarrier::Message(name) => Some(name),
+        ValueCarrier::Pdo(_) => None,
     }
 }

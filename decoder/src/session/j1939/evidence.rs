@@ -2,28 +2,28 @@
 
 use crate::frame::{Frame, FrameFlags};
 use crate::session::bus::Bus;
-use crate::session::context::Context;
+use crate::session::context::MachineContext;
 use crate::session::options::ProtocolChoice;
 use crate::wire::NodeId;
 use crate::wire::j1939::{J1939Id, NO_ADDRESS};
 
 /// Whether to decode a frame before J1939 is confirmed; its events are marked as presumed.
 #[cold]
-pub(in crate::session) fn is_followed(id: J1939Id, frame: &Frame, cx: &mut Context<'_>) -> bool {
+pub(in crate::session) fn is_followed(id: J1939Id, frame: &Frame, cx: &mut MachineContext<'_>) -> bool {
     let is_plain = !frame.flags.contains(FrameFlags::REMOTE) && !frame.flags.contains(FrameFlags::FD);
-    cx.bus.j1939.weigh(id, frame.data(), is_plain);
+    cx.bus.j1939.weigh_frame(id, frame.data(), is_plain);
     if !is_plain || cx.bus.protocol == ProtocolChoice::None {
         return is_believed(frame, is_plain, cx);
     }
     // The user's database describes the group: its sender uses J1939.
-    if cx.bus.database.is_j1939() && cx.bus.database.message(id.pgn).is_some() {
-        cx.bus.named.add(NodeId::J1939(id.source), false);
+    if cx.bus.database.is_j1939() && cx.bus.database.message_by_pgn(id.pgn).is_some() {
+        cx.bus.named.add_node(NodeId::J1939(id.source), false);
     }
     cx.bus.named.hear_message(id) || is_believed(frame, is_plain, cx)
 }
 
 /// Whether to decode a frame of an address that nobody named.
-fn is_believed(frame: &Frame, is_plain: bool, cx: &mut Context<'_>) -> bool {
+fn is_believed(frame: &Frame, is_plain: bool, cx: &mut MachineContext<'_>) -> bool {
     if !is_plain || cx.bus.j1939.is_rejected() {
         cx.bus.omissions.j1939 += u64::from(is_plain && cx.bus.protocol != ProtocolChoice::None);
         emit_rejection(frame, cx);
@@ -33,7 +33,7 @@ fn is_believed(frame: &Frame, is_plain: bool, cx: &mut Context<'_>) -> bool {
     true
 }
 
-fn emit_rejection(frame: &Frame, cx: &mut Context<'_>) {
+fn emit_rejection(frame: &Frame, cx: &mut MachineContext<'_>) {
     if let Some(reason) = cx.bus.j1939.take_reason() {
         let text = format!("29-bit frames not detected as J1939: {reason} (--protocol j1939 decodes them)");
         cx.emit_note(frame, text);

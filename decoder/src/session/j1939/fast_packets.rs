@@ -13,14 +13,14 @@ use std::collections::HashMap;
 
 use foldhash::fast::FixedState;
 
-use crate::event::{EventKind, EvictedState, FrameRange, J1939Transfer, Outcome, TransportMode};
+use crate::event::{EventKind, EvictedState, FrameRange, J1939Transfer, SdoOutcome, TransportMode};
 use crate::frame::{Frame, FrameFlags};
 use crate::session::bus::Bus;
-use crate::session::context::Context;
+use crate::session::context::MachineContext;
 use crate::session::limits::TRANSPORT_LIMIT;
-use crate::session::machine::{Machine, Timed};
-use crate::session::timers::Subject;
-use crate::wire::Malformed;
+use crate::session::machine::{ProtocolMachine, TimedMachine};
+use crate::session::timers::DeadlineSubject;
+use crate::wire::MalformedPayload;
 use crate::wire::j1939::{FastFrame, J1939Id, Pgn, fast_frame, fast_frames_of};
 
 /// Time in ns after which the next frame of a packet is late, as T1 of J1939-21 §5.10.2.4.
@@ -34,7 +34,7 @@ type Key = (u8, u8, Pgn, u8);
 
 /// State of one packet.
 #[derive(Debug, Clone)]
-struct Packet {
+struct FastPacketState {
     id: J1939Id,
     /// Length in bytes; `None` if frame 0 was not seen.
     announced: Option<u8>,
@@ -55,7 +55,7 @@ struct Packet {
     deadline: i64,
 }
 
-impl Packet {
+impl FastPacketState {
     fn new(id: J1939Id, frame: &Frame) -> Self {
         let time = frame.time.map(|time| time.0);
         Self {
@@ -76,12 +76,12 @@ impl Packet {
     }
 
     /// Frames that the announced length needs.
-    fn needed(&self) -> Option<u32> {
+    fn needed_frames(&self) -> Option<u32> {
         self.announced.map(fast_frames_of)
     }
 
     /// Applies a frame.
-    fn take(&mut self, part: FastFrame<'_>, frame: &Frame, now: i64) {
+    fn take_frame(&mut self, part: FastFrame<'_>, frame: &Frame, now: i64) {
         self.frames.last = frame.number;
         self.frame_count = self.frame_count.saturating_add(1);
         self.times.1 = frame.time.map(|time| time.0).or(self.times.1);
@@ -111,17 +111,17 @@ impl Packet {
 
     /// Whether the last frame was received, also if earlier ones are missing.
     fn is_at_end(&self) -> bool {
-        self.needed().is_some_and(|needed| u32::from(self.next) >= needed)
+        self.needed_frames().is_some_and(|needed| u32::from(self.next) >= needed)
     }
 
     fn is_complete(&self) -> bool {
-        !self.is_broken && self.announced.is_some() && self.missing() == 0
+        !self.is_broken && self.announced.is_some() && self.missing_frames() == 0
     }
 
     /// Frames that are missing; only gaps if the length is unknown.
-    fn missing(&self) -> u32 {
+    fn missing_frames(&self) -> u32 {
         let highest = u32::BITS - self.seen.leading_zeros();
-        let needed = self.needed().unwrap_or(highest);
+        let needed = self.needed_frames().unwrap_or(highest);
         let usable = u32::MAX.checked_shr(u32::BITS.saturating_sub(needed)).unwrap_or(0);
         needed.saturating_sub((self.seen & usable).count_ones())
     }
@@ -130,17 +130,17 @@ impl Packet {
 /// Open packets of all senders.
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct FastPackets {
-    open: HashMap<Key, Packet, FixedState>,
+    open: HashMap<Key, FastPacketState, FixedState>,
     /// Data of the last complete packet of each sender, receiver and group.
     last: HashMap<(u8, u8, Pgn), Vec<u8>, FixedState>,
     is_queued: bool,
 }
 
-impl Machine for FastPackets {
+impl ProtocolMachine for FastPackets {
     type Route<'a> = J1939Id;
     type Product = ();
 
-    fn on_frame(&mut self, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) {
+    fn on_frame(&mut self, id: J1939Id, frame: &Frame, cx: &mut MachineContext<'_>) {
         if frame.flags.contains(FrameFlags::REMOTE) {
             return cx.emit_undecoded(frame, None);
         }
@@ -159,12 +159,12 @@ impl Machine for FastPackets {
             self.make_room(frame, cx);
         }
         let now = cx.bus.clock.now();
-        let packet = self.open.entry(key).or_insert_with(|| Packet::new(id, frame));
-        packet.take(part, frame, now);
+        let packet = self.open.entry(key).or_insert_with(|| FastPacketState::new(id, frame));
+        packet.take_frame(part, frame, now);
         if packet.is_at_end() {
-            return self.end(key, false, frame, cx);
+            return self.end_packet(key, false, frame, cx);
         }
-        self.arm(cx);
+        self.arm_timer(cx);
     }
 
     fn on_silence(&mut self, delay: i64, _: &mut Bus) {
@@ -173,27 +173,27 @@ impl Machine for FastPackets {
         }
     }
 
-    fn on_end(&mut self, cx: &mut Context<'_>) {
+    fn on_end(&mut self, cx: &mut MachineContext<'_>) {
         let frame = cx.last_frame();
         for key in self.in_order(|_| true) {
-            self.end(key, true, &frame, cx);
+            self.end_packet(key, true, &frame, cx);
         }
     }
 
-    fn footprint(&self) -> usize {
+    fn memory_size(&self) -> usize {
         let open = self.open.values().map(|packet| packet.data.capacity()).sum::<usize>();
-        self.open.capacity() * size_of::<(Key, Packet)>()
+        self.open.capacity() * size_of::<(Key, FastPacketState)>()
             + open
             + self.last.capacity() * size_of::<((u8, u8, Pgn), Vec<u8>)>()
             + self.last.values().map(Vec::capacity).sum::<usize>()
     }
 }
 
-impl Timed for FastPackets {
+impl TimedMachine for FastPackets {
     type Deadline = ();
 
     /// Emits the packets whose next frame is late, and keeps them to recognise that frame.
-    fn on_deadline(&mut self, (): (), now: i64, cx: &mut Context<'_>) {
+    fn on_deadline(&mut self, (): (), now: i64, cx: &mut MachineContext<'_>) {
         self.is_queued = false;
         for key in self.in_order(|packet| packet.deadline < now) {
             let Some(packet) = self.open.get_mut(&key) else { continue };
@@ -201,15 +201,15 @@ impl Timed for FastPackets {
             let time = cx.bus.clock.stamp_of(packet.deadline);
             let frame = Frame { number: packet.frames.last, time, ..Frame::EMPTY };
             let packet = packet.clone();
-            self.emit(packet, false, &frame, cx);
+            self.emit_packet(packet, false, &frame, cx);
         }
-        self.arm(cx);
+        self.arm_timer(cx);
     }
 }
 
 impl FastPackets {
     /// Keys of open packets in the order of their start.
-    fn in_order(&self, is_chosen: impl Fn(&Packet) -> bool) -> Vec<Key> {
+    fn in_order(&self, is_chosen: impl Fn(&FastPacketState) -> bool) -> Vec<Key> {
         let chosen = self.open.iter().filter(|(_, packet)| !packet.is_over && is_chosen(packet));
         let mut keys: Vec<_> = chosen.map(|(key, packet)| (packet.frames.first, *key)).collect();
         keys.sort_unstable();
@@ -218,19 +218,19 @@ impl FastPackets {
 
     /// Ends packets that cannot continue because `key` begins: one with the same counter, and those of the
     /// same group whose start is not in the capture.
-    fn end_before(&mut self, key: Key, frame: &Frame, cx: &mut Context<'_>) {
+    fn end_before(&mut self, key: Key, frame: &Frame, cx: &mut MachineContext<'_>) {
         let (source, destination, pgn, sequence) = key;
         for number in 0..8 {
             let other = (source, destination, pgn, number);
             let ends = self.open.get(&other).is_some_and(|it| number == sequence || it.announced.is_none());
             if ends {
-                self.end(other, false, frame, cx);
+                self.end_packet(other, false, frame, cx);
             }
         }
     }
 
     /// Evicts the oldest packet if the table is full.
-    fn make_room(&mut self, frame: &Frame, cx: &mut Context<'_>) {
+    fn make_room(&mut self, frame: &Frame, cx: &mut MachineContext<'_>) {
         if self.open.len() < TRANSPORT_LIMIT {
             return;
         }
@@ -242,13 +242,19 @@ impl FastPackets {
     }
 
     /// Removes a packet and emits it.
-    fn end(&mut self, key: Key, is_cut: bool, frame: &Frame, cx: &mut Context<'_>) {
+    fn end_packet(&mut self, key: Key, is_cut: bool, frame: &Frame, cx: &mut MachineContext<'_>) {
         if let Some(packet) = self.open.remove(&key).filter(|packet| !packet.is_over) {
-            self.emit(packet, is_cut, frame, cx);
+            self.emit_packet(packet, is_cut, frame, cx);
         }
     }
 
-    fn emit(&mut self, packet: Packet, is_cut: bool, frame: &Frame, cx: &mut Context<'_>) {
+    fn emit_packet(
+        &mut self,
+        packet: FastPacketState,
+        is_cut: bool,
+        frame: &Frame,
+        cx: &mut MachineContext<'_>,
+    ) {
         let (id, frames) = (packet.id, packet.frames);
         let is_complete = packet.is_complete();
         if is_complete {
@@ -257,16 +263,16 @@ impl FastPackets {
                 cx.bus.j1939.add_evidence();
             }
         }
-        let repeats = is_complete && self.repeats(id, &packet.data);
-        let transfer = describe(&cx.bus, packet, is_cut);
+        let repeats = is_complete && self.repeats_data(id, &packet.data);
+        let transfer = packet_event(&cx.bus, packet, is_cut);
         let mut event = cx.j1939_event(frame, id, EventKind::J1939Transfer(Box::new(transfer)));
         event.frames = frames;
         event.routine = repeats;
-        cx.send(&event);
+        cx.send_event(&event);
     }
 
     /// Whether the data equal those of the previous packet of this sender and group.
-    fn repeats(&mut self, id: J1939Id, data: &[u8]) -> bool {
+    fn repeats_data(&mut self, id: J1939Id, data: &[u8]) -> bool {
         let key = (id.source, id.destination, id.pgn);
         let has_room = self.last.len() < TRANSPORT_LIMIT;
         match self.last.get_mut(&key) {
@@ -286,19 +292,19 @@ impl FastPackets {
     }
 
     /// Adds the earliest deadline to the timer queue, if no entry is there.
-    fn arm(&mut self, cx: &mut Context<'_>) {
-        if self.is_queued || !cx.bus.clock.runs() {
+    fn arm_timer(&mut self, cx: &mut MachineContext<'_>) {
+        if self.is_queued || !cx.bus.clock.has_timestamps() {
             return;
         }
         let open = self.open.values().filter(|packet| !packet.is_over);
         if let Some(deadline) = open.map(|packet| packet.deadline).min() {
             self.is_queued = true;
-            cx.timers.add(deadline, Subject::FastPackets);
+            cx.timers.add_deadline(deadline, DeadlineSubject::FastPackets);
         }
     }
 }
 
-fn emit_malformed(id: J1939Id, error: Malformed, frame: &Frame, cx: &mut Context<'_>) {
+fn emit_malformed(id: J1939Id, error: MalformedPayload, frame: &Frame, cx: &mut MachineContext<'_>) {
     let reason = if error.needed == 0 {
         "a fast packet has at most 223 bytes"
     } else {
@@ -308,14 +314,14 @@ fn emit_malformed(id: J1939Id, error: Malformed, frame: &Frame, cx: &mut Context
 }
 
 /// Event of a packet; the data moves to the event.
-fn describe(bus: &Bus, packet: Packet, is_cut: bool) -> J1939Transfer {
+fn packet_event(bus: &Bus, packet: FastPacketState, is_cut: bool) -> J1939Transfer {
     let is_complete = packet.is_complete();
     let outcome = match (is_complete, is_cut && !packet.is_broken && packet.announced.is_some()) {
-        (true, _) => Outcome::Complete,
-        (false, true) => Outcome::Unfinished,
-        (false, false) => Outcome::Incomplete,
+        (true, _) => SdoOutcome::Complete,
+        (false, true) => SdoOutcome::Unfinished,
+        (false, false) => SdoOutcome::Incomplete,
     };
-    let group = bus.group(packet.id, packet.data.len());
+    let group = bus.sender_group(packet.id, packet.data.len());
     let duration = packet.times.1.zip(packet.times.0).map(|(last, first)| last.saturating_sub(first));
     J1939Transfer {
         mode: Some(TransportMode::FastPacket),
@@ -325,9 +331,9 @@ fn describe(bus: &Bus, packet: Packet, is_cut: bool) -> J1939Transfer {
         source: packet.id.source,
         destination: packet.id.destination,
         announced: packet.announced.map(u32::from),
-        packets: packet.needed(),
+        packets: packet.needed_frames(),
         size: packet.size,
-        missing: packet.missing(),
+        missing: packet.missing_frames(),
         repeated: packet.repeated,
         spacing: None,
         data: packet.data,
@@ -338,7 +344,7 @@ fn describe(bus: &Bus, packet: Packet, is_cut: bool) -> J1939Transfer {
         timer: None,
         abort: None,
         cut_start: packet.announced.is_none(),
-        cut_end: outcome == Outcome::Unfinished,
+        cut_end: outcome == SdoOutcome::Unfinished,
         frame_count: packet.frame_count,
     }
 }

@@ -9,14 +9,14 @@ use super::cadence::{
 use crate::event::{EventKind, FrameRange, J1939Message};
 use crate::frame::{Frame, FrameFlags};
 use crate::profile::device::MessageSpec;
-use crate::profile::{Carrier, LayoutOrigin, NoValues, PdoDirection, Resolver, is_nmea2000_group};
+use crate::profile::{EntryResolver, LayoutOrigin, NoValues, PdoDirection, ValueCarrier, is_nmea2000_group};
 use crate::session::bus::{
-    Bus, Cadence, Group, IdentifierPlan, LastPayload, Origin, OriginKind, Plan, Recent,
+    Bus, Cadence, IdentifierPlan, LastPayload, OriginKind, RecentFrames, SenderGroup, StoredOrigin, WatchPlan,
 };
 use crate::session::bus::{ConcernedDevice, layout_of_profile};
-use crate::session::context::Context;
+use crate::session::context::MachineContext;
 use crate::session::device::on_values;
-use crate::session::machine::{Machine, Timed};
+use crate::session::machine::{ProtocolMachine, TimedMachine};
 use crate::wire::j1939::{J1939Id, Pgn};
 
 /// Last PGN of data page 0; those of NMEA 2000 are higher.
@@ -24,29 +24,29 @@ const LAST_OF_PAGE_0: u32 = 0xFFFF;
 
 /// Single-frame messages of all addresses; the last one of each identifier is in its slot.
 #[derive(Debug, Clone)]
-pub(in crate::session) struct Messages;
+pub(in crate::session) struct MessageMachine;
 
-impl Machine for Messages {
+impl ProtocolMachine for MessageMachine {
     /// Slot of the identifier, if there is one, and the identifier.
     type Route<'a> = (Option<usize>, J1939Id);
     type Product = ();
 
     #[inline]
-    fn on_frame(&mut self, (slot, id): (Option<usize>, J1939Id), frame: &Frame, cx: &mut Context<'_>) {
+    fn on_frame(&mut self, (slot, id): (Option<usize>, J1939Id), frame: &Frame, cx: &mut MachineContext<'_>) {
         if frame.flags.contains(FrameFlags::REMOTE) {
             return cx.emit_undecoded(frame, None);
         }
         let Some(slot) = slot else { return unprepared_message(id, frame, cx) };
-        let believed = cx.bus.j1939.is_confirmed() || cx.bus.named.concerns(id);
+        let believed = cx.bus.j1939.is_confirmed() || cx.bus.named.concerns_named(id);
         let bus = &mut cx.bus;
         let Some(entry) = bus.routes.slot_mut(slot) else { return };
         let Some(event) = &mut entry.prepared else { return first_message(slot, id, frame, cx) };
         let EventKind::J1939Message(message) = &mut event.kind else { return };
-        let continues = id.pgn.number() > LAST_OF_PAGE_0 && continues(message.payload(), frame.data());
-        let last = std::mem::replace(&mut entry.last, LastPayload::of(frame));
-        let change = match last.change(entry.last) {
+        let continues = id.pgn.number() > LAST_OF_PAGE_0 && is_second_frame(message.payload(), frame.data());
+        let last = std::mem::replace(&mut entry.last, LastPayload::payload_of(frame));
+        let change = match last.changed_bits(entry.last) {
             Some(change) => (change != 0).then_some(change),
-            None => difference(message, frame),
+            None => changed_bits(message, frame),
         };
         if let (Some(change), Some(planned)) = (change, &entry.plan)
             && change & planned.plan.deciding != 0
@@ -82,27 +82,27 @@ impl Machine for Messages {
 
     fn on_silence(&mut self, delay: i64, bus: &mut Bus) {
         for cadence in bus.routes.cadences_mut() {
-            cadence.postpone(delay);
+            cadence.postpone_reception(delay);
         }
     }
 
-    fn on_end(&mut self, cx: &mut Context<'_>) {
+    fn on_end(&mut self, cx: &mut MachineContext<'_>) {
         emit_overdue_messages(cx);
     }
 }
 
-impl Timed for Messages {
+impl TimedMachine for MessageMachine {
     /// Slot of a message with a monitored interval.
     type Deadline = u16;
 
-    fn on_deadline(&mut self, slot: u16, now: i64, cx: &mut Context<'_>) {
+    fn on_deadline(&mut self, slot: u16, now: i64, cx: &mut MachineContext<'_>) {
         on_message_deadline(slot, now, cx);
     }
 }
 
 /// NMEA 2000 splits longer messages into fast packets; a frame does not show whether its group does.
 #[cold]
-fn emit_fast_packet_note(pgn: Pgn, frame: &Frame, cx: &mut Context<'_>) {
+fn emit_fast_packet_note(pgn: Pgn, frame: &Frame, cx: &mut MachineContext<'_>) {
     // By chance, data of a single-frame group can look like the counter of a fast packet.
     if is_nmea2000_group(pgn) {
         return;
@@ -117,7 +117,7 @@ fn emit_fast_packet_note(pgn: Pgn, frame: &Frame, cx: &mut Context<'_>) {
 
 /// Handles the first message of an identifier, and a message whose layout changes.
 #[cold]
-fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) {
+fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut MachineContext<'_>) {
     cx.bus.is_nmea2000 |= is_nmea2000_group(id.pgn);
     let concerned = cx.bus.concerned_device(id);
     if let Some(concerned) = &concerned {
@@ -125,21 +125,21 @@ fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) 
     }
     let group = cx.bus.group_with(id, usize::from(frame.length), concerned.as_ref());
     let plan = concerned.as_ref().zip(group.layout.as_deref()).and_then(|(concerned, layout)| {
-        let spec = concerned.spec()?;
-        Plan::of(&concerned.device, &carrier(spec), spec.direction.into(), layout)
+        let spec = concerned.message_spec()?;
+        WatchPlan::plan_for(&concerned.device, &message_carrier(spec), spec.direction.into(), layout)
     });
-    let mut event = cx.j1939_event(frame, id, EventKind::J1939Message(message(id, frame, group)));
+    let mut event = cx.j1939_event(frame, id, EventKind::J1939Message(build_message(id, frame, group)));
     let now = cx.bus.clock.now();
-    let cadence = concerned.as_ref().and_then(|concerned| cadence(concerned, id));
-    let needed = needed(id, plan.as_ref(), cadence.as_ref(), cx.bus.is_nmea2000);
+    let cadence = concerned.as_ref().and_then(|concerned| message_cadence(concerned, id));
+    let needed = needed_bits(id, plan.as_ref(), cadence.as_ref(), cx.bus.is_nmea2000);
     if let Some(entry) = cx.bus.routes.slot_mut(slot) {
         event.routine = false;
-        (entry.last, entry.needed) = (LastPayload::of(frame), needed);
+        (entry.last, entry.needed) = (LastPayload::payload_of(frame), needed);
         entry.version = entry.version.wrapping_add(1);
         let before = entry.plan.take();
         entry.prepared = Some(Box::new(event));
         entry.plan = plan.map(|plan| {
-            let mut recent = before.map_or(Recent::default(), |before| before.recent);
+            let mut recent = before.map_or(RecentFrames::default(), |before| before.recent);
             recent.push(frame.number, now);
             Box::new(IdentifierPlan { plan: Arc::new(plan), recent })
         });
@@ -152,53 +152,53 @@ fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) 
 
 /// Handles a message without a slot: the table of identifiers is full.
 #[cold]
-fn unprepared_message(id: J1939Id, frame: &Frame, cx: &mut Context<'_>) {
-    let group = cx.bus.group(id, usize::from(frame.length));
-    cx.emit_j1939(frame, id, EventKind::J1939Message(message(id, frame, group)));
+fn unprepared_message(id: J1939Id, frame: &Frame, cx: &mut MachineContext<'_>) {
+    let group = cx.bus.sender_group(id, usize::from(frame.length));
+    cx.emit_j1939(frame, id, EventKind::J1939Message(build_message(id, frame, group)));
 }
 
-fn pass_values_to_device(slot: usize, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) {
+fn pass_values_to_device(slot: usize, id: J1939Id, frame: &Frame, cx: &mut MachineContext<'_>) {
     if cx.bus.routes.slot(slot).is_none_or(|slot| slot.plan.is_none()) {
         return;
     }
     let Some(concerned) = cx.bus.concerned_device(id) else { return };
-    let Some(spec) = concerned.spec() else { return };
+    let Some(spec) = concerned.message_spec() else { return };
     let direction: PdoDirection = spec.direction.into();
-    on_values(slot, (&carrier(spec), direction), concerned.node, frame, cx);
+    on_values(slot, (&message_carrier(spec), direction), concerned.node, frame, cx);
 }
 
 /// Stores values of the message that decide how the rest of it is decoded.
 fn store_deciding_values(bus: &mut Bus, concerned: &ConcernedDevice, frame: &Frame) {
-    let Some(spec) = concerned.spec() else { return };
-    let mut resolver = Resolver::new(&concerned.device.dictionary, &NoValues);
+    let Some(spec) = concerned.message_spec() else { return };
+    let mut resolver = EntryResolver::new(&concerned.device.dictionary, &NoValues);
     let Some(layout) = layout_of_profile(&spec.fields, LayoutOrigin::Profile, false, &mut resolver) else {
         return;
     };
     for field in &layout.fields {
-        let decides = field.object().filter(|object| concerned.device.decides(*object));
-        let (Some(object), Some(raw)) = (decides, field.extract(frame.data())) else { continue };
+        let decides = field.object().filter(|object| concerned.device.decides_meaning(*object));
+        let (Some(object), Some(raw)) = (decides, field.extract_bits(frame.data())) else { continue };
         let length = usize::from(field.bits.div_ceil(8));
         let bytes = raw.to_le_bytes();
-        let origin = Origin { kind: OriginKind::Pdo, frame: frame.number, time: frame.time };
+        let origin = StoredOrigin { kind: OriginKind::Pdo, frame: frame.number, time: frame.time };
         let Some(node) = bus.node_mut(concerned.node) else { return };
         // If the store is full, the value is ignored: no real profile lists that many objects.
         let _ = Arc::make_mut(&mut node.store).set(object, bytes.get(..length).unwrap_or(&bytes), origin);
     }
 }
 
-fn carrier(spec: &MessageSpec) -> Carrier {
-    Carrier::Message(spec.name.as_str().into())
+fn message_carrier(spec: &MessageSpec) -> ValueCarrier {
+    ValueCarrier::Message(spec.name.as_str().into())
 }
 
 /// Max interval of a message, if the profile gives one.
-fn cadence(concerned: &ConcernedDevice, id: J1939Id) -> Option<Cadence> {
-    let spec = concerned.spec()?;
-    let carrier = carrier(spec);
+fn message_cadence(concerned: &ConcernedDevice, id: J1939Id) -> Option<Cadence> {
+    let spec = concerned.message_spec()?;
+    let carrier = message_carrier(spec);
     let name = carrier_name(&carrier)?;
     Some(Cadence::new(concerned.node, Arc::clone(name), spec.title_of(id.pgn), spec.timeout?, id))
 }
 
-fn message(id: J1939Id, frame: &Frame, group: Group) -> J1939Message {
+fn build_message(id: J1939Id, frame: &Frame, group: SenderGroup) -> J1939Message {
     J1939Message {
         id,
         can_id: frame.id,
@@ -212,7 +212,7 @@ fn message(id: J1939Id, frame: &Frame, group: Group) -> J1939Message {
 /// Whether a frame is the second one of a fast packet. Bits 7..5 of byte 0 are the sequence, bits 4..0 the
 /// number of the frame; byte 1 of the first frame is the length.
 #[inline]
-fn continues(before: &[u8], now: &[u8]) -> bool {
+fn is_second_frame(before: &[u8], now: &[u8]) -> bool {
     const LONGEST: u8 = 223;
     const NUMBER: u8 = 0x1F;
     match (before, now) {
@@ -222,19 +222,24 @@ fn continues(before: &[u8], now: &[u8]) -> bool {
 }
 
 /// All bits if a message that [`LastPayload`] cannot compare differs from the previous one; `None` if it is equal.
-fn difference(message: &J1939Message, frame: &Frame) -> Option<u64> {
+fn changed_bits(message: &J1939Message, frame: &Frame) -> Option<u64> {
     (message.length != frame.length || message.payload() != frame.data()).then_some(u64::MAX)
 }
 
 /// Payload bits that the session needs; `None` if it needs each message.
-fn needed(id: J1939Id, plan: Option<&Plan>, cadence: Option<&Cadence>, is_nmea2000: bool) -> Option<u64> {
+fn needed_bits(
+    id: J1939Id,
+    plan: Option<&WatchPlan>,
+    cadence: Option<&Cadence>,
+    is_nmea2000: bool,
+) -> Option<u64> {
     // Trouble codes and addresses are decoded from each message. A frame on data page 1 may be part of a fast packet.
     let is_followed = matches!(id.pgn, Pgn::DM1 | Pgn::DM2 | Pgn::COMMANDED_ADDRESS) || cadence.is_some();
     let may_be_packet = id.pgn.number() > LAST_OF_PAGE_0;
     if is_followed || may_be_packet && !is_nmea2000 {
         return None;
     }
-    if may_be_packet { Some(u64::MAX) } else { plan.map_or(Some(0), Plan::needed) }
+    if may_be_packet { Some(u64::MAX) } else { plan.map_or(Some(0), WatchPlan::needed_bits) }
 }
 
 #[cfg(test)]
@@ -245,10 +250,10 @@ mod tests {
     fn the_second_frame_of_a_fast_packet() {
         // 26 bytes (1A) in frames 60, 61, 62, 63: sequence 3.
         let first = [0x60, 0x1A, 0, 0xB7, 6, 0x67, 0x0D, 0x0B];
-        assert!(continues(&first, &[0x61, 1, 2, 3, 4, 5, 6, 7]));
-        assert!(!continues(&first, &[0x62, 1, 2, 3, 4, 5, 6, 7]), "one lost");
-        assert!(!continues(&first, &[0x81, 1, 2, 3, 4, 5, 6, 7]), "another sequence");
-        assert!(!continues(&[0x60, 8, 0, 0, 0, 0, 0, 0], &[0x61; 8]), "would fit one frame");
-        assert!(!continues(&[], &[]));
+        assert!(is_second_frame(&first, &[0x61, 1, 2, 3, 4, 5, 6, 7]));
+        assert!(!is_second_frame(&first, &[0x62, 1, 2, 3, 4, 5, 6, 7]), "one lost");
+        assert!(!is_second_frame(&first, &[0x81, 1, 2, 3, 4, 5, 6, 7]), "another sequence");
+        assert!(!is_second_frame(&[0x60, 8, 0, 0, 0, 0, 0, 0], &[0x61; 8]), "would fit one frame");
+        assert!(!is_second_frame(&[], &[]));
     }
 }

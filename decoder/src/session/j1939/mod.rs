@@ -19,11 +19,11 @@ mod requests;
 mod transport;
 mod trouble_codes;
 
-pub(in crate::session) use claims::Claims;
+pub(in crate::session) use claims::ClaimMachine;
 pub(in crate::session) use evidence::{is_followed, mark_sender_alive};
 pub(in crate::session) use fast_packets::FastPackets;
-pub(in crate::session) use messages::Messages;
-pub(in crate::session) use payload::Payload;
-pub(in crate::session) use requests::Requests;
-pub(in crate::session) use transport::Transports;
-pub(in crate::session) use trouble_codes::TroubleCodes;
+pub(in crate::session) use messages::MessageMachine;
+pub(in crate::session) use payload::GroupPayload;
+pub(in crate::session) use requests::RequestMachine;
+pub(in crate::session) use transport::TransportMachine;
+pub(in crate::session) use trouble_codes::TroubleCodeMachine;

@@ -6,7 +6,7 @@ use crate::wire::j1939::J1939Id;
 
 /// Payload of a group, from one frame or several.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::session) struct Payload<'a> {
+pub(in crate::session) struct GroupPayload<'a> {
     pub(in crate::session) id: J1939Id,
     pub(in crate::session) data: &'a [u8],
     /// Frames of the message.
@@ -25,7 +25,7 @@ pub(in crate::session) struct TransferPayload {
 
 impl TransferPayload {
     /// Payload in the form of a single-frame message.
-    pub(in crate::session) fn payload(&self) -> Payload<'_> {
-        Payload { id: self.id, data: &self.data, frames: self.frames }
+    pub(in crate::session) fn as_payload(&self) -> GroupPayload<'_> {
+        GroupPayload { id: self.id, data: &self.data, frames: self.frames }
     }
 }

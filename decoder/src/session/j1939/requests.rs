@@ -3,22 +3,22 @@
 use super::trouble_codes::clear_trouble_codes;
 use crate::event::{EventKind, J1939Acknowledgement, J1939Request};
 use crate::frame::Frame;
-use crate::session::context::Context;
-use crate::session::machine::Machine;
-use crate::wire::j1939::{Acknowledgement, J1939Id, Pgn, request};
+use crate::session::context::MachineContext;
+use crate::session::machine::ProtocolMachine;
+use crate::wire::j1939::{Acknowledgement, J1939Id, Pgn, parse_request};
 
 /// Control byte of a positive acknowledgement (J1939-21 §5.4.4).
 const DONE: u8 = 0;
 
 /// Requests and acknowledgements of all addresses.
 #[derive(Debug, Clone)]
-pub(in crate::session) struct Requests;
+pub(in crate::session) struct RequestMachine;
 
-impl Machine for Requests {
+impl ProtocolMachine for RequestMachine {
     type Route<'a> = J1939Id;
     type Product = ();
 
-    fn on_frame(&mut self, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) {
+    fn on_frame(&mut self, id: J1939Id, frame: &Frame, cx: &mut MachineContext<'_>) {
         if id.pgn == Pgn::REQUEST {
             on_request(id, frame, cx);
         } else {
@@ -27,8 +27,8 @@ impl Machine for Requests {
     }
 }
 
-fn on_request(id: J1939Id, frame: &Frame, cx: &mut Context<'_>) {
-    match request(frame.data()) {
+fn on_request(id: J1939Id, frame: &Frame, cx: &mut MachineContext<'_>) {
+    match parse_request(frame.data()) {
         Ok(pgn) => {
             let name = cx.bus.group_name(pgn);
             let (source, destination) = (id.source, id.destination);
@@ -39,7 +39,7 @@ fn on_request(id: J1939Id, frame: &Frame, cx: &mut Context<'_>) {
     }
 }
 
-fn on_acknowledgement(id: J1939Id, frame: &Frame, cx: &mut Context<'_>) {
+fn on_acknowledgement(id: J1939Id, frame: &Frame, cx: &mut MachineContext<'_>) {
     match Acknowledgement::read(frame.data()) {
         Ok(message) => {
             let name = cx.bus.group_name(message.pgn);

@@ -9,17 +9,17 @@
 
 use std::sync::Arc;
 
-use super::payload::Payload;
+use super::payload::GroupPayload;
 use crate::event::{Dtc, DtcAction, EventKind, EvictedState, FrameRange};
 use crate::frame::Frame;
-use crate::profile::{Device, lamp_names};
+use crate::profile::{DeviceProfile, lamp_names};
 use crate::session::bus::{Bus, DtcChange, Node};
-use crate::session::context::Context;
+use crate::session::context::MachineContext;
 use crate::session::device::{on_trouble_code, reassess_set_points};
-use crate::session::machine::{Machine, Timed};
-use crate::session::timers::Subject;
+use crate::session::machine::{ProtocolMachine, TimedMachine};
+use crate::session::timers::DeadlineSubject;
 use crate::wire::NodeId;
-use crate::wire::j1939::{Pgn, ReportedDtc, SpnConversion, TroubleCodes as DtcList};
+use crate::wire::j1939::{Pgn, ReportedDtc, SpnConversion, TroubleCodeList as DtcList};
 
 /// Period of DM1 in ms while a code is active, unless the profile gives another (J1939-73 §5.7.1.2).
 const PERIOD: u32 = 1_000;
@@ -29,15 +29,15 @@ const PERIODS: i64 = 3;
 
 /// DM1 and DM2 of all addresses; the codes of each are in its node.
 #[derive(Debug, Clone)]
-pub(in crate::session) struct TroubleCodes;
+pub(in crate::session) struct TroubleCodeMachine;
 
-impl Machine for TroubleCodes {
-    type Route<'a> = Payload<'a>;
+impl ProtocolMachine for TroubleCodeMachine {
+    type Route<'a> = GroupPayload<'a>;
     type Product = ();
 
     /// Handles a DM1 or DM2 of any length.
-    fn on_frame(&mut self, payload: Payload<'_>, frame: &Frame, cx: &mut Context<'_>) {
-        let Payload { id, data, frames } = payload;
+    fn on_frame(&mut self, payload: GroupPayload<'_>, frame: &Frame, cx: &mut MachineContext<'_>) {
+        let GroupPayload { id, data, frames } = payload;
         let list = match DtcList::read(data) {
             Ok(list) => list,
             Err(error) => {
@@ -48,7 +48,7 @@ impl Machine for TroubleCodes {
         let now = cx.bus.clock.now();
         let is_active = id.pgn == Pgn::DM1;
         let Some(node) = cx.bus.node_mut(node_id) else { return };
-        let codes = list.codes(conversion(node));
+        let codes = list.codes(conversion_method(node));
         let faults = &mut node.j1939_state().faults;
         let (changes, refused) = if is_active {
             faults.active_list(codes, list.lamps, frame.number, now)
@@ -71,18 +71,18 @@ impl Machine for TroubleCodes {
 
     fn on_silence(&mut self, delay: i64, bus: &mut Bus) {
         for state in bus.nodes.iter_mut().filter_map(|node| node.j1939.as_deref_mut()) {
-            state.faults.postpone(delay);
+            state.faults.postpone_dm1(delay);
         }
     }
 }
 
-impl Timed for TroubleCodes {
+impl TimedMachine for TroubleCodeMachine {
     /// Node with active codes.
     type Deadline = NodeId;
 
-    fn on_deadline(&mut self, id: NodeId, now: i64, cx: &mut Context<'_>) {
+    fn on_deadline(&mut self, id: NodeId, now: i64, cx: &mut MachineContext<'_>) {
         let Some(node) = cx.bus.node_mut(id) else { return };
-        let silence = silence(&node.device);
+        let silence = code_timeout(&node.device);
         let faults = &mut node.j1939_state().faults;
         faults.is_queued = false;
         if faults.active.is_empty() {
@@ -91,7 +91,7 @@ impl Timed for TroubleCodes {
         let deadline = faults.last.saturating_add(silence);
         if deadline >= now {
             faults.is_queued = true;
-            return cx.timers.add(deadline, Subject::Dm1(id));
+            return cx.timers.add_deadline(deadline, DeadlineSubject::Dm1(id));
         }
         let (ended, number) = (std::mem::take(&mut faults.active), faults.last_frame);
         // The event has the time of the deadline, and the last DM1 as evidence.
@@ -107,7 +107,13 @@ impl Timed for TroubleCodes {
 }
 
 /// Emits a change of a trouble code and applies its effects.
-fn emit_trouble_code(id: NodeId, change: DtcChange, frames: FrameRange, frame: &Frame, cx: &mut Context<'_>) {
+fn emit_trouble_code(
+    id: NodeId,
+    change: DtcChange,
+    frames: FrameRange,
+    frame: &Frame,
+    cx: &mut MachineContext<'_>,
+) {
     let Some(node) = cx.bus.node_mut(id) else { return };
     let code = change.known.code;
     let has_ended = change.action == DtcAction::NoLongerReported;
@@ -140,21 +146,26 @@ fn describe_trouble_code(bus: &Bus, id: NodeId, DtcChange { known, action }: Dtc
         lamps: lamp_names(known.lamps).collect(),
         first_frame: known.first_frame,
         last_frame: known.last_frame,
-        since: (bus.clock.runs() && !is_new).then_some(since),
+        since: (bus.clock.has_timestamps() && !is_new).then_some(since),
         may_be_hidden: false,
         by_silence: false,
     }
 }
 
-fn emit_frames(id: NodeId, kind: EventKind, frames: FrameRange, frame: &Frame, cx: &mut Context<'_>) {
+fn emit_frames(id: NodeId, kind: EventKind, frames: FrameRange, frame: &Frame, cx: &mut MachineContext<'_>) {
     let mut event = cx.event_of(frame, Some(id), kind);
     event.frames = frames;
-    cx.send(&event);
+    cx.send_event(&event);
 }
 
 /// Clears trouble codes after a positive acknowledgement of DM3 or DM11. A request to all is not acknowledged
 /// (J1939-73 §5.7.3): its result is unknown.
-pub(in crate::session) fn clear_trouble_codes(source: u8, pgn: Pgn, frame: &Frame, cx: &mut Context<'_>) {
+pub(in crate::session) fn clear_trouble_codes(
+    source: u8,
+    pgn: Pgn,
+    frame: &Frame,
+    cx: &mut MachineContext<'_>,
+) {
     let all = match pgn {
         Pgn::DM3 => false,
         Pgn::DM11 => true,
@@ -162,41 +173,41 @@ pub(in crate::session) fn clear_trouble_codes(source: u8, pgn: Pgn, frame: &Fram
     };
     let id = NodeId::J1939(source);
     let Some(state) = cx.bus.node_mut(id).and_then(|node| node.j1939.as_deref_mut()) else { return };
-    for change in state.faults.clear(all) {
+    for change in state.faults.clear_codes(all) {
         emit_trouble_code(id, change, FrameRange::one(frame.number), frame, cx);
     }
 }
 
 /// Sets the deadline for the next DM1 of a node with active codes.
-pub(in crate::session) fn schedule_dm1_deadline(id: NodeId, cx: &mut Context<'_>) {
-    let (now, runs) = (cx.bus.clock.now(), cx.bus.clock.runs());
+pub(in crate::session) fn schedule_dm1_deadline(id: NodeId, cx: &mut MachineContext<'_>) {
+    let (now, runs) = (cx.bus.clock.now(), cx.bus.clock.has_timestamps());
     let Some(node) = cx.bus.node_mut(id) else { return };
-    let silence = silence(&node.device);
+    let silence = code_timeout(&node.device);
     let Some(state) = node.j1939.as_deref_mut() else { return };
     let faults = &mut state.faults;
     if !runs || faults.is_queued || faults.active.is_empty() {
         return;
     }
     (faults.last, faults.is_queued) = (now, true);
-    cx.timers.add(now.saturating_add(silence), Subject::Dm1(id));
+    cx.timers.add_deadline(now.saturating_add(silence), DeadlineSubject::Dm1(id));
 }
 
 /// Cancels the DM1 deadline of a node that lost its address.
-pub(in crate::session) fn cancel_dm1_deadline(id: NodeId, cx: &mut Context<'_>) {
+pub(in crate::session) fn cancel_dm1_deadline(id: NodeId, cx: &mut MachineContext<'_>) {
     let state = cx.bus.node_mut(id).and_then(|node| node.j1939.as_deref_mut());
     if state.is_some_and(|state| std::mem::take(&mut state.faults.is_queued)) {
-        cx.timers.remove(Subject::Dm1(id));
+        cx.timers.remove_subject(DeadlineSubject::Dm1(id));
     }
 }
 
 /// Conversion method of old SPNs, from the bus file, otherwise from the profile.
-fn conversion(node: &Node) -> Option<SpnConversion> {
+fn conversion_method(node: &Node) -> Option<SpnConversion> {
     let given = node.j1939.as_ref().and_then(|state| state.conversion);
     given.or_else(|| node.device.j1939.spn_conversion.map(|conversion| conversion.0))
 }
 
 /// Time in ns without DM1 after which its codes are no longer reported.
-fn silence(device: &Arc<Device>) -> i64 {
+fn code_timeout(device: &Arc<DeviceProfile>) -> i64 {
     let period = match device.j1939.dm1_period {
         0 => PERIOD,
         period => period,
@@ -210,7 +221,7 @@ fn may_be_hidden(node: &Node, left: ReportedDtc) -> bool {
     if !node.device.j1939.highest_only {
         return false;
     }
-    let priority = |(spn, fmi)| node.device.dtc(spn, fmi).and_then(|own| own.priority);
+    let priority = |(spn, fmi)| node.device.trouble_code_entry(spn, fmi).and_then(|own| own.priority);
     let left = priority((left.spn, left.fmi));
     let mut shown = node.active_dtcs().map(priority);
     shown.any(|shown| left.zip(shown).is_none_or(|(left, shown)| shown <= left))
@@ -236,7 +247,7 @@ mod tests {
 
     fn frame(id: u32, number: u64, data: &[u8]) -> Frame {
         let time = Some(Timestamp(i64::try_from(number).unwrap() * 1_000_000));
-        Frame { number, time, ..Frame::data_frame(CanId::extended(id), data) }
+        Frame { number, time, ..Frame::data_frame(CanId::from_extended(id), data) }
     }
 
     /// A list with FMI 3 for these SPNs below 65536.
@@ -264,8 +275,8 @@ mod tests {
             });
         };
         let frames = FrameRange { first: 1, last: number };
-        let id = J1939Id::of(id).unwrap();
-        bus.on_payload(Payload { id, data: payload, frames }, &frame(DM1, number, &[]), &mut observer);
+        let id = J1939Id::from_identifier(id).unwrap();
+        bus.on_payload(GroupPayload { id, data: payload, frames }, &frame(DM1, number, &[]), &mut observer);
         all
     }
 
@@ -278,7 +289,7 @@ mod tests {
             transfer_results(&mut bus, DM1, 3, &list([9, 8])),
             [("raised", 9), ("no-longer-reported", 7)]
         );
-        let errors: Vec<_> = bus.bus().node(NodeId::J1939(0x80)).unwrap().errors().collect();
+        let errors: Vec<_> = bus.bus().node(NodeId::J1939(0x80)).unwrap().error_texts().collect();
         assert_eq!(errors, ["SPN 8 FMI 3", "SPN 9 FMI 3"]);
     }
 

@@ -4,16 +4,16 @@ use std::hash::BuildHasher as _;
 
 use foldhash::fast::FixedState;
 
-use crate::event::{Conflict, EventKind, EvictedState};
+use crate::event::{EventKind, EvictedState, SourceConflict};
 use crate::frame::Frame;
-use crate::profile::device_file::{Access, DeviceFile, DeviceObject};
+use crate::profile::device_file::{DeviceFile, DeviceObject, EntryAccess};
 use crate::profile::{DataType, little_endian};
-use crate::session::bus::{Bus, OriginKind, Service};
-use crate::session::context::Context;
+use crate::session::bus::{Bus, IdentifierService, OriginKind};
+use crate::session::context::MachineContext;
 use crate::session::limits::{CONFLICT_LIMIT, OBJECT_LIMIT};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
-use crate::words::plural;
+use crate::words::count_noun;
 
 /// Objects with the identity of a device, which never change (CiA 301 §7.5.2.1, §7.5.2.21).
 const DEVICE_TYPE: ObjectAddress = ObjectAddress::new(0x1000, 0);
@@ -29,10 +29,10 @@ pub(in crate::session) fn check_device_file(
     value: &[u8],
     kind: OriginKind,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let Some(import) = cx.bus.node(id).and_then(|node| node.device.file.clone()) else { return };
-    let Some(described) = import.file.find(object) else { return };
+    let Some(described) = import.file.find_object(object) else { return };
     if kind != OriginKind::Upload {
         let is_wanted = described.value.is_some();
         let node = cx.bus.node_mut(id).filter(|node| node.conflicts.written.len() < OBJECT_LIMIT);
@@ -53,8 +53,8 @@ pub(in crate::session) fn check_device_file(
     let sources = [(source, stated), (kind.name(), value.to_vec())].into_iter();
     let sources =
         sources.filter(|(_, data)| !data.is_empty()).map(|(who, data)| (who.into(), data)).collect();
-    let conflict = Conflict { object, name, sources, text };
-    cx.emit(frame, id, false, EventKind::Conflict(Box::new(conflict)));
+    let conflict = SourceConflict { object, name, sources, text };
+    cx.emit_event(frame, id, false, EventKind::Conflict(Box::new(conflict)));
 }
 
 /// Whether this object and value were not reported yet; false over the limit.
@@ -63,7 +63,7 @@ fn is_new_conflict(
     object: ObjectAddress,
     value: &[u8],
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) -> bool {
     let Some(node) = cx.bus.node_mut(id) else { return false };
     let conflicts = &mut node.conflicts;
@@ -71,20 +71,20 @@ fn is_new_conflict(
         return conflicts.told.insert((object, FixedState::default().hash_one(value)));
     }
     if !std::mem::replace(&mut conflicts.is_full, true) {
-        cx.emit(frame, id, false, EventKind::Evicted { what: EvictedState::Conflict, count: 1 });
+        cx.emit_event(frame, id, false, EventKind::Evicted { what: EvictedState::Conflict, count: 1 });
     }
     false
 }
 
 /// Configured value in the DCF, unless the object was written since, or a PDO contains it.
 fn not_configured(bus: &Bus, object: &DeviceObject, value: &[u8], id: NodeId) -> Option<(Vec<u8>, String)> {
-    let wanted = object.wanted(id.number())?;
+    let wanted = object.configured_bytes(id.number())?;
     let node = bus.node(id)?;
-    let is_constant = matches!(object.access, Some(Access::Ro | Access::Const));
+    let is_constant = matches!(object.access, Some(EntryAccess::Ro | EntryAccess::Const));
     let is_said = is_constant
         || COMMANDS.contains(&object.address.index)
         || node.conflicts.written.contains(&object.address)
-        || same(&wanted, value, object.data_type)
+        || equals_unpadded(&wanted, value, object.data_type)
         || is_in_pdo(bus, id, object.address);
     (!is_said).then(|| (wanted, "value differs from the configuration in the file".to_owned()))
 }
@@ -92,7 +92,7 @@ fn not_configured(bus: &Bus, object: &DeviceObject, value: &[u8], id: NodeId) ->
 /// Whether a PDO of the node, received so far, contains an object.
 fn is_in_pdo(bus: &Bus, id: NodeId, object: ObjectAddress) -> bool {
     bus.routes.layouts().any(|(service, layout)| {
-        matches!(service, Service::Pdo(_, node) if node == id)
+        matches!(service, IdentifierService::Pdo(_, node) if node == id)
             && layout.fields.iter().any(|field| field.object() == Some(object))
     })
 }
@@ -103,7 +103,7 @@ fn wrong_size(object: &DeviceObject, value: &[u8], source: &str) -> Option<(Vec<
     let length = usize::from(data_type.bits()?.div_ceil(8));
     let fits =
         value.split_at_checked(length).is_some_and(|(_, padding)| padding.iter().all(|byte| *byte == 0));
-    let bytes = |count: usize| plural(count, "byte");
+    let bytes = |count: usize| count_noun(count, "byte");
     let text = format!(
         "{} received, {} expected ({} in the {source})",
         bytes(value.len()),
@@ -129,7 +129,7 @@ fn other_device(
     };
     let data_type = object.data_type?;
     let given = [&object.value, &object.default].into_iter().flatten();
-    let stated = given.filter_map(|given| given.encode(data_type, node.number()));
+    let stated = given.filter_map(|given| given.encode_value(data_type, node.number()));
     // Editors write 0 if no number was entered.
     let stated =
         stated.chain(header.map(|number| number.to_le_bytes().to_vec())).find(|it| little_endian(it) != 0)?;
@@ -137,11 +137,11 @@ fn other_device(
         3 => "the file is for another revision",
         _ => "the file is for another device",
     };
-    (!same(&stated, value, Some(data_type))).then(|| (stated, text.to_owned()))
+    (!equals_unpadded(&stated, value, Some(data_type))).then(|| (stated, text.to_owned()))
 }
 
 /// Whether two values are equal except for padding.
-fn same(wanted: &[u8], value: &[u8], data_type: Option<DataType>) -> bool {
+fn equals_unpadded(wanted: &[u8], value: &[u8], data_type: Option<DataType>) -> bool {
     match data_type {
         Some(data_type) => data_type.decode(wanted) == data_type.decode(value),
         None => wanted == value,
@@ -171,8 +171,8 @@ mod tests {
         [1010]\nParameterName=a\nObjectType=9\n[1010sub1]\nParameterName=a\nDataType=7\nAccessType=rw\nParameterValue=5\n";
 
     fn bus() -> BusDecoder {
-        let file = Arc::new(device_file::parse(FILE.as_bytes()).unwrap());
-        let device = Arc::new(imported::device(&file, "a.dcf"));
+        let file = Arc::new(device_file::parse_device_file(FILE.as_bytes()).unwrap());
+        let device = Arc::new(imported::describe_device(&file, "a.dcf"));
         let assignment =
             Assignment { bus: None, node: NodeId::Canopen(5), device, by: AssignedBy::DeviceFile };
         let options = SessionOptions { assignments: vec![assignment], ..SessionOptions::default() };
@@ -195,7 +195,7 @@ mod tests {
                 EventKind::Evicted { what, .. } => texts.push(format!("evicted {}", what.name())),
                 _ => {}
             };
-            learn_object(transfer, &Frame::EMPTY, &mut bus.lend(&mut observer));
+            learn_object(transfer, &Frame::EMPTY, &mut bus.lend_context(&mut observer));
         }
         texts
     }

@@ -7,9 +7,9 @@ use std::sync::Arc;
 use super::parameters::apply_object;
 use crate::event::AssignedBy;
 use crate::frame::CanId;
-use crate::profile::{Owner, PdoDirection, PdoName, formula};
+use crate::profile::{IdentifierOwner, PdoDirection, PdoName, evaluate_formula};
 use crate::session::bus::RouteOrigin;
-use crate::session::bus::{Bus, Service, identifier};
+use crate::session::bus::{Bus, IdentifierService, cob_identifier};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -27,8 +27,8 @@ pub(in crate::session) fn take_delivered(bus: &mut Bus, id: NodeId, by: Assigned
                 .file
                 .objects
                 .iter()
-                .filter_map(|object| Some((object.address, object.wanted(id.number())?)));
-            Arc::make_mut(&mut node.store).want(values);
+                .filter_map(|object| Some((object.address, object.configured_bytes(id.number())?)));
+            Arc::make_mut(&mut node.store).set_expected(values);
         }
     }
     forget_delivered(bus, id);
@@ -56,11 +56,13 @@ pub(in crate::session) fn move_delivered(bus: &mut Bus, id: NodeId) {
 
 /// Applies a value of the DCF. The heartbeat time is not used: the measured intervals are reliable.
 fn apply_wanted(bus: &mut Bus, id: NodeId, object: ObjectAddress) {
-    let Some(node) = bus.node(id).filter(|node| node.store.seen(object).is_none()) else { return };
+    let Some(node) = bus.node(id).filter(|node| node.store.seen_value(object).is_none()) else { return };
     let number = node.store.number(object).unwrap_or(0);
     let is_taken = match (object.index, object.sub) {
         (0x1017, 0) => true,
-        (0x1400..=0x15FF, 1) => identifier(number).is_some_and(|can_id| is_sent_by_another(bus, can_id, id)),
+        (0x1400..=0x15FF, 1) => {
+            cob_identifier(number).is_some_and(|can_id| is_sent_by_another(bus, can_id, id))
+        }
         _ => false,
     };
     if !is_taken {
@@ -76,14 +78,14 @@ fn forget_delivered(bus: &mut Bus, id: NodeId) {
     for can_id in std::mem::take(&mut node.delivered_ids) {
         let service = bus.routes.learnt_at(can_id);
         let is_its = match service {
-            Some(Service::Pdo(name, node)) => node == id && !stays.contains(&name),
-            Some(Service::Emcy(node)) => node == id,
-            Some(Service::Sdo(_, channel)) => bus.channels.server(channel) == id.canopen(),
+            Some(IdentifierService::Pdo(name, node)) => node == id && !stays.contains(&name),
+            Some(IdentifierService::Emcy(node)) => node == id,
+            Some(IdentifierService::Sdo(_, channel)) => bus.channels.server_node(channel) == id.canopen(),
             _ => false,
         };
         if let Some(service) = service.filter(|_| is_its) {
             let default = bus.default_service(can_id);
-            bus.routes.forget(can_id, service, default);
+            bus.routes.forget_service(can_id, service, default);
         }
     }
 }
@@ -93,20 +95,20 @@ fn route_delivered(bus: &mut Bus, id: NodeId) {
     let Some(node) = bus.node(id) else { return };
     let device = Arc::clone(&node.device);
     for pdo in &device.pdos {
-        let cob_id = pdo.cob_id.as_deref().and_then(|text| formula(text, Some(id.number())));
-        if let Some(can_id) = cob_id.and_then(identifier) {
-            deliver(bus, id, Service::Pdo(pdo.pdo, id), can_id);
+        let cob_id = pdo.cob_id.as_deref().and_then(|text| evaluate_formula(text, Some(id.number())));
+        if let Some(can_id) = cob_id.and_then(cob_identifier) {
+            apply_defaults(bus, id, IdentifierService::Pdo(pdo.pdo, id), can_id);
         }
     }
     for object in device.dictionary.defaults(is_cob_id) {
         let Some(can_id) = delivered_id(bus, id, object) else { continue };
         match (object.index, object.sub) {
             (0x1005, 0) => deliver_sync(bus, id, can_id),
-            (0x1014, 0) => deliver(bus, id, Service::Emcy(id), can_id),
+            (0x1014, 0) => apply_defaults(bus, id, IdentifierService::Emcy(id), can_id),
             (0x1200, 1) => deliver_channel(bus, id, can_id),
             (_, 1) => {
                 if let Some(name) = PdoName::of_parameter(object.index) {
-                    deliver(bus, id, Service::Pdo(name, id), can_id);
+                    apply_defaults(bus, id, IdentifierService::Pdo(name, id), can_id);
                 }
             }
             _ => {}
@@ -117,14 +119,15 @@ fn route_delivered(bus: &mut Bus, id: NodeId) {
 /// Delivered identifier of an object; `None` if it is marked invalid, or the object value is known.
 fn delivered_id(bus: &Bus, id: NodeId, object: ObjectAddress) -> Option<CanId> {
     let node = bus.node(id).filter(|node| node.store.get(object).is_none())?;
-    let entry = node.device.dictionary.find(object)?.entry?;
-    identifier(u64::try_from(entry.default_number(Some(id.number()))?).ok()?)
+    let entry = node.device.dictionary.find_object(object)?.entry?;
+    cob_identifier(u64::try_from(entry.default_number(Some(id.number()))?).ok()?)
 }
 
-fn deliver(bus: &mut Bus, id: NodeId, service: Service, can_id: CanId) {
-    let receives = matches!(service, Service::Pdo(name, _) if name.direction == PdoDirection::Receive);
+fn apply_defaults(bus: &mut Bus, id: NodeId, service: IdentifierService, can_id: CanId) {
+    let receives =
+        matches!(service, IdentifierService::Pdo(name, _) if name.direction == PdoDirection::Receive);
     if bus.routes.is_placed(service)
-        || present(bus, can_id) == Some(service)
+        || present_service(bus, can_id) == Some(service)
         || receives && is_sent_by_another(bus, can_id, id)
     {
         return;
@@ -132,8 +135,8 @@ fn deliver(bus: &mut Bus, id: NodeId, service: Service, can_id: CanId) {
     learn_delivered(bus, id, can_id, service);
 }
 
-fn learn_delivered(bus: &mut Bus, id: NodeId, can_id: CanId, service: Service) {
-    bus.routes.learn(can_id, service);
+fn learn_delivered(bus: &mut Bus, id: NodeId, can_id: CanId, service: IdentifierService) {
+    bus.routes.learn_service(can_id, service);
     if let Some(node) = bus.node_mut(id) {
         node.delivered_ids.push(can_id);
     }
@@ -144,19 +147,19 @@ fn deliver_sync(bus: &mut Bus, id: NodeId, can_id: CanId) {
     if let Some(node) = bus.node_mut(id) {
         node.sync = can_id;
     }
-    if present(bus, can_id) != Some(Service::Sync) {
-        bus.routes.learn(can_id, Service::Sync);
+    if present_service(bus, can_id) != Some(IdentifierService::Sync) {
+        bus.routes.learn_service(can_id, IdentifierService::Sync);
     }
 }
 
 /// Routes the default SDO channel if it has other than the predefined identifiers (CiA 301 §7.5.2.33).
 fn deliver_channel(bus: &mut Bus, id: NodeId, request: CanId) {
     let Some(response) = delivered_id(bus, id, ObjectAddress::new(0x1200, 2)) else { return };
-    let predefined = [0x600, 0x580].map(|base: u16| CanId::standard(base + u16::from(id.number())));
+    let predefined = [0x600, 0x580].map(|base: u16| CanId::from_standard(base + u16::from(id.number())));
     if [request, response] == predefined {
         return;
     }
-    if let Some(channel) = bus.channels.add(id.number(), MOVED_CHANNEL, request, response, None) {
+    if let Some(channel) = bus.channels.add_channel(id.number(), MOVED_CHANNEL, request, response, None) {
         bus.route_channel(channel, request, response);
         if let Some(node) = bus.node_mut(id) {
             node.delivered_ids.extend([request, response]);
@@ -166,16 +169,18 @@ fn deliver_channel(bus: &mut Bus, id: NodeId, request: CanId) {
 
 /// Whether the identifier belongs to a TPDO of another node: then this node only receives it.
 fn is_sent_by_another(bus: &Bus, can_id: CanId, id: NodeId) -> bool {
-    matches!(present(bus, can_id), Some(Service::Pdo(name, node)) if node != id && name.direction == PdoDirection::Transmit)
+    matches!(present_service(bus, can_id), Some(IdentifierService::Pdo(name, node)) if node != id && name.direction == PdoDirection::Transmit)
 }
 
 /// Present service of an identifier, if a device can be delivered with this service.
-fn present(bus: &Bus, can_id: CanId) -> Option<Service> {
-    match bus.routes.origin(can_id) {
+fn present_service(bus: &Bus, can_id: CanId) -> Option<IdentifierService> {
+    match bus.routes.route_origin(can_id) {
         RouteOrigin::Learnt(service) => Some(service),
-        RouteOrigin::Default(Owner::Pdo(name, node)) => Some(Service::Pdo(name, node.into())),
-        RouteOrigin::Default(Owner::Emcy(node)) => Some(Service::Emcy(node.into())),
-        RouteOrigin::Default(Owner::Sync) => Some(Service::Sync),
+        RouteOrigin::Default(IdentifierOwner::Pdo(name, node)) => {
+            Some(IdentifierService::Pdo(name, node.into()))
+        }
+        RouteOrigin::Default(IdentifierOwner::Emcy(node)) => Some(IdentifierService::Emcy(node.into())),
+        RouteOrigin::Default(IdentifierOwner::Sync) => Some(IdentifierService::Sync),
         RouteOrigin::Default(_) | RouteOrigin::J1939(_) => None,
     }
 }
@@ -216,8 +221,8 @@ mod tests {
                 write!(text, "[{object}]\nParameterName=a\nDataType=7\nAccessType=rw\n{key}={value}\n")
                     .unwrap();
             }
-            let file = Arc::new(device_file::parse(text.as_bytes()).unwrap());
-            let device = Arc::new(imported::device(&file, "a.eds"));
+            let file = Arc::new(device_file::parse_device_file(text.as_bytes()).unwrap());
+            let device = Arc::new(imported::describe_device(&file, "a.eds"));
             Assignment { bus: None, node: (*node).into(), device, by: AssignedBy::DeviceFile }
         });
         let options = SessionOptions { assignments: assignments.collect(), ..SessionOptions::default() };
@@ -228,18 +233,21 @@ mod tests {
     fn seen(bus: &mut BusDecoder, ids: &[u16]) -> Vec<String> {
         let mut seen = Vec::new();
         for (number, id) in (1..).zip(ids) {
-            let mut frame = Frame::data_frame(CanId::standard(*id), &[0; 8]);
+            let mut frame = Frame::data_frame(CanId::from_standard(*id), &[0; 8]);
             (frame.number, frame.time) = (number, Some(Timestamp(i64::try_from(number).unwrap())));
             bus.push(&frame, &mut |_: &Event, _: &Bus| {});
         }
         seen.extend(ids.iter().map(|id| {
-            let slot =
-                bus.bus().routes.find(CanId::standard(*id)).and_then(|slot| bus.bus().routes.slot(slot));
+            let slot = bus
+                .bus()
+                .routes
+                .find_slot(CanId::from_standard(*id))
+                .and_then(|slot| bus.bus().routes.slot(slot));
             match slot.unwrap().service {
-                Service::Pdo(name, node) => format!("{name} of {node}"),
-                Service::Emcy(node) => format!("EMCY of {node}"),
-                Service::Sdo(side, channel) => {
-                    format!("SDO {side:?} of {}", bus.bus().channels.server(channel).unwrap())
+                IdentifierService::Pdo(name, node) => format!("{name} of {node}"),
+                IdentifierService::Emcy(node) => format!("EMCY of {node}"),
+                IdentifierService::Sdo(side, channel) => {
+                    format!("SDO {side:?} of {}", bus.bus().channels.server_node(channel).unwrap())
                 }
                 other => format!("{other:?}"),
             }
@@ -273,7 +281,7 @@ mod tests {
             "TPDO2 of 5",
         ];
         assert_eq!(found, expected);
-        assert_eq!(bus.bus().node(5).unwrap().sync, CanId::standard(0xA0));
+        assert_eq!(bus.bus().node(5).unwrap().sync, CanId::from_standard(0xA0));
     }
 
     #[test]
@@ -298,7 +306,7 @@ mod tests {
         let response = [0x43, low, high, object.1, a, b, c, d];
         let mut events = Vec::new();
         for (base, data) in [(0x600, request), (0x580, response)] {
-            let mut frame = Frame::data_frame(CanId::standard(base + u16::from(node)), &data);
+            let mut frame = Frame::data_frame(CanId::from_standard(base + u16::from(node)), &data);
             frame.number = bus.bus().last_frame + 1;
             frame.time = Some(Timestamp(1_000_000 * i64::try_from(frame.number).unwrap()));
             bus.push(&frame, &mut |event: &Event, _: &Bus| events.push(event.clone()));
@@ -324,7 +332,7 @@ mod tests {
             6.into(),
             NodeIdSource::Lss,
             &Frame::EMPTY,
-            &mut bus.lend(&mut observer),
+            &mut bus.lend_context(&mut observer),
         );
         assert_eq!(seen(&mut bus, &[0x1C5, 0x1C6, 0x2F0]), ["TPDO1 of 69", "TPDO1 of 6", "TPDO2 of 6"]);
     }
@@ -334,7 +342,7 @@ mod tests {
         let mut bus = bus(&[(5, &[("1017", "=500"), ("1A00sub0", "=1"), ("1A00sub1", "=0x20000010")])]);
         let layout = |bus: &mut BusDecoder| {
             let mut layout = None;
-            let mut frame = Frame::data_frame(CanId::standard(0x185), &[1, 2]);
+            let mut frame = Frame::data_frame(CanId::from_standard(0x185), &[1, 2]);
             frame.number = 50;
             bus.push(&frame, &mut |event: &Event, _: &Bus| {
                 if let EventKind::Pdo(pdo) = &event.kind {

@@ -1,7 +1,7 @@
 //! Effect of communication parameters: COB-IDs, PDO mappings, timers, SDO channels.
 
 use crate::profile::PdoName;
-use crate::session::bus::{Bus, Service, identifier, predefined};
+use crate::session::bus::{Bus, IdentifierService, cob_identifier, predefined_identifier};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -21,8 +21,8 @@ pub(in crate::session) fn apply_object(bus: &mut Bus, id: NodeId, address: Objec
     let Some(number) = bus.object_number(id, address) else { return };
     match (address.index, address.sub) {
         (0x1005, 0) => own_sync(bus, id, number),
-        (0x1012, 0) => route_to(bus, Service::Time, number & !0xC000_0000),
-        (0x1014, 0) => route_to(bus, Service::Emcy(id), number),
+        (0x1012, 0) => route_to(bus, IdentifierService::Time, number & !0xC000_0000),
+        (0x1014, 0) => route_to(bus, IdentifierService::Emcy(id), number),
         (0x1017, 0) => heartbeat_time(bus, id, number),
         (0x1200..=0x127F, _) => learn_channel(bus, id, address.index),
         (0x1280..=0x12FF, _) => learn_client(bus, id, address.index),
@@ -32,14 +32,14 @@ pub(in crate::session) fn apply_object(bus: &mut Bus, id: NodeId, address: Objec
 }
 
 /// Changes the identifier of a service; the old one returns to its default service.
-fn route_to(bus: &mut Bus, service: Service, cob_id: u64) {
-    let new = identifier(cob_id);
+fn route_to(bus: &mut Bus, service: IdentifierService, cob_id: u64) {
+    let new = cob_identifier(cob_id);
     if let Some(old) = bus.routes.learnt_id(service).filter(|old| Some(*old) != new) {
         let default = bus.default_service(old);
-        bus.routes.forget(old, service, default);
+        bus.routes.forget_service(old, service, default);
     }
     if let Some(id) = new.filter(|id| id.number() != 0 && bus.default_service(*id) != service) {
-        bus.routes.learn(id, service);
+        bus.routes.learn_service(id, service);
     }
 }
 
@@ -57,10 +57,11 @@ fn learn_channel(bus: &mut Bus, id: NodeId, index: u16) {
     if index == 0x1200 {
         return;
     }
-    let ids = [1, 2].map(|sub| bus.object_number(id, ObjectAddress::new(index, sub)).and_then(identifier));
+    let ids =
+        [1, 2].map(|sub| bus.object_number(id, ObjectAddress::new(index, sub)).and_then(cob_identifier));
     let client = bus.object_number(id, ObjectAddress::new(index, 3)).and_then(|id| u8::try_from(id).ok());
     if let [Some(request), Some(response)] = ids
-        && let Some(channel) = bus.channels.add(id.number(), index, request, response, client)
+        && let Some(channel) = bus.channels.add_channel(id.number(), index, request, response, client)
     {
         bus.route_channel(channel, request, response);
     }
@@ -69,7 +70,7 @@ fn learn_channel(bus: &mut Bus, id: NodeId, index: u16) {
 /// SDO client parameter 1280 and up: server that the node accesses, and the identifiers.
 fn learn_client(bus: &mut Bus, id: NodeId, index: u16) {
     let number = |sub| bus.object_number(id, ObjectAddress::new(index, sub));
-    let ids = [number(1).and_then(identifier), number(2).and_then(identifier)];
+    let ids = [number(1).and_then(cob_identifier), number(2).and_then(cob_identifier)];
     let server = number(3).and_then(|server| u8::try_from(server).ok());
     if let ([Some(request), Some(response)], Some(server @ 1..=127)) = (ids, server)
         && let Some(channel) = bus.channels.of_client(server, index, request, response, id.number())
@@ -82,7 +83,7 @@ fn learn_client(bus: &mut Bus, id: NodeId, index: u16) {
 /// the PDO becomes valid again; if it stayed valid, with the number of entries.
 fn learn_pdo(bus: &mut Bus, id: NodeId, address: ObjectAddress) {
     let Some(name) = PdoName::of_parameter(address.index) else { return };
-    let service = Service::Pdo(name, id);
+    let service = IdentifierService::Pdo(name, id);
     let cob_id = bus.object_number(id, ObjectAddress::new(name.communication_index(), 1));
     let is_valid = cob_id.is_none_or(|cob_id| cob_id & INVALID == 0);
     if address == ObjectAddress::new(name.communication_index(), 1)
@@ -104,11 +105,10 @@ fn learn_pdo(bus: &mut Bus, id: NodeId, address: ObjectAddress) {
 /// Updates the service of the predefined identifier of a TPDO: after the TPDO moved to another identifier, its
 /// producer is unknown.
 fn route_predefined(bus: &mut Bus, name: PdoName, id: NodeId) {
-    let Some(default) = predefined(name, id).filter(|_| name.is_sent()) else { return };
+    let Some(default) = predefined_identifier(name, id).filter(|_| name.is_sent()) else { return };
     let service = bus.default_service(default);
-    let is_old =
-        matches!(bus.routes.service_of(default), Some(Service::Pdo(of, node)) if (of, node) == (name, id));
-    let is_orphan = bus.routes.service_of(default) == Some(Service::Unclassified);
+    let is_old = matches!(bus.routes.service_of(default), Some(IdentifierService::Pdo(of, node)) if (of, node) == (name, id));
+    let is_orphan = bus.routes.service_of(default) == Some(IdentifierService::Unclassified);
     if (is_old || is_orphan)
         && bus.routes.learnt_at(default).is_none()
         && bus.routes.service_of(default) != Some(service)
@@ -121,7 +121,7 @@ fn route_predefined(bus: &mut Bus, name: PdoName, id: NodeId) {
 pub(in crate::session) fn revert_object(bus: &mut Bus, id: NodeId, address: ObjectAddress) {
     match (address.index, address.sub) {
         (0x1005, 0) => own_sync(bus, id, SYNC),
-        (0x1014, 0) => forget_route(bus, Service::Emcy(id)),
+        (0x1014, 0) => forget_route(bus, IdentifierService::Emcy(id)),
         (0x1017, 0) => {
             if let Some(node) = bus.node_mut(id) {
                 node.heartbeat.configured = None;
@@ -129,7 +129,7 @@ pub(in crate::session) fn revert_object(bus: &mut Bus, id: NodeId, address: Obje
         }
         (0x1400..=0x1BFF, 1) => {
             if let Some(name) = PdoName::of_parameter(address.index) {
-                forget_route(bus, Service::Pdo(name, id));
+                forget_route(bus, IdentifierService::Pdo(name, id));
                 route_predefined(bus, name, id);
                 bus.refresh_pdo_users();
             }
@@ -138,20 +138,20 @@ pub(in crate::session) fn revert_object(bus: &mut Bus, id: NodeId, address: Obje
     }
 }
 
-fn forget_route(bus: &mut Bus, service: Service) {
+fn forget_route(bus: &mut Bus, service: IdentifierService) {
     if let Some(old) = bus.routes.learnt_id(service) {
         let default = bus.default_service(old);
-        bus.routes.forget(old, service, default);
+        bus.routes.forget_service(old, service, default);
     }
 }
 
 /// Sets the SYNC that a node uses; identifiers of other SYNCs stay, because other nodes may use them.
 fn own_sync(bus: &mut Bus, id: NodeId, cob_id: u64) {
-    let Some(sync) = identifier(cob_id & !0xC000_0000) else { return };
+    let Some(sync) = cob_identifier(cob_id & !0xC000_0000) else { return };
     if let Some(node) = bus.node_mut(id) {
         node.sync = sync;
     }
-    if sync.number() != 0 && bus.default_service(sync) != Service::Sync {
-        bus.routes.learn(sync, Service::Sync);
+    if sync.number() != 0 && bus.default_service(sync) != IdentifierService::Sync {
+        bus.routes.learn_service(sync, IdentifierService::Sync);
     }
 }

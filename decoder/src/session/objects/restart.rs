@@ -8,11 +8,11 @@ use super::parameters::{apply_object, revert_object};
 use super::values::mark_unsaved_stale;
 use crate::event::{ChangeOrigin, EventKind, ObjectChange};
 use crate::frame::Frame;
-use crate::profile::device::Order;
-use crate::profile::object::Format;
-use crate::profile::{Effect, Storage};
-use crate::session::bus::{Bus, Node, Origin, OriginKind, Restart};
-use crate::session::context::Context;
+use crate::profile::device::ErrorCodeOrder;
+use crate::profile::object::NumberFormat;
+use crate::profile::{ValueStorage, WriteEffect};
+use crate::session::bus::{Bus, Node, OriginKind, RestartType, StoredOrigin};
+use crate::session::context::MachineContext;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -27,7 +27,7 @@ pub(in crate::session) struct RestartChange {
 /// Number of written values lost by a restart, for the boot event.
 pub(in crate::session) fn count_lost_settings(bus: &Bus, id: NodeId) -> u32 {
     let Some(node) = bus.node(id) else { return 0 };
-    let lost = lost(node).into_iter().filter(|change| {
+    let lost = lost_values(node).into_iter().filter(|change| {
         let entry = node.store.get(change.object);
         change.from != change.to && entry.is_some_and(|entry| entry.origin.kind == OriginKind::Download)
     });
@@ -37,10 +37,10 @@ pub(in crate::session) fn count_lost_settings(bus: &Bus, id: NodeId) -> u32 {
 /// Applies a restart to the values of a node; returns the changes, which are emitted after the boot event.
 pub(in crate::session) fn restart_values(bus: &mut Bus, id: NodeId, frame: &Frame) -> Vec<RestartChange> {
     let Some(node) = bus.node_mut(id) else { return Vec::new() };
-    let presumed = node.restart == Restart::PowerOn;
+    let presumed = node.restart == RestartType::PowerOn;
     let is_due = node.restart_brings();
     let waiting = Arc::make_mut(&mut node.store).take_waiting(is_due);
-    let mut changes = lost(node);
+    let mut changes = lost_values(node);
     let store = Arc::make_mut(&mut node.store);
     for change in &changes {
         match &change.to {
@@ -49,10 +49,10 @@ pub(in crate::session) fn restart_values(bus: &mut Bus, id: NodeId, frame: &Fram
         }
     }
     for (object, value) in waiting {
-        let from = store.seen(object).map(|entry| entry.value.clone());
-        let origin = Origin { kind: OriginKind::Download, frame: frame.number, time: frame.time };
+        let from = store.seen_value(object).map(|entry| entry.value.clone());
+        let origin = StoredOrigin { kind: OriginKind::Download, frame: frame.number, time: frame.time };
         if store.set(object, &value, origin).is_ok() && presumed {
-            store.doubt(object);
+            store.mark_doubtful(object);
         }
         changes.push(RestartChange { object, from, to: Some(value), origin: ChangeOrigin::Restart });
     }
@@ -65,7 +65,7 @@ pub(in crate::session) fn emit_restart_changes(
     id: NodeId,
     changes: Vec<RestartChange>,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     for RestartChange { object, from, to, origin } in changes {
         if from == to {
@@ -80,17 +80,17 @@ pub(in crate::session) fn emit_restart_changes(
             effect: None,
             persists: None,
         }));
-        cx.emit(frame, id, origin != ChangeOrigin::Restart, kind);
+        cx.emit_event(frame, id, origin != ChangeOrigin::Restart, kind);
     }
 }
 
 /// Applies an object that changed without a message: its identifiers and times follow.
 fn revert_value(bus: &mut Bus, id: NodeId, object: ObjectAddress) {
     if let Some(node) = bus.node_mut(id) {
-        let decides = node.device.emcy.byte_order.as_ref().and_then(Order::object) == Some(object);
+        let decides = node.device.emcy.byte_order.as_ref().and_then(ErrorCodeOrder::object) == Some(object);
         node.emcy_order = node.emcy_order.filter(|_| !decides);
     }
-    let known = bus.node(id).is_some_and(|node| node.store.seen(object).is_some());
+    let known = bus.node(id).is_some_and(|node| node.store.seen_value(object).is_some());
     if known {
         apply_object(bus, id, object);
     } else {
@@ -100,19 +100,19 @@ fn revert_value(bus: &mut Bus, id: NodeId, object: ObjectAddress) {
 }
 
 /// Values lost by a restart: volatile objects, and those written but not stored.
-fn lost(node: &Node) -> Vec<RestartChange> {
+fn lost_values(node: &Node) -> Vec<RestartChange> {
     let mut changes = Vec::new();
     for (object, entry) in node.store.sorted() {
         if matches!(entry.origin.kind, OriginKind::BusFile | OriginKind::DeviceFile) {
             continue;
         }
-        let known = node.device.dictionary.find(object).and_then(|found| found.entry);
+        let known = node.device.dictionary.find_object(object).and_then(|found| found.entry);
         // A signature is a command, not a value.
-        let known = known.filter(|known| known.format != Format::Ascii);
-        let kept = node.store.kept(object).map(<[u8]>::to_vec);
+        let known = known.filter(|known| known.format != NumberFormat::Ascii);
+        let kept = node.store.stored_value(object).map(<[u8]>::to_vec);
         let to = match known.map(|known| known.storage) {
-            Some(Storage::Volatile) => None,
-            Some(Storage::Save) if entry.origin.kind == OriginKind::Download => kept,
+            Some(ValueStorage::Volatile) => None,
+            Some(ValueStorage::Save) if entry.origin.kind == OriginKind::Download => kept,
             _ => continue,
         };
         if to.as_ref() != Some(&entry.value) {
@@ -129,8 +129,8 @@ fn lost(node: &Node) -> Vec<RestartChange> {
 
 impl Node {
     /// Condition for a waiting value to take effect at the present restart.
-    fn restart_brings(&self) -> impl Fn(Effect) -> bool + use<> {
+    fn restart_brings(&self) -> impl Fn(WriteEffect) -> bool + use<> {
         let restart = self.restart;
-        move |effect| restart.brings(effect)
+        move |effect| restart.applies_value(effect)
     }
 }

@@ -4,15 +4,15 @@ use std::sync::Arc;
 
 use super::conflict::check_device_file;
 use super::parameters::apply_object;
-use crate::bus_file::encode;
+use crate::bus_file::encode_number;
 use crate::event::{ChangeOrigin, EventKind, EvictedState, ObjectChange};
 use crate::frame::Frame;
-use crate::profile::device::Device;
-use crate::profile::object::Format;
-use crate::profile::{DataType, Effect, Entry, Persistence, ResolvedObject, Storage};
+use crate::profile::device::DeviceProfile;
+use crate::profile::object::NumberFormat;
+use crate::profile::{DataType, Persistence, ResolvedObject, SubEntry, ValueStorage, WriteEffect};
 use crate::session::bus::PendingValue;
-use crate::session::bus::{Bus, Node, Origin, OriginKind};
-use crate::session::context::Context;
+use crate::session::bus::{Bus, Node, OriginKind, StoredOrigin};
+use crate::session::context::MachineContext;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -35,19 +35,23 @@ pub(in crate::session) struct ObjectTransfer {
 struct LearntValue<'a> {
     object: ObjectAddress,
     value: &'a [u8],
-    origin: Origin,
+    origin: StoredOrigin,
 }
 
 /// Stores and applies the value of a confirmed transfer; removes the padding of an expedited transfer without
 /// indicated size.
-pub(in crate::session) fn apply_transfer(transfer: &mut ObjectTransfer, frame: &Frame, cx: &mut Context<'_>) {
+pub(in crate::session) fn apply_transfer(
+    transfer: &mut ObjectTransfer,
+    frame: &Frame,
+    cx: &mut MachineContext<'_>,
+) {
     let (id, object, kind) = (transfer.node, transfer.object, transfer.kind);
     let Some(node) = cx.bus.node_mut(id) else { return };
     let device = Arc::clone(&node.device);
-    let found = device.dictionary.find(object);
+    let found = device.dictionary.find_object(object);
     let entry = found.and_then(|found| found.entry);
-    let origin = Origin { kind, frame: frame.number, time: frame.time };
-    transfer.value.truncate(unpadded(&transfer.value, entry.and_then(|entry| entry.data_type)).len());
+    let origin = StoredOrigin { kind, frame: frame.number, time: frame.time };
+    transfer.value.truncate(strip_padding(&transfer.value, entry.and_then(|entry| entry.data_type)).len());
     let learnt = LearntValue { object, value: &transfer.value, origin };
     check_device_file(id, object, learnt.value, kind, frame, cx);
     match kind {
@@ -59,25 +63,25 @@ pub(in crate::session) fn apply_transfer(transfer: &mut ObjectTransfer, frame: &
 fn apply_download(
     id: NodeId,
     learnt: LearntValue<'_>,
-    device: &Device,
+    device: &DeviceProfile,
     found: Option<ResolvedObject<'_>>,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let entry = found.and_then(|found| found.entry);
-    let effect = entry.map_or(Effect::Unknown, |entry| entry.effect);
+    let effect = entry.map_or(WriteEffect::Unknown, |entry| entry.effect);
     note_store_command(&mut cx.bus, id, learnt.object, learnt.value, device);
-    if effect == Effect::Never {
+    if effect == WriteEffect::Never {
         return;
     }
     // A signature is a command and cannot wait for a restart.
-    let is_command = entry.is_some_and(|entry| entry.format == Format::Ascii);
-    if effect.waits() && !is_command {
+    let is_command = entry.is_some_and(|entry| entry.format == NumberFormat::Ascii);
+    if effect.needs_restart() && !is_command {
         defer_download(id, learnt, entry, frame, cx);
     } else {
         set_value(id, learnt, entry, frame, cx);
     }
-    if let Some(found) = found.filter(|_| !effect.waits()) {
+    if let Some(found) = found.filter(|_| !effect.needs_restart()) {
         invalidate_dependents(&mut cx.bus, id, found);
     }
 }
@@ -86,15 +90,15 @@ fn apply_download(
 fn defer_download(
     id: NodeId,
     learnt: LearntValue<'_>,
-    entry: Option<&Entry>,
+    entry: Option<&SubEntry>,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let Some(node) = cx.bus.node_mut(id) else { return };
-    let effect = entry.map_or(Effect::Unknown, |entry| entry.effect);
-    let from = node.store.seen(learnt.object).map(|entry| entry.value.clone());
+    let effect = entry.map_or(WriteEffect::Unknown, |entry| entry.effect);
+    let from = node.store.seen_value(learnt.object).map(|entry| entry.value.clone());
     let waiting = PendingValue { value: learnt.value.to_vec(), effect, origin: learnt.origin };
-    Arc::make_mut(&mut node.store).wait(learnt.object, waiting);
+    Arc::make_mut(&mut node.store).add_waiting(learnt.object, waiting);
     if from.as_deref() != Some(learnt.value) {
         emit_object_change(id, learnt, from, entry, frame, cx);
     }
@@ -103,12 +107,12 @@ fn defer_download(
 fn apply_upload(
     id: NodeId,
     learnt: LearntValue<'_>,
-    entry: Option<&Entry>,
+    entry: Option<&SubEntry>,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     // A waiting value can be read back before it takes effect.
-    let waits = cx.bus.node(id).and_then(|node| node.store.waiting(learnt.object));
+    let waits = cx.bus.node(id).and_then(|node| node.store.waiting_value(learnt.object));
     if waits.is_some_and(|waiting| waiting.value == learnt.value) {
         return;
     }
@@ -118,13 +122,13 @@ fn apply_upload(
 fn set_value(
     id: NodeId,
     learnt: LearntValue<'_>,
-    entry: Option<&Entry>,
+    entry: Option<&SubEntry>,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
     let Some(node) = cx.bus.node_mut(id) else { return };
     let store = Arc::make_mut(&mut node.store);
-    if let Some(was_stale) = store.confirm(learnt.object, learnt.value, learnt.origin) {
+    if let Some(was_stale) = store.confirm_value(learnt.object, learnt.value, learnt.origin) {
         if was_stale {
             cx.bus.routes.refresh_dependents(id, learnt.object);
         }
@@ -132,7 +136,7 @@ fn set_value(
     }
     let Ok(before) = store.set(learnt.object, learnt.value, learnt.origin) else {
         let kind = EventKind::Evicted { what: EvictedState::Object, count: 1 };
-        return cx.emit(frame, id, false, kind);
+        return cx.emit_event(frame, id, false, kind);
     };
     let was_sure = before.as_ref().is_some_and(|before| !before.stale);
     let from = before.map(|before| before.value);
@@ -150,11 +154,11 @@ fn emit_object_change(
     id: NodeId,
     learnt: LearntValue<'_>,
     from: Option<Vec<u8>>,
-    entry: Option<&Entry>,
+    entry: Option<&SubEntry>,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
-    let (effect, persists) = entry.map_or((None, None), Entry::consequence);
+    let (effect, persists) = entry.map_or((None, None), SubEntry::write_consequence);
     let change = ObjectChange {
         object: learnt.object,
         from,
@@ -163,18 +167,24 @@ fn emit_object_change(
         effect,
         persists,
     };
-    cx.emit(frame, id, true, EventKind::ObjectChange(Box::new(change)));
+    cx.emit_event(frame, id, true, EventKind::ObjectChange(Box::new(change)));
 }
 
 /// Applies store and restore: "save" makes values non-volatile, "load" invalidates the stored ones.
-fn note_store_command(bus: &mut Bus, id: NodeId, object: ObjectAddress, value: &[u8], device: &Device) {
+fn note_store_command(
+    bus: &mut Bus,
+    id: NodeId,
+    object: ObjectAddress,
+    value: &[u8],
+    device: &DeviceProfile,
+) {
     let Some(node) = bus.node_mut(id) else { return };
     let is_save = object.index == STORE && value == b"save";
     // Any later write makes the parameters unsaved again.
     node.saved = is_save;
-    let covers = |kept: ObjectAddress| covers(device, object.sub, kept);
+    let covers = |kept: ObjectAddress| covers_object(device, object.sub, kept);
     if is_save {
-        Arc::make_mut(&mut node.store).keep(covers);
+        Arc::make_mut(&mut node.store).mark_stored(covers);
     } else if object.index == RESTORE && value == b"load" {
         Arc::make_mut(&mut node.store).forget_kept(covers);
     }
@@ -202,9 +212,9 @@ pub(in crate::session) fn mark_stale(bus: &mut Bus, id: NodeId, covers: impl Fn(
 /// Marks one value as doubtful, except one that the bus file states, and refreshes the PDOs that depend on it.
 pub(in crate::session) fn mark_value_stale(bus: &mut Bus, id: NodeId, object: ObjectAddress) {
     let Some(node) = bus.node_mut(id) else { return };
-    let known = node.store().seen(object);
+    let known = node.store().seen_value(object);
     if known.is_some_and(|entry| entry.origin.kind != OriginKind::BusFile && !entry.stale) {
-        Arc::make_mut(&mut node.store).doubt(object);
+        Arc::make_mut(&mut node.store).mark_doubtful(object);
         bus.routes.refresh_dependents(id, object);
     }
 }
@@ -219,11 +229,11 @@ pub(in crate::session) fn set_fallback(
 ) {
     let Some(node) = bus.node_mut(id) else { return };
     let data_type = node.device.dictionary.data_type(object);
-    let Ok(bytes) = encode(value, data_type) else { return };
-    let origin = Origin { kind: OriginKind::Upload, frame: frame.number, time: frame.time };
+    let Ok(bytes) = encode_number(value, data_type) else { return };
+    let origin = StoredOrigin { kind: OriginKind::Upload, frame: frame.number, time: frame.time };
     let store = Arc::make_mut(&mut node.store);
     if store.set(object, &bytes, origin).is_ok() {
-        store.doubt(object);
+        store.mark_doubtful(object);
         bus.routes.refresh_dependents(id, object);
     }
 }
@@ -236,15 +246,15 @@ pub(in crate::session) fn mark_unsaved_stale(bus: &mut Bus, id: NodeId) {
     }
     let device = Arc::clone(&node.device);
     let untold = |object: ObjectAddress| {
-        let entry = device.dictionary.find(object).and_then(|found| found.entry);
-        entry.is_none_or(|entry| entry.storage == Storage::Unknown)
+        let entry = device.dictionary.find_object(object).and_then(|found| found.entry);
+        entry.is_none_or(|entry| entry.storage == ValueStorage::Unknown)
     };
     Arc::make_mut(&mut node.store).doubt_all(untold);
     bus.routes.refresh_pdos_of(id);
 }
 
 /// Removes the padding of an expedited transfer without indicated size.
-fn unpadded(value: &[u8], data_type: Option<DataType>) -> &[u8] {
+fn strip_padding(value: &[u8], data_type: Option<DataType>) -> &[u8] {
     let length = data_type.and_then(DataType::bits).map(|bits| usize::from(bits.div_ceil(8)));
     match length.and_then(|length| value.split_at_checked(length)) {
         Some((value, padding)) if padding.iter().all(|byte| *byte == 0) => value,
@@ -254,29 +264,34 @@ fn unpadded(value: &[u8], data_type: Option<DataType>) -> &[u8] {
 
 impl Node {
     /// Whether the value of an object survives a restart, from the profile; `None` if unknown.
-    pub fn persists(&self, object: ObjectAddress) -> Option<Persistence> {
-        let entry = self.device.dictionary.find(object)?.entry.filter(|it| it.format != Format::Ascii)?;
+    pub fn persistence_text(&self, object: ObjectAddress) -> Option<Persistence> {
+        let entry = self
+            .device
+            .dictionary
+            .find_object(object)?
+            .entry
+            .filter(|it| it.format != NumberFormat::Ascii)?;
         let value = self.store.get(object)?;
         match entry.storage {
-            Storage::EachWrite | Storage::Fixed => Some(Persistence::Yes),
-            Storage::Volatile => Some(Persistence::No),
-            Storage::Save if self.store.kept(object) == Some(value.value.as_slice()) => {
+            ValueStorage::EachWrite | ValueStorage::Fixed => Some(Persistence::Yes),
+            ValueStorage::Volatile => Some(Persistence::No),
+            ValueStorage::Save if self.store.stored_value(object) == Some(value.value.as_slice()) => {
                 Some(Persistence::Yes)
             }
             // A value that was read and never written is the stored one.
-            Storage::Save if value.origin.kind == OriginKind::Upload => Some(Persistence::Yes),
-            Storage::Save => Some(Persistence::NotStored),
-            Storage::Unknown => None,
+            ValueStorage::Save if value.origin.kind == OriginKind::Upload => Some(Persistence::Yes),
+            ValueStorage::Save => Some(Persistence::NotStored),
+            ValueStorage::Unknown => None,
         }
     }
 }
 
 /// Whether a sub-index of store or restore covers an object, from the profile or else CiA 301 (1: all,
 /// 2: communication, 3: application).
-fn covers(device: &Device, sub: u8, object: ObjectAddress) -> bool {
-    let found = device.dictionary.find(object);
+fn covers_object(device: &DeviceProfile, sub: u8, object: ObjectAddress) -> bool {
+    let found = device.dictionary.find_object(object);
     let entry = found.and_then(|found| found.entry);
-    if entry.is_some_and(|entry| !matches!(entry.storage, Storage::Save | Storage::Unknown)) {
+    if entry.is_some_and(|entry| !matches!(entry.storage, ValueStorage::Save | ValueStorage::Unknown)) {
         return false;
     }
     match (sub, entry.and_then(|entry| entry.save)) {

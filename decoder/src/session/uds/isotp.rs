@@ -1,20 +1,21 @@
 //! ISO-TP: combines frames to messages.
 
-use super::reassembly::{Due, Reassembly, ReassemblyStep};
-use super::transfer::{IsoTpIrregularity, Transfer};
+use super::reassembly::{LinkTimeout, MessageReassembly, ReassemblyStep};
+use super::transfer::{IsoTpIrregularity, MessageTransfer};
 use crate::event::{
-    EventKind, EvictedState, FrameRange, Irregularity, IrregularityKind, IsoTpTransfer, MessageOutcome,
+    EventKind, EvictedState, FrameRange, IrregularityKind, IsoTpTransfer, MessageOutcome,
+    TransferIrregularity,
 };
 use crate::frame::Frame;
 use crate::profile;
-use crate::session::bus::{Bus, Link};
-use crate::session::context::Context;
+use crate::session::bus::{Bus, UdsLink};
+use crate::session::context::MachineContext;
 use crate::session::limits::OPEN_DATA_LIMIT;
-use crate::session::machine::{Machine, Timed};
+use crate::session::machine::{ProtocolMachine, TimedMachine};
 use crate::session::options::ProtocolChoice;
-use crate::session::timers::Subject;
-use crate::wire::Malformed;
-use crate::wire::isotp::{self, IsoTp as Message};
+use crate::session::timers::DeadlineSubject;
+use crate::wire::MalformedPayload;
+use crate::wire::isotp::{self, IsoTpFrame as Message};
 
 /// Timeout in ns of a sender for flow control, and of a receiver for the next frame (N_Bs, N_Cr:
 /// ISO 15765-2 §9.8).
@@ -23,22 +24,22 @@ const FRAME_TIME: i64 = 1_000_000_000;
 /// A message that ended, with all its frames or with missing ones.
 pub(in crate::session) struct CompleteMessage {
     /// Link of the message.
-    pub(super) link: Link,
-    pub(super) transfer: Box<Transfer>,
+    pub(super) link: UdsLink,
+    pub(super) transfer: Box<MessageTransfer>,
 }
 
 /// ISO-TP messages of a bus.
 #[derive(Debug, Clone, Default)]
-pub(in crate::session) struct IsoTp {
-    reassembly: Reassembly,
+pub(in crate::session) struct IsoTpMachine {
+    reassembly: MessageReassembly,
 }
 
-impl Machine for IsoTp {
-    type Route<'a> = Link;
+impl ProtocolMachine for IsoTpMachine {
+    type Route<'a> = UdsLink;
     /// Message completed by the frame.
     type Product = Option<CompleteMessage>;
 
-    fn on_frame(&mut self, link: Link, frame: &Frame, cx: &mut Context<'_>) -> Self::Product {
+    fn on_frame(&mut self, link: UdsLink, frame: &Frame, cx: &mut MachineContext<'_>) -> Self::Product {
         if cx.bus.protocol == ProtocolChoice::None {
             cx.emit_undecoded(frame, None);
             return None;
@@ -47,46 +48,46 @@ impl Machine for IsoTp {
             [address, rest @ ..] if cx.bus.uds_pairs.has_address_byte(link) => (Some(*address), rest),
             data => (None, data),
         };
-        let message = self.parse(link, data, frame, cx)?;
-        let taken = self.reassembly.take(link, &message, address_byte, frame);
+        let message = self.parse_frame(link, data, frame, cx)?;
+        let taken = self.reassembly.take_frame(link, &message, address_byte, frame);
         // Flow control has the opposite direction of its message.
-        let of = if matches!(message, Message::FlowControl(_)) { link.back() } else { link };
+        let of = if matches!(message, Message::FlowControl(_)) { link.opposite_link() } else { link };
         let whole = emit_results(link, of, taken, frame, cx);
         self.keep_within_limits(of, frame, cx);
-        if cx.bus.clock.runs() {
+        if cx.bus.clock.has_timestamps() {
             let deadline = cx.bus.clock.now().saturating_add(FRAME_TIME);
-            if self.reassembly.arm(of, deadline) {
-                cx.timers.add(deadline, Subject::IsoTp(of));
+            if self.reassembly.set_deadline(of, deadline) {
+                cx.timers.add_deadline(deadline, DeadlineSubject::IsoTp(of));
             }
         }
         whole
     }
 
     fn on_silence(&mut self, delay: i64, _: &mut Bus) {
-        self.reassembly.postpone(delay);
+        self.reassembly.postpone_deadlines(delay);
     }
 
     /// Ends open messages as unfinished.
-    fn on_end(&mut self, cx: &mut Context<'_>) {
+    fn on_end(&mut self, cx: &mut MachineContext<'_>) {
         let frame = cx.last_frame();
-        for (link, transfer) in self.reassembly.drain() {
+        for (link, transfer) in self.reassembly.drain_messages() {
             emit_message(link, &transfer, &frame, cx);
         }
     }
 
-    fn footprint(&self) -> usize {
+    fn memory_size(&self) -> usize {
         self.reassembly.footprint()
     }
 }
 
-impl Timed for IsoTp {
-    type Deadline = Link;
+impl TimedMachine for IsoTpMachine {
+    type Deadline = UdsLink;
 
-    fn on_deadline(&mut self, link: Link, now: i64, cx: &mut Context<'_>) -> Self::Product {
-        match self.reassembly.due(link, now) {
-            Due::Nothing => {}
-            Due::Later(deadline) => cx.timers.add(deadline, Subject::IsoTp(link)),
-            Due::Over(transfer, deadline) => {
+    fn on_deadline(&mut self, link: UdsLink, now: i64, cx: &mut MachineContext<'_>) -> Self::Product {
+        match self.reassembly.evaluate_timer(link, now) {
+            LinkTimeout::Nothing => {}
+            LinkTimeout::Later(deadline) => cx.timers.add_deadline(deadline, DeadlineSubject::IsoTp(link)),
+            LinkTimeout::Over(transfer, deadline) => {
                 cx.open_data.isotp = self.reassembly.open_bytes();
                 let mut frame = Frame { number: transfer.frames.last, ..Frame::EMPTY };
                 frame.time = cx.bus.clock.stamp_of(deadline);
@@ -97,25 +98,25 @@ impl Timed for IsoTp {
     }
 }
 
-impl IsoTp {
+impl IsoTpMachine {
     /// Whether a response to requests of a link has started and is not complete.
-    pub(in crate::session) fn is_answering(&self, link: Link) -> bool {
-        !link.is_functional() && self.reassembly.is_open(link.back())
+    pub(in crate::session) fn is_answering(&self, link: UdsLink) -> bool {
+        !link.is_functional() && self.reassembly.is_open(link.opposite_link())
     }
 
     /// Message of a frame; a malformed one is reported.
-    fn parse<'f>(
+    fn parse_frame<'f>(
         &mut self,
-        link: Link,
+        link: UdsLink,
         data: &'f [u8],
         frame: &Frame,
-        cx: &mut Context<'_>,
+        cx: &mut MachineContext<'_>,
     ) -> Option<Message<'f>> {
         let message = isotp::parse(data, frame.data().len());
         if link.needs_evidence() && !self.reassembly.is_confirmed(link) {
             match &message {
                 Ok(Message::Single { data } | Message::First { data, .. }) if is_service(data) => {
-                    self.reassembly.confirm(link);
+                    self.reassembly.confirm_link(link);
                 }
                 _ => {
                     cx.emit_undecoded(frame, None);
@@ -125,7 +126,8 @@ impl IsoTp {
         }
         match message {
             Ok(Message::Unknown { .. }) => {
-                let error = Malformed { layer: "isotp", offset: 0, needed: 0, available: frame.length };
+                let error =
+                    MalformedPayload { layer: "isotp", offset: 0, needed: 0, available: frame.length };
                 cx.emit_malformed_uds(frame, error, "undefined ISO-TP control byte or size");
                 None
             }
@@ -138,7 +140,7 @@ impl IsoTp {
     }
 
     /// Drops data over the limit, and reports evicted data and messages.
-    fn keep_within_limits(&mut self, link: Link, frame: &Frame, cx: &mut Context<'_>) {
+    fn keep_within_limits(&mut self, link: UdsLink, frame: &Frame, cx: &mut MachineContext<'_>) {
         let held = self.reassembly.open_bytes() + cx.open_data.uds + cx.open_data.sdo;
         if held > OPEN_DATA_LIMIT && self.reassembly.give_up_data(link) {
             cx.emit_can(frame, EventKind::Evicted { what: EvictedState::IsoTpData, count: 1 });
@@ -152,11 +154,11 @@ impl IsoTp {
 
 /// Emits the results of a frame of `link`; it belongs to a message of the link `of`.
 fn emit_results(
-    link: Link,
-    of: Link,
+    link: UdsLink,
+    of: UdsLink,
     taken: ReassemblyStep,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) -> Option<CompleteMessage> {
     for what in taken.odd.into_iter().flatten() {
         emit_irregularity(link, what, frame, cx);
@@ -173,27 +175,27 @@ fn emit_results(
     is_whole.then_some(CompleteMessage { link: of, transfer: ended })
 }
 
-fn emit_irregularity(link: Link, what: IsoTpIrregularity, frame: &Frame, cx: &mut Context<'_>) {
-    let ends = cx.bus.uds_pairs.ends(link);
+fn emit_irregularity(link: UdsLink, what: IsoTpIrregularity, frame: &Frame, cx: &mut MachineContext<'_>) {
+    let ends = cx.bus.uds_pairs.link_endpoints(link);
     let address = |address: Option<u16>| address.and_then(|address| u8::try_from(address).ok());
-    let kind = EventKind::TransportIrregularity(Box::new(Irregularity {
+    let kind = EventKind::TransportIrregularity(Box::new(TransferIrregularity {
         source: address(ends.source),
         destination: address(ends.target),
-        ..irregularity(what)
+        ..to_irregularity(what)
     }));
     let event = cx.uds_event(frame, FrameRange::one(frame.number), None, kind);
-    cx.send(&event);
+    cx.send_event(&event);
 }
 
 /// Emits a message; `frame` is the last one of the message.
-fn emit_message(link: Link, transfer: &Transfer, frame: &Frame, cx: &mut Context<'_>) {
+fn emit_message(link: UdsLink, transfer: &MessageTransfer, frame: &Frame, cx: &mut MachineContext<'_>) {
     let message = IsoTpTransfer {
-        ends: cx.bus.uds_pairs.ends(link),
+        ends: cx.bus.uds_pairs.link_endpoints(link),
         id: transfer.id,
         flow_control: transfer.flow_control,
         address_byte: transfer.address_byte,
         announced: transfer.announced,
-        size: transfer.size(),
+        size: transfer.received_size(),
         data: transfer.data.clone(),
         truncated: transfer.truncated,
         is_single: transfer.is_single,
@@ -205,11 +207,11 @@ fn emit_message(link: Link, transfer: &Transfer, frame: &Frame, cx: &mut Context
     let kind = EventKind::IsoTpTransfer(Box::new(message));
     let mut event = cx.uds_event(frame, transfer.frames, None, kind);
     event.routine = transfer.outcome == MessageOutcome::Complete;
-    cx.send(&event);
+    cx.send_event(&event);
 }
 
 /// Irregularity of a frame, for an event.
-fn irregularity(what: IsoTpIrregularity) -> Irregularity {
+fn to_irregularity(what: IsoTpIrregularity) -> TransferIrregularity {
     let (what, message, packet, expected) = match what {
         IsoTpIrregularity::SequenceGap { expected, found } => {
             (IrregularityKind::Gap, "consecutive frame", Some(found), Some(expected))
@@ -225,7 +227,7 @@ fn irregularity(what: IsoTpIrregularity) -> Irregularity {
         }
         IsoTpIrregularity::StrayFlowControl => (IrregularityKind::Unexpected, "flow control", None, None),
     };
-    Irregularity {
+    TransferIrregularity {
         what,
         message,
         pgn: None,
@@ -241,8 +243,9 @@ fn irregularity(what: IsoTpIrregularity) -> Irregularity {
 /// Whether a message starts with a defined service identifier.
 fn is_service(data: &[u8]) -> bool {
     const NEGATIVE: u8 = 0x7F;
-    let known =
-        |service: u8| profile::uds().service(service & !0x40).is_some_and(|service| !service.is_obd());
+    let known = |service: u8| {
+        profile::uds_names().service_by_id(service & !0x40).is_some_and(|service| !service.is_obd())
+    };
     match data {
         [NEGATIVE, service, ..] | [service, ..] => known(*service),
         [] => false,

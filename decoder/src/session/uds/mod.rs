@@ -17,6 +17,6 @@ mod requests;
 mod tests;
 mod transfer;
 
-pub(in crate::session) use isotp::IsoTp;
+pub(in crate::session) use isotp::IsoTpMachine;
 pub(in crate::session) use obd::ObdPairs;
-pub(in crate::session) use requests::Uds;
+pub(in crate::session) use requests::UdsMachine;

@@ -9,10 +9,10 @@ use std::sync::Arc;
 use crate::bus_file::UdsPair;
 use crate::frame::{CanId, Frame, FrameFlags};
 use crate::profile;
-use crate::session::bus::Link;
-use crate::session::context::Context;
+use crate::session::bus::UdsLink;
+use crate::session::context::MachineContext;
 use crate::session::options::ProtocolChoice;
-use crate::wire::isotp::{self, IsoTp};
+use crate::wire::isotp::{self, IsoTpFrame};
 
 /// Identifier of requests to all servers.
 const FUNCTIONAL: u16 = 0x7DF;
@@ -44,9 +44,9 @@ pub(in crate::session) struct ObdPairs {
 /// A pair that its first response revealed.
 pub(in crate::session) struct ObdPair {
     /// Direction of the request.
-    pub(in crate::session) request: Link,
+    pub(in crate::session) request: UdsLink,
     /// Direction of the response.
-    pub(in crate::session) response: Link,
+    pub(in crate::session) response: UdsLink,
     /// Frame of the request.
     pub(in crate::session) frame: Box<Frame>,
 }
@@ -54,7 +54,7 @@ pub(in crate::session) struct ObdPair {
 impl ObdPairs {
     /// Whether an identifier is one of OBD.
     #[inline]
-    pub(in crate::session) const fn concerns(id: CanId) -> bool {
+    pub(in crate::session) const fn is_obd_identifier(id: CanId) -> bool {
         matches!(id, CanId::Standard(FUNCTIONAL | 0x7E0..=0x7EF))
     }
 
@@ -65,7 +65,7 @@ impl ObdPairs {
     }
 
     /// Stores a valid request.
-    pub(in crate::session) fn note(&mut self, frame: &Frame) {
+    pub(in crate::session) fn note_request(&mut self, frame: &Frame) {
         let CanId::Standard(id) = frame.id else { return };
         let slot = match id.checked_sub(REQUEST) {
             None if id == FUNCTIONAL => &mut self.functional,
@@ -75,39 +75,45 @@ impl ObdPairs {
             },
             None => return,
         };
-        if service(frame).is_some_and(|service| {
-            service & ANSWER == 0 && profile::uds().service(service).is_some() && frame.length == 8
+        if first_byte(frame).is_some_and(|service| {
+            service & ANSWER == 0
+                && profile::uds_names().service_by_id(service).is_some()
+                && frame.length == 8
         }) {
             *slot = Some(Box::new(*frame));
         }
     }
 
     /// Evaluates a frame that is not decoded; a response to a request makes both identifiers a pair.
-    pub(in crate::session) fn take(&mut self, frame: &Frame, cx: &mut Context<'_>) -> Option<ObdPair> {
+    pub(in crate::session) fn take_frame(
+        &mut self,
+        frame: &Frame,
+        cx: &mut MachineContext<'_>,
+    ) -> Option<ObdPair> {
         let is_plain = !frame.flags.contains(FrameFlags::REMOTE) && !frame.flags.contains(FrameFlags::FD);
         if !is_plain || cx.bus.options.protocol == ProtocolChoice::None {
             return None;
         }
-        self.note(frame);
+        self.note_request(frame);
         let CanId::Standard(id) = frame.id else { return None };
         let server = id.checked_sub(RESPONSE).filter(|server| *server < SERVERS)?;
         if LSS.contains(&server) && cx.bus.canopen.is_confirmed() {
             return None;
         }
         let physical = self.physical.get(usize::from(server)).and_then(Option::as_deref);
-        let physical = physical.filter(|request| answers(frame, request));
-        let functional = self.functional.as_deref().filter(|request| answers(frame, request));
+        let physical = physical.filter(|request| answers_request(frame, request));
+        let functional = self.functional.as_deref().filter(|request| answers_request(frame, request));
         let request = physical.or(functional).map(|request| Box::new(*request))?;
         let pair = UdsPair {
-            request: CanId::standard(REQUEST + server),
+            request: CanId::from_standard(REQUEST + server),
             response: frame.id,
-            functional: Some(CanId::standard(FUNCTIONAL)),
+            functional: Some(CanId::from_standard(FUNCTIONAL)),
             name: Some(format!("OBD {}", frame.id)),
             extended_addressing: false,
         };
-        let links = Arc::make_mut(&mut cx.bus.uds_pairs).add(pair);
+        let links = Arc::make_mut(&mut cx.bus.uds_pairs).add_pair(pair);
         for &(id, link) in &links {
-            cx.bus.routes.assign(id, link);
+            cx.bus.routes.assign_link(id, link);
         }
         let link = |wanted: CanId| links.iter().find(|(id, _)| *id == wanted).map(|(_, link)| *link);
         let text = format!("{} responds to {}: decoded as OBD and UDS (ISO 15765-4)", frame.id, request.id);
@@ -117,20 +123,20 @@ impl ObdPairs {
 }
 
 /// First byte of a message that a frame starts.
-fn service(frame: &Frame) -> Option<u8> {
-    message(frame)?.first().copied()
+fn first_byte(frame: &Frame) -> Option<u8> {
+    started_message(frame)?.first().copied()
 }
 
-fn message(frame: &Frame) -> Option<&[u8]> {
+fn started_message(frame: &Frame) -> Option<&[u8]> {
     match isotp::parse(frame.data(), frame.data().len()) {
-        Ok(IsoTp::Single { data } | IsoTp::First { data, .. }) => Some(data),
+        Ok(IsoTpFrame::Single { data } | IsoTpFrame::First { data, .. }) => Some(data),
         _ => None,
     }
 }
 
 /// Whether a frame is a positive or negative response to a request.
-fn answers(frame: &Frame, request: &Frame) -> bool {
-    let Some((data, asked)) = message(frame).zip(service(request)) else { return false };
+fn answers_request(frame: &Frame, request: &Frame) -> bool {
+    let Some((data, asked)) = started_message(frame).zip(first_byte(request)) else { return false };
     let is_in_time = match (frame.time, request.time) {
         (Some(now), Some(then)) => (0..=LATEST).contains(&now.since(then)),
         _ => true,

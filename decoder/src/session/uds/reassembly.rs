@@ -4,16 +4,16 @@ use std::collections::HashMap;
 
 use foldhash::fast::FixedState;
 
-use super::transfer::{IsoTpIrregularity, Transfer};
+use super::transfer::{IsoTpIrregularity, MessageTransfer};
 use crate::event::MessageOutcome;
 use crate::frame::Frame;
-use crate::session::bus::Link;
+use crate::session::bus::UdsLink;
 use crate::session::limits::TRANSPORT_LIMIT;
-use crate::wire::isotp::{FlowStatus, IsoTp};
+use crate::wire::isotp::{FlowStatus, IsoTpFrame};
 
 /// State of one link.
 #[derive(Debug, Clone, Default)]
-struct State {
+struct LinkTransferState {
     /// A frame of the link was received.
     is_active: bool,
     /// A valid UDS message was received on the link, or in the opposite direction.
@@ -22,7 +22,7 @@ struct State {
     said_start: bool,
     /// Flow control without a message was already reported, since the last first frame.
     said_control: bool,
-    transfer: Option<Box<Transfer>>,
+    transfer: Option<Box<MessageTransfer>>,
     deadline: Option<i64>,
     /// The deadline is in the timer queue.
     queued: bool,
@@ -32,9 +32,9 @@ struct State {
 #[derive(Debug, Default)]
 pub(super) struct ReassemblyStep {
     /// Open message that was superseded by the start of another one.
-    pub(super) superseded: Option<Box<Transfer>>,
+    pub(super) superseded: Option<Box<MessageTransfer>>,
     /// Message that the frame ended.
-    pub(super) ended: Option<Box<Transfer>>,
+    pub(super) ended: Option<Box<MessageTransfer>>,
     /// Irregularities of the frame.
     pub(super) odd: [Option<IsoTpIrregularity>; 2],
     /// The frame belongs to no open message.
@@ -42,61 +42,61 @@ pub(super) struct ReassemblyStep {
 }
 
 /// Result of the timer entry of a link.
-pub(super) enum Due {
+pub(super) enum LinkTimeout {
     /// No open message.
     Nothing,
     /// The deadline moved to this time.
     Later(i64),
     /// Message without a further frame until this deadline.
-    Over(Box<Transfer>, i64),
+    Over(Box<MessageTransfer>, i64),
 }
 
 /// Open messages of a bus. The number of states is bounded by the number of identifiers that have their own
 /// state.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Reassembly {
-    states: HashMap<Link, State, FixedState>,
+pub(super) struct MessageReassembly {
+    states: HashMap<UdsLink, LinkTransferState, FixedState>,
     open: usize,
     open_bytes: usize,
     refused: bool,
 }
 
-impl Reassembly {
+impl MessageReassembly {
     /// Whether a link is confirmed as ISO-TP.
-    pub(super) fn is_confirmed(&self, link: Link) -> bool {
+    pub(super) fn is_confirmed(&self, link: UdsLink) -> bool {
         self.states.get(&link).is_some_and(|state| state.confirmed)
     }
 
     /// Confirms a link and its opposite direction as ISO-TP.
-    pub(super) fn confirm(&mut self, link: Link) {
-        for link in [link, link.back()] {
+    pub(super) fn confirm_link(&mut self, link: UdsLink) {
+        for link in [link, link.opposite_link()] {
             self.states.entry(link).or_default().confirmed = true;
         }
     }
 
     /// Applies a frame of a link.
-    pub(super) fn take(
+    pub(super) fn take_frame(
         &mut self,
-        link: Link,
-        message: &IsoTp<'_>,
+        link: UdsLink,
+        message: &IsoTpFrame<'_>,
         address_byte: Option<u8>,
         frame: &Frame,
     ) -> ReassemblyStep {
         self.states.entry(link).or_default().is_active = true;
         match message {
-            IsoTp::Single { data } => {
-                let superseded = self.begin(link);
-                let single = Box::new(Transfer::single(frame, address_byte, data));
+            IsoTpFrame::Single { data } => {
+                let superseded = self.begin_message(link);
+                let single = Box::new(MessageTransfer::from_single_frame(frame, address_byte, data));
                 ReassemblyStep { superseded, ended: Some(single), ..ReassemblyStep::default() }
             }
-            IsoTp::First { size, data } => {
-                let superseded = self.begin(link);
-                self.open(link, Transfer::new(frame, address_byte, *size, data));
+            IsoTpFrame::First { size, data } => {
+                let superseded = self.begin_message(link);
+                self.open_message(link, MessageTransfer::new(frame, address_byte, *size, data));
                 ReassemblyStep { superseded, ..ReassemblyStep::default() }
             }
-            IsoTp::Consecutive { sequence, data } => self.consecutive(link, *sequence, data, frame),
-            IsoTp::FlowControl(control) => {
-                let sender = self.states.entry(link.back()).or_default();
+            IsoTpFrame::Consecutive { sequence, data } => self.take_consecutive(link, *sequence, data, frame),
+            IsoTpFrame::FlowControl(control) => {
+                let sender = self.states.entry(link.opposite_link()).or_default();
                 let Some(transfer) = &mut sender.transfer else {
                     let odd = !std::mem::replace(&mut sender.said_control, true);
                     let odd = [odd.then_some(IsoTpIrregularity::StrayFlowControl), None];
@@ -104,15 +104,21 @@ impl Reassembly {
                 };
                 let odd = [transfer.flow_control(*control, frame), None];
                 let refused = control.status == FlowStatus::Overflow && odd[0].is_none();
-                let ended = if refused { self.close(link.back()) } else { None };
+                let ended = if refused { self.close_message(link.opposite_link()) } else { None };
                 ReassemblyStep { ended, odd, ..ReassemblyStep::default() }
             }
-            IsoTp::Unknown { .. } => ReassemblyStep { is_stray: true, ..ReassemblyStep::default() },
+            IsoTpFrame::Unknown { .. } => ReassemblyStep { is_stray: true, ..ReassemblyStep::default() },
         }
     }
 
-    fn consecutive(&mut self, link: Link, sequence: u8, data: &[u8], frame: &Frame) -> ReassemblyStep {
-        let receiver_is_active = self.states.get(&link.back()).is_some_and(|state| state.is_active);
+    fn take_consecutive(
+        &mut self,
+        link: UdsLink,
+        sequence: u8,
+        data: &[u8],
+        frame: &Frame,
+    ) -> ReassemblyStep {
+        let receiver_is_active = self.states.get(&link.opposite_link()).is_some_and(|state| state.is_active);
         let state = self.states.entry(link).or_default();
         let Some(transfer) = &mut state.transfer else {
             let odd = !std::mem::replace(&mut state.said_start, true);
@@ -120,25 +126,25 @@ impl Reassembly {
             return ReassemblyStep { odd, is_stray: true, ..ReassemblyStep::default() };
         };
         let before = transfer.data.len();
-        let odd = transfer.consecutive(sequence, data, frame, receiver_is_active);
+        let odd = transfer.apply_consecutive(sequence, data, frame, receiver_is_active);
         self.open_bytes += transfer.data.len().saturating_sub(before);
         if !transfer.is_over() {
             return ReassemblyStep { odd, ..ReassemblyStep::default() };
         }
-        transfer.complete();
-        ReassemblyStep { odd, ended: self.close(link), ..ReassemblyStep::default() }
+        transfer.complete_message();
+        ReassemblyStep { odd, ended: self.close_message(link), ..ReassemblyStep::default() }
     }
 
     /// Prepares the link for a new message; returns the open one.
-    fn begin(&mut self, link: Link) -> Option<Box<Transfer>> {
+    fn begin_message(&mut self, link: UdsLink) -> Option<Box<MessageTransfer>> {
         let state = self.states.entry(link).or_default();
         (state.said_start, state.said_control) = (false, false);
-        let mut superseded = self.close(link)?;
+        let mut superseded = self.close_message(link)?;
         superseded.outcome = MessageOutcome::Superseded;
         Some(superseded)
     }
 
-    fn open(&mut self, link: Link, transfer: Transfer) {
+    fn open_message(&mut self, link: UdsLink, transfer: MessageTransfer) {
         let state = self.states.entry(link).or_default();
         if self.open >= TRANSPORT_LIMIT {
             self.refused = true;
@@ -152,7 +158,7 @@ impl Reassembly {
         state.transfer = Some(Box::new(transfer));
     }
 
-    fn close(&mut self, link: Link) -> Option<Box<Transfer>> {
+    fn close_message(&mut self, link: UdsLink) -> Option<Box<MessageTransfer>> {
         let state = self.states.get_mut(&link)?;
         let transfer = state.transfer.take()?;
         state.deadline = None;
@@ -162,12 +168,12 @@ impl Reassembly {
     }
 
     /// Whether a message is open.
-    pub(super) fn is_open(&self, link: Link) -> bool {
+    pub(super) fn is_open(&self, link: UdsLink) -> bool {
         self.states.get(&link).is_some_and(|state| state.transfer.is_some())
     }
 
     /// Sets the deadline of an open message; `true` if it must go into the timer queue.
-    pub(super) fn arm(&mut self, link: Link, deadline: i64) -> bool {
+    pub(super) fn set_deadline(&mut self, link: UdsLink, deadline: i64) -> bool {
         let Some(state) = self.states.get_mut(&link).filter(|state| state.transfer.is_some()) else {
             return false;
         };
@@ -176,34 +182,34 @@ impl Reassembly {
     }
 
     /// Evaluates the timer entry of a link that is due.
-    pub(super) fn due(&mut self, link: Link, now: i64) -> Due {
-        let Some(state) = self.states.get_mut(&link) else { return Due::Nothing };
+    pub(super) fn evaluate_timer(&mut self, link: UdsLink, now: i64) -> LinkTimeout {
+        let Some(state) = self.states.get_mut(&link) else { return LinkTimeout::Nothing };
         state.queued = false;
         match state.deadline {
-            None => Due::Nothing,
+            None => LinkTimeout::Nothing,
             Some(deadline) if deadline >= now => {
                 state.queued = true;
-                Due::Later(deadline)
+                LinkTimeout::Later(deadline)
             }
-            Some(deadline) => match self.close(link) {
+            Some(deadline) => match self.close_message(link) {
                 Some(mut transfer) => {
                     transfer.time_out();
-                    Due::Over(transfer, deadline)
+                    LinkTimeout::Over(transfer, deadline)
                 }
-                None => Due::Nothing,
+                None => LinkTimeout::Nothing,
             },
         }
     }
 
     /// Postpones all deadlines by `delay` ns.
-    pub(super) fn postpone(&mut self, delay: i64) {
+    pub(super) fn postpone_deadlines(&mut self, delay: i64) {
         for state in self.states.values_mut() {
             state.deadline = state.deadline.map(|deadline| deadline.saturating_add(delay));
         }
     }
 
     /// Removes and returns all open messages in the order of their start.
-    pub(super) fn drain(&mut self) -> Vec<(Link, Box<Transfer>)> {
+    pub(super) fn drain_messages(&mut self) -> Vec<(UdsLink, Box<MessageTransfer>)> {
         (self.open, self.open_bytes) = (0, 0);
         let open = self.states.iter_mut().filter_map(|(link, state)| Some((*link, state.transfer.take()?)));
         let mut open: Vec<_> = open.collect();
@@ -217,7 +223,7 @@ impl Reassembly {
     }
 
     /// Drops the data of an open message; `true` if there was any.
-    pub(super) fn give_up_data(&mut self, link: Link) -> bool {
+    pub(super) fn give_up_data(&mut self, link: UdsLink) -> bool {
         let Some(transfer) = self.states.get_mut(&link).and_then(|state| state.transfer.as_mut()) else {
             return false;
         };
@@ -235,7 +241,7 @@ impl Reassembly {
     /// Bytes held by the table.
     pub(super) fn footprint(&self) -> usize {
         let open = self.states.values().filter_map(|state| state.transfer.as_ref());
-        self.states.capacity() * size_of::<(Link, State)>()
+        self.states.capacity() * size_of::<(UdsLink, LinkTransferState)>()
             + open.map(|transfer| transfer.footprint()).sum::<usize>()
     }
 }
@@ -249,15 +255,15 @@ mod tests {
     const THERE: u32 = 0x18DA_20F1;
     const BACK: u32 = 0x18DA_F120;
 
-    fn push(all: &mut Reassembly, id: u32, data: &[u8]) -> ReassemblyStep {
-        let frame = Frame::data_frame(CanId::extended(id), data);
-        let link = Link::of(frame.id).unwrap();
-        all.take(link, &parse(data, data.len()).unwrap(), None, &frame)
+    fn push(all: &mut MessageReassembly, id: u32, data: &[u8]) -> ReassemblyStep {
+        let frame = Frame::data_frame(CanId::from_extended(id), data);
+        let link = UdsLink::link_of(frame.id).unwrap();
+        all.take_frame(link, &parse(data, data.len()).unwrap(), None, &frame)
     }
 
     #[test]
     fn messages_of_both_ways_do_not_mix() {
-        let mut all = Reassembly::default();
+        let mut all = MessageReassembly::default();
         let first = |byte| [0x10, 10, byte, byte, byte, byte, byte, byte];
         let rest = |byte| [0x21, byte, byte, byte, byte, 0, 0, 0];
         push(&mut all, THERE, &first(1));
@@ -272,7 +278,7 @@ mod tests {
 
     #[test]
     fn a_beginning_ends_what_was_open() {
-        let mut all = Reassembly::default();
+        let mut all = MessageReassembly::default();
         push(&mut all, THERE, &[0x10, 10, 1, 1, 1, 1, 1, 1]);
         let taken = push(&mut all, THERE, &[0x02, 0x3E, 0x00]);
         assert_eq!(taken.superseded.unwrap().outcome, MessageOutcome::Superseded);
@@ -281,7 +287,7 @@ mod tests {
 
     #[test]
     fn stray_frames_are_reported_once_per_run() {
-        let mut all = Reassembly::default();
+        let mut all = MessageReassembly::default();
         let stray = |taken: ReassemblyStep| (taken.odd[0], taken.is_stray);
         assert_eq!(stray(push(&mut all, THERE, &[0x22, 1])), (Some(IsoTpIrregularity::StartNotSeen), true));
         assert_eq!(stray(push(&mut all, THERE, &[0x23, 1])), (None, true));
@@ -296,7 +302,7 @@ mod tests {
 
     #[test]
     fn flow_control_is_missed_only_where_the_receiver_is_active() {
-        let mut all = Reassembly::default();
+        let mut all = MessageReassembly::default();
         let first = [0x10, 30, 1, 1, 1, 1, 1, 1];
         push(&mut all, THERE, &first);
         assert_eq!(push(&mut all, THERE, &[0x21, 1, 1, 1, 1, 1, 1, 1]).odd, [None; 2]);
@@ -308,22 +314,24 @@ mod tests {
 
     #[test]
     fn overflow_and_silence_end_a_message() {
-        let mut all = Reassembly::default();
+        let mut all = MessageReassembly::default();
         push(&mut all, THERE, &[0x1F, 0xFF, 1, 1, 1, 1, 1, 1]);
         let ended = push(&mut all, BACK, &[0x32, 0, 0]).ended.unwrap();
         assert_eq!(ended.outcome, MessageOutcome::Overflow);
         push(&mut all, THERE, &[0x1F, 0xFF, 1, 1, 1, 1, 1, 1]);
-        let link = Link::of(CanId::extended(THERE)).unwrap();
-        assert!(all.arm(link, 10) && !all.arm(link, 20), "one entry in the queue");
-        assert!(matches!(all.due(link, 15), Due::Later(20)));
-        let Due::Over(transfer, 20) = all.due(link, 21) else { panic!("its time is over") };
+        let link = UdsLink::link_of(CanId::from_extended(THERE)).unwrap();
+        assert!(all.set_deadline(link, 10) && !all.set_deadline(link, 20), "one entry in the queue");
+        assert!(matches!(all.evaluate_timer(link, 15), LinkTimeout::Later(20)));
+        let LinkTimeout::Over(transfer, 20) = all.evaluate_timer(link, 21) else {
+            panic!("its time is over")
+        };
         assert_eq!(transfer.outcome, MessageOutcome::NoFlowControl);
         assert!(!all.is_open(link));
     }
 
     #[test]
     fn as_many_are_open_as_the_limit_allows() {
-        let mut all = Reassembly::default();
+        let mut all = MessageReassembly::default();
         let limit = u32::try_from(TRANSPORT_LIMIT).unwrap();
         for number in 0..=limit {
             assert!(!all.take_refused());
@@ -332,6 +340,6 @@ mod tests {
         }
         assert!(all.take_refused());
         assert_eq!(all.open, TRANSPORT_LIMIT);
-        assert_eq!(all.drain().len(), TRANSPORT_LIMIT);
+        assert_eq!(all.drain_messages().len(), TRANSPORT_LIMIT);
     }
 }

@@ -2,23 +2,23 @@
 
 use std::sync::Arc;
 
-use super::exchange::{Exchange, Exchanges, ResponseHeader};
+use super::exchange::{ResponseHeader, WaitingRequest, WaitingRequests};
 use super::isotp::CompleteMessage;
-use super::transfer::Transfer;
-use crate::event::{EventKind, EvictedState, ExchangeOutcome, FrameRange, Message, UdsExchange};
+use super::transfer::MessageTransfer;
+use crate::event::{EventKind, EvictedState, ExchangeOutcome, FrameRange, UdsExchange, UdsMessage};
 use crate::frame::Frame;
 use crate::profile::device::UdsIdentifier;
-use crate::profile::{self, Role, integer};
-use crate::session::bus::{Bus, Link};
-use crate::session::context::Context;
-use crate::session::device::{Announcement, emit_announcement};
-use crate::session::machine::{Machine, Timed};
+use crate::profile::{self, ObjectRole, as_integer};
+use crate::session::bus::{Bus, UdsLink};
+use crate::session::context::MachineContext;
+use crate::session::device::{SettingAnnouncement, emit_announcement};
+use crate::session::machine::{ProtocolMachine, TimedMachine};
 use crate::session::presence::mark_alive;
-use crate::session::timers::Subject;
+use crate::session::timers::DeadlineSubject;
 use crate::wire::NodeId;
-use crate::wire::canopen::emcy::ByteOrder;
+use crate::wire::canopen::emcy::EmcyByteOrder;
 use crate::wire::isotp;
-use crate::wire::uds::{self, RESPONSE_PENDING, ServiceLayout, Uds as Parsed};
+use crate::wire::uds::{self, RESPONSE_PENDING, ServiceLayout, UdsPdu as Parsed};
 
 /// Tester present, repeated to keep a session open.
 const TESTER_PRESENT: u8 = 0x3E;
@@ -26,23 +26,23 @@ const TESTER_PRESENT: u8 = 0x3E;
 /// A final response.
 struct FinalResponse {
     /// Link of the response.
-    link: Link,
-    transfer: Box<Transfer>,
+    link: UdsLink,
+    transfer: Box<MessageTransfer>,
     service: u8,
     nrc: Option<u8>,
 }
 
 /// UDS requests of a bus and their responses.
 #[derive(Debug, Clone, Default)]
-pub(in crate::session) struct Uds {
-    exchanges: Exchanges,
+pub(in crate::session) struct UdsMachine {
+    exchanges: WaitingRequests,
 }
 
-impl Machine for Uds {
+impl ProtocolMachine for UdsMachine {
     type Route<'a> = CompleteMessage;
     type Product = ();
 
-    fn on_frame(&mut self, message: CompleteMessage, frame: &Frame, cx: &mut Context<'_>) {
+    fn on_frame(&mut self, message: CompleteMessage, frame: &Frame, cx: &mut MachineContext<'_>) {
         self.on_message(message, frame, cx);
         if self.exchanges.take_refused() {
             cx.emit_can(frame, EventKind::Evicted { what: EvictedState::UdsRequest, count: 1 });
@@ -51,39 +51,39 @@ impl Machine for Uds {
     }
 
     fn on_silence(&mut self, delay: i64, _: &mut Bus) {
-        self.exchanges.postpone(delay);
+        self.exchanges.postpone_deadlines(delay);
     }
 
     /// Ends requests without response as unfinished.
-    fn on_end(&mut self, cx: &mut Context<'_>) {
+    fn on_end(&mut self, cx: &mut MachineContext<'_>) {
         let frame = cx.last_frame();
-        for exchange in self.exchanges.drain() {
+        for exchange in self.exchanges.drain_requests() {
             end_unanswered(&exchange, Some(ExchangeOutcome::Unfinished), &frame, cx);
         }
     }
 
-    fn footprint(&self) -> usize {
+    fn memory_size(&self) -> usize {
         self.exchanges.footprint()
     }
 }
 
-impl Timed for Uds {
+impl TimedMachine for UdsMachine {
     /// Link of requests, and whether a response to one of them is being transferred.
-    type Deadline = (Link, bool);
+    type Deadline = (UdsLink, bool);
 
-    fn on_deadline(&mut self, (link, is_answering): (Link, bool), now: i64, cx: &mut Context<'_>) {
-        for (exchange, deadline) in self.exchanges.due(link, now, is_answering) {
+    fn on_deadline(&mut self, (link, is_answering): (UdsLink, bool), now: i64, cx: &mut MachineContext<'_>) {
+        for (exchange, deadline) in self.exchanges.take_expired(link, now, is_answering) {
             let mut frame = Frame { number: exchange.request.frames.last, ..Frame::EMPTY };
             frame.time = cx.bus.clock.stamp_of(deadline);
             end_unanswered(&exchange, None, &frame, cx);
         }
         cx.open_data.uds = self.exchanges.open_bytes();
-        self.arm(link, cx);
+        self.arm_timer(link, cx);
     }
 }
 
-impl Uds {
-    fn on_message(&mut self, message: CompleteMessage, frame: &Frame, cx: &mut Context<'_>) {
+impl UdsMachine {
+    fn on_message(&mut self, message: CompleteMessage, frame: &Frame, cx: &mut MachineContext<'_>) {
         let CompleteMessage { link, transfer } = message;
         let (service, nrc) = match uds::parse(&transfer.data) {
             Ok(Parsed::Request { service, .. }) => {
@@ -93,97 +93,103 @@ impl Uds {
             Ok(Parsed::Negative { service, code }) => (service, Some(code)),
             Err(error) => return cx.emit_malformed_uds(frame, error, "too short for a UDS response"),
         };
-        if let Some(NodeId::Canopen(server)) = uds_node(&cx.bus, link.back()) {
+        if let Some(NodeId::Canopen(server)) = uds_node(&cx.bus, link.opposite_link()) {
             mark_alive(NodeId::Canopen(server), frame, cx);
         }
         let now = cx.bus.clock.now();
         let is_pending = nrc == Some(RESPONSE_PENDING);
-        let shape = profile::uds().service(service).filter(|_| nrc.is_none());
+        let shape = profile::uds_names().service_by_id(service).filter(|_| nrc.is_none());
         let shape = shape.map_or_else(ServiceLayout::default, profile::UdsService::response);
-        let order = identifier_order(&cx.bus, link.back());
+        let order = identifier_order(&cx.bus, link.opposite_link());
         let identifier = shape.identifier(transfer.data.get(1..).unwrap_or_default(), order);
         let answer = ResponseHeader { service, identifier, is_pending };
         let pairs = Arc::clone(&cx.bus.uds_pairs);
-        let exchange = self.exchanges.answer(link, answer, now, &pairs);
+        let exchange = self.exchanges.on_response(link, answer, now, &pairs);
         if is_pending && exchange.is_some() {
-            return self.arm(link.back(), cx);
+            return self.arm_timer(link.opposite_link(), cx);
         }
-        conclude(exchange.as_ref(), &FinalResponse { link, transfer, service, nrc }, frame, cx);
+        emit_response(exchange.as_ref(), &FinalResponse { link, transfer, service, nrc }, frame, cx);
     }
 
     /// Whether a request of a link waits for a response.
-    pub(in crate::session) fn is_waiting(&self, link: Link) -> bool {
+    pub(in crate::session) fn is_waiting(&self, link: UdsLink) -> bool {
         self.exchanges.is_waiting(link)
     }
 
     /// Begins an exchange with a request of one frame that was not decoded.
     pub(in crate::session) fn begin_unseen(
         &mut self,
-        link: Link,
+        link: UdsLink,
         request: &Frame,
         frame: &Frame,
-        cx: &mut Context<'_>,
+        cx: &mut MachineContext<'_>,
     ) {
-        if let Ok(isotp::IsoTp::Single { data }) = isotp::parse(request.data(), request.data().len())
+        if let Ok(isotp::IsoTpFrame::Single { data }) = isotp::parse(request.data(), request.data().len())
             && let Some(service) = data.first()
         {
-            let transfer = Box::new(Transfer::single(request, None, data));
+            let transfer = Box::new(MessageTransfer::from_single_frame(request, None, data));
             self.on_request(link, *service, transfer, frame, cx);
         }
     }
 
     fn on_request(
         &mut self,
-        link: Link,
+        link: UdsLink,
         service: u8,
-        transfer: Box<Transfer>,
+        transfer: Box<MessageTransfer>,
         frame: &Frame,
-        cx: &mut Context<'_>,
+        cx: &mut MachineContext<'_>,
     ) {
         let now = cx.bus.clock.now();
-        let shape =
-            profile::uds().service(service).map_or_else(ServiceLayout::default, profile::UdsService::request);
+        let shape = profile::uds_names()
+            .service_by_id(service)
+            .map_or_else(ServiceLayout::default, profile::UdsService::request);
         let data = transfer.data.get(1..).unwrap_or_default();
         let sub_function = shape.sub_function(data);
         let identifier = shape.identifier(data, identifier_order(&cx.bus, link));
-        let mut exchange = Exchange::new(link, service, transfer, now);
+        let mut exchange = WaitingRequest::new(link, service, transfer, now);
         (exchange.sub_function, exchange.identifier) = (sub_function, identifier);
-        for ended in self.exchanges.begin(exchange, now) {
+        for ended in self.exchanges.begin_request(exchange, now) {
             end_unanswered(&ended, None, frame, cx);
         }
-        self.arm(link, cx);
+        self.arm_timer(link, cx);
     }
 
-    fn arm(&mut self, link: Link, cx: &mut Context<'_>) {
-        if cx.bus.clock.runs()
-            && let Some(deadline) = self.exchanges.arm(link)
+    fn arm_timer(&mut self, link: UdsLink, cx: &mut MachineContext<'_>) {
+        if cx.bus.clock.has_timestamps()
+            && let Some(deadline) = self.exchanges.arm_timer(link)
         {
-            cx.timers.add(deadline, Subject::UdsRequest(link));
+            cx.timers.add_deadline(deadline, DeadlineSubject::UdsRequest(link));
         }
     }
 }
 
 /// Emits a request without final response; `instead` replaces the outcome "no response".
 fn end_unanswered(
-    exchange: &Exchange,
+    exchange: &WaitingRequest,
     instead: Option<ExchangeOutcome>,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) {
-    let Some(outcome) = exchange.unanswered() else { return };
+    let Some(outcome) = exchange.unanswered_outcome() else { return };
     let outcome = instead.filter(|_| outcome == ExchangeOutcome::NoAnswer).unwrap_or(outcome);
     let told = describe_exchange(&cx.bus, exchange.link, exchange.service, Some(exchange), None, outcome);
     emit_exchange(exchange.link, told, exchange.request.frames, frame, cx);
 }
 
 /// Emits a final response with its request.
-fn conclude(exchange: Option<&Exchange>, answer: &FinalResponse, frame: &Frame, cx: &mut Context<'_>) {
+fn emit_response(
+    exchange: Option<&WaitingRequest>,
+    answer: &FinalResponse,
+    frame: &Frame,
+    cx: &mut MachineContext<'_>,
+) {
     let outcome = match (exchange, answer.nrc) {
         (None, _) => ExchangeOutcome::Unsolicited,
         (Some(_), Some(_)) => ExchangeOutcome::Negative,
         (Some(_), None) => ExchangeOutcome::Positive,
     };
-    let server = answer.link.back();
+    let server = answer.link.opposite_link();
     let mut frames = answer.transfer.frames;
     if let Some(exchange) = exchange {
         cx.bus.is_uds = true;
@@ -195,49 +201,56 @@ fn conclude(exchange: Option<&Exchange>, answer: &FinalResponse, frame: &Frame, 
     if let Some((from, to)) = written {
         cx.bus.node_id_changes.by_uds = Some((from, to));
         let text = format!("node-ID {} from the next boot-up", to.number());
-        let change = Announcement { procedure: "node-ID change", word: "IDENT", finished: false, text };
+        let change =
+            SettingAnnouncement { procedure: "node-ID change", word: "IDENT", finished: false, text };
         emit_announcement(from, change, frame, cx);
     }
 }
 
 /// Present node-ID of a server, and the accepted one for its next boot-up.
-fn node_id_written(bus: &Bus, server: Link, told: &UdsExchange) -> Option<(NodeId, NodeId)> {
-    let is_node_id = told.meaning.as_ref().is_some_and(|meaning| meaning.role == Some(Role::NodeId));
+fn node_id_written(bus: &Bus, server: UdsLink, told: &UdsExchange) -> Option<(NodeId, NodeId)> {
+    let is_node_id = told.meaning.as_ref().is_some_and(|meaning| meaning.role == Some(ObjectRole::NodeId));
     if !is_write(told.service) || !is_node_id || told.outcome != ExchangeOutcome::Positive {
         return None;
     }
     let from = uds_node(bus, server)?;
-    let to = u8::try_from(integer(&told.decoded()?)?).ok().map(NodeId::Canopen)?;
+    let to = u8::try_from(as_integer(&told.decoded_value()?)?).ok().map(NodeId::Canopen)?;
     (matches!(from, NodeId::Canopen(_)) && to.is_valid() && from != to).then_some((from, to))
 }
 
 /// Node that receives requests of `link`. In a CANopen network, addresses below 0x80 are node-IDs.
-fn uds_node(bus: &Bus, link: Link) -> Option<NodeId> {
-    let address = link.server()?;
+fn uds_node(bus: &Bus, link: UdsLink) -> Option<NodeId> {
+    let address = link.server_address()?;
     let canopen = Some(NodeId::Canopen(address)).filter(|id| bus.is_settled(Some(*id)) && id.is_valid());
     canopen.or(Some(NodeId::J1939(address))).filter(|id| id.is_valid())
 }
 
-fn identifier_order(bus: &Bus, link: Link) -> ByteOrder {
+fn identifier_order(bus: &Bus, link: UdsLink) -> EmcyByteOrder {
     let node = uds_node(bus, link).and_then(|id| bus.node(id));
-    node.map_or(ByteOrder::MsbFirst, |node| node.device.uds.order())
+    node.map_or(EmcyByteOrder::MsbFirst, |node| node.device.uds.order())
 }
 
-fn emit_exchange(link: Link, told: UdsExchange, frames: FrameRange, frame: &Frame, cx: &mut Context<'_>) {
+fn emit_exchange(
+    link: UdsLink,
+    told: UdsExchange,
+    frames: FrameRange,
+    frame: &Frame,
+    cx: &mut MachineContext<'_>,
+) {
     let routine = told.service == TESTER_PRESENT
         && matches!(told.outcome, ExchangeOutcome::Positive | ExchangeOutcome::Suppressed);
     let kind = EventKind::UdsExchange(Box::new(told));
     let mut event = cx.uds_event(frame, frames, uds_node(&cx.bus, link), kind);
     event.routine = routine;
-    cx.send(&event);
+    cx.send_event(&event);
 }
 
 /// Event of a request and its response; `link` is that of the request.
 fn describe_exchange(
     bus: &Bus,
-    link: Link,
+    link: UdsLink,
     service: u8,
-    exchange: Option<&Exchange>,
+    exchange: Option<&WaitingRequest>,
     answer: Option<&FinalResponse>,
     outcome: ExchangeOutcome,
 ) -> UdsExchange {
@@ -245,13 +258,14 @@ fn describe_exchange(
     let identifier = match exchange {
         Some(exchange) => exchange.identifier,
         None => answer.and_then(|answer| {
-            let shape = profile::uds().service(service).filter(|_| answer.nrc.is_none())?.response();
+            let shape =
+                profile::uds_names().service_by_id(service).filter(|_| answer.nrc.is_none())?.response();
             shape.identifier(answer.transfer.data.get(1..)?, order)
         }),
     };
     let sub_function = exchange.and_then(|exchange| exchange.sub_function).or_else(|| {
         let answer = answer.filter(|answer| answer.nrc.is_none())?;
-        let shape = profile::uds().service(service)?.response();
+        let shape = profile::uds_names().service_by_id(service)?.response();
         shape.sub_function(answer.transfer.data.get(1..)?)
     });
     let node = uds_node(bus, link).and_then(|id| bus.node(id));
@@ -260,14 +274,16 @@ fn describe_exchange(
     let answered = answer.map(|answer| &answer.transfer);
     let between = |from: Option<i64>, to: Option<i64>| Some(to?.saturating_sub(from?));
     UdsExchange {
-        ends: bus.uds_pairs.ends(link),
+        ends: bus.uds_pairs.link_endpoints(link),
         service,
         sub_function,
         identifier,
         meaning: known.map(|known| Arc::new(known.meaning())),
-        effect: known.filter(|_| outcome == ExchangeOutcome::Positive && is_write(service)).and_then(effect),
+        effect: known
+            .filter(|_| outcome == ExchangeOutcome::Positive && is_write(service))
+            .and_then(write_effect),
         order,
-        request: asked.map(|transfer| message(transfer)),
+        request: asked.map(|transfer| to_message(transfer)),
         outcome,
         nrc: answer.and_then(|answer| answer.nrc),
         pending: exchange.map_or(0, |exchange| exchange.pending),
@@ -279,26 +295,26 @@ fn describe_exchange(
             asked.and_then(|asked| asked.first_time),
             answered.and_then(|answered| answered.last_time),
         ),
-        response: answered.map(|transfer| message(transfer)),
+        response: answered.map(|transfer| to_message(transfer)),
     }
 }
 
 /// Whether a service writes the value of an identifier.
 fn is_write(service: u8) -> bool {
-    let service = profile::uds().service(service);
+    let service = profile::uds_names().service_by_id(service);
     service.and_then(profile::UdsService::value_in) == Some(profile::ValueIn::Request)
 }
 
 /// Effect of a write, if the profile defines it.
-fn effect(known: &UdsIdentifier) -> Option<profile::Effect> {
-    Some(known.effect).filter(|effect| *effect != profile::Effect::Unknown)
+fn write_effect(known: &UdsIdentifier) -> Option<profile::WriteEffect> {
+    Some(known.effect).filter(|effect| *effect != profile::WriteEffect::Unknown)
 }
 
-fn message(transfer: &Transfer) -> Message {
-    Message {
+fn to_message(transfer: &MessageTransfer) -> UdsMessage {
+    UdsMessage {
         id: transfer.id,
         data: transfer.data.clone(),
-        size: transfer.size(),
+        size: transfer.received_size(),
         truncated: transfer.truncated,
         frames: transfer.frames,
     }

@@ -31,7 +31,7 @@ enum AwaitedFrame {
 
 /// State of one message.
 #[derive(Debug, Clone)]
-pub(super) struct Transfer {
+pub(super) struct MessageTransfer {
     pub(super) id: CanId,
     pub(super) flow_control: Option<CanId>,
     pub(super) address_byte: Option<u8>,
@@ -59,7 +59,7 @@ pub(super) struct Transfer {
     pub(super) outcome: MessageOutcome,
 }
 
-impl Transfer {
+impl MessageTransfer {
     /// Creates a message of `announced` bytes that starts with `data`.
     pub(super) fn new(frame: &Frame, address_byte: Option<u8>, announced: u32, data: &[u8]) -> Self {
         let time = frame.time.map(|time| time.0);
@@ -84,12 +84,12 @@ impl Transfer {
             said: false,
             outcome: MessageOutcome::Unfinished,
         };
-        transfer.keep(data);
+        transfer.keep_data(data);
         transfer
     }
 
     /// Creates a message of a single frame.
-    pub(super) fn single(frame: &Frame, address_byte: Option<u8>, data: &[u8]) -> Self {
+    pub(super) fn from_single_frame(frame: &Frame, address_byte: Option<u8>, data: &[u8]) -> Self {
         let announced = u32::try_from(data.len()).unwrap_or(u32::MAX);
         let mut transfer = Self::new(frame, address_byte, announced, data);
         transfer.is_single = true;
@@ -105,7 +105,7 @@ impl Transfer {
     }
 
     /// Appends data; bytes over the limit are only counted. Padding of the last frame is removed.
-    fn keep(&mut self, bytes: &[u8]) {
+    fn keep_data(&mut self, bytes: &[u8]) {
         let left = u64::from(self.announced).saturating_sub(self.received);
         let bytes = bytes.get(..usize::try_from(left).unwrap_or(usize::MAX)).unwrap_or(bytes);
         self.received += bytes.len() as u64;
@@ -117,7 +117,7 @@ impl Transfer {
 
     /// Applies a consecutive frame; returns its irregularities. `receiver_is_heard`: frames of the receiver
     /// are in the capture, so its flow control would be, too.
-    pub(super) fn consecutive(
+    pub(super) fn apply_consecutive(
         &mut self,
         sequence: u8,
         data: &[u8],
@@ -141,7 +141,7 @@ impl Transfer {
             self.received += bytes.min(left);
             self.missing += bytes.min(left);
         }
-        self.keep(data);
+        self.keep_data(data);
         self.next = sequence.wrapping_add(1) & 0x0F;
         self.has_gone_on = true;
         self.waiting = match self.waiting {
@@ -176,7 +176,7 @@ impl Transfer {
     }
 
     /// Ends a message with all its bytes.
-    pub(super) fn complete(&mut self) {
+    pub(super) fn complete_message(&mut self) {
         self.outcome = if self.missing == 0 { MessageOutcome::Complete } else { MessageOutcome::Incomplete };
     }
 
@@ -189,7 +189,7 @@ impl Transfer {
     }
 
     /// Bytes received.
-    pub(super) fn size(&self) -> u64 {
+    pub(super) fn received_size(&self) -> u64 {
         self.received.saturating_sub(self.missing)
     }
 
@@ -215,7 +215,7 @@ mod tests {
     use super::*;
 
     fn frame(number: u64) -> Frame {
-        let mut frame = Frame::data_frame(CanId::standard(0x7E8), &[]);
+        let mut frame = Frame::data_frame(CanId::from_standard(0x7E8), &[]);
         frame.number = number;
         frame
     }
@@ -223,17 +223,20 @@ mod tests {
     const GO_ON: FlowControl =
         FlowControl { status: FlowStatus::Continue, block_size: 0, separation_time: 0 };
 
-    fn begun(announced: u32) -> Transfer {
-        Transfer::new(&frame(1), None, announced, &[1, 2, 3, 4, 5, 6])
+    fn begun(announced: u32) -> MessageTransfer {
+        MessageTransfer::new(&frame(1), None, announced, &[1, 2, 3, 4, 5, 6])
     }
 
     #[test]
     fn the_padding_of_the_last_frame_is_left_out() {
         let mut transfer = begun(9);
         assert_eq!(transfer.flow_control(GO_ON, &frame(2)), None);
-        assert_eq!(transfer.consecutive(1, &[7, 8, 9, 0xAA, 0xAA, 0xAA, 0xAA], &frame(3), true), [None; 2]);
+        assert_eq!(
+            transfer.apply_consecutive(1, &[7, 8, 9, 0xAA, 0xAA, 0xAA, 0xAA], &frame(3), true),
+            [None; 2]
+        );
         assert!(transfer.is_over());
-        transfer.complete();
+        transfer.complete_message();
         assert_eq!(transfer.outcome, MessageOutcome::Complete);
         assert_eq!(transfer.data, [1, 2, 3, 4, 5, 6, 7, 8, 9]);
     }
@@ -242,18 +245,18 @@ mod tests {
     fn a_gap_ends_the_data_but_not_the_message() {
         let mut transfer = begun(27);
         transfer.flow_control(GO_ON, &frame(2));
-        let gap = transfer.consecutive(2, &[0; 7], &frame(3), true)[1];
+        let gap = transfer.apply_consecutive(2, &[0; 7], &frame(3), true)[1];
         assert_eq!(gap, Some(IsoTpIrregularity::SequenceGap { expected: 1, found: 2 }));
-        assert_eq!(transfer.consecutive(3, &[0; 7], &frame(4), true), [None; 2]);
+        assert_eq!(transfer.apply_consecutive(3, &[0; 7], &frame(4), true), [None; 2]);
         assert!(transfer.is_over());
-        transfer.complete();
+        transfer.complete_message();
         // Nothing precedes the first frame: 0 is a gap of fifteen.
         let mut early = begun(200);
         early.flow_control(GO_ON, &frame(2));
-        let gap = early.consecutive(0, &[0; 7], &frame(3), true)[1];
+        let gap = early.apply_consecutive(0, &[0; 7], &frame(3), true)[1];
         assert_eq!(gap, Some(IsoTpIrregularity::SequenceGap { expected: 1, found: 0 }));
         // 6 bytes of the first frame, 7 missing, twice 7 received.
-        assert_eq!((transfer.outcome, transfer.size()), (MessageOutcome::Incomplete, 20));
+        assert_eq!((transfer.outcome, transfer.received_size()), (MessageOutcome::Incomplete, 20));
         assert_eq!((transfer.data.len(), transfer.truncated), (6, true));
     }
 
@@ -261,13 +264,13 @@ mod tests {
     fn a_frame_sent_twice_counts_once() {
         let mut transfer = begun(20);
         transfer.flow_control(GO_ON, &frame(2));
-        assert_eq!(transfer.consecutive(1, &[7; 7], &frame(3), true), [None; 2]);
-        let again = transfer.consecutive(1, &[7; 7], &frame(4), true)[1];
+        assert_eq!(transfer.apply_consecutive(1, &[7; 7], &frame(3), true), [None; 2]);
+        let again = transfer.apply_consecutive(1, &[7; 7], &frame(4), true)[1];
         assert_eq!(again, Some(IsoTpIrregularity::Duplicate { found: 1 }));
         assert_eq!(transfer.data.len(), 13);
         // After 15 the sequence number continues with 0.
         transfer.next = 0;
-        assert_eq!(transfer.consecutive(0, &[7; 7], &frame(5), true), [None; 2]);
+        assert_eq!(transfer.apply_consecutive(0, &[7; 7], &frame(5), true), [None; 2]);
         assert_eq!(transfer.next, 1);
     }
 
@@ -275,12 +278,12 @@ mod tests {
     fn a_block_waits_for_flow_control() {
         let mut transfer = begun(40);
         transfer.flow_control(FlowControl { block_size: 2, ..GO_ON }, &frame(2));
-        transfer.consecutive(1, &[0; 7], &frame(3), true);
+        transfer.apply_consecutive(1, &[0; 7], &frame(3), true);
         assert_eq!(transfer.flow_control(GO_ON, &frame(4)), Some(IsoTpIrregularity::StrayFlowControl));
-        transfer.consecutive(2, &[0; 7], &frame(5), true);
-        let unasked = transfer.consecutive(3, &[0; 7], &frame(6), true);
+        transfer.apply_consecutive(2, &[0; 7], &frame(5), true);
+        let unasked = transfer.apply_consecutive(3, &[0; 7], &frame(6), true);
         assert_eq!(unasked, [Some(IsoTpIrregularity::MissingFlowControl), None]);
-        assert_eq!(transfer.consecutive(4, &[0; 7], &frame(7), true), [None; 2]);
+        assert_eq!(transfer.apply_consecutive(4, &[0; 7], &frame(7), true), [None; 2]);
     }
 
     #[test]
@@ -300,6 +303,6 @@ mod tests {
     fn what_is_announced_costs_nothing() {
         let transfer = begun(u32::MAX);
         assert!(transfer.footprint() < 1024);
-        assert_eq!(transfer.size(), 6);
+        assert_eq!(transfer.received_size(), 6);
     }
 }

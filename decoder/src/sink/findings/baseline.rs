@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-pub use super::comparison::{Comparison, KnownFinding};
-use super::report::{CaptureResult, Report, Standing};
-use crate::finding::{Severity, Verdict};
+pub use super::comparison::{BaselineComparison, KnownFinding};
+use super::report::{CaptureResult, FindingStanding, FindingsReport};
+use crate::finding::{RuleOutcome, Severity};
 
 /// Version of the file format.
 const VERSION: u32 = 1;
@@ -44,12 +44,12 @@ impl Baseline {
     ///
     /// # Errors
     /// A message with line and column if `text` is not a valid baseline.
-    pub fn parse(text: &str) -> Result<Self, String> {
-        let baseline: Self = serde_json::from_str(text).map_err(|error| plain(&error))?;
+    pub fn parse_baseline(text: &str) -> Result<Self, String> {
+        let baseline: Self = serde_json::from_str(text).map_err(|error| plain_error(&error))?;
         if baseline.version != VERSION {
             return Err(format!("version {}; expected {VERSION}", baseline.version));
         }
-        let unknown = baseline.findings.iter().find(|known| severity(&known.severity).is_none());
+        let unknown = baseline.findings.iter().find(|known| parse_severity(&known.severity).is_none());
         match unknown {
             Some(known) => Err(format!("{}: unknown severity '{}'", known.fingerprint, known.severity)),
             None => Ok(baseline),
@@ -57,13 +57,14 @@ impl Baseline {
     }
 
     /// Baseline of a report; suppressed findings are not included.
-    pub fn of(report: &Report) -> Self {
+    pub fn baseline_of(report: &FindingsReport) -> Self {
         let mut baseline = Self { version: VERSION, ..Self::default() };
         for judged in report.captures.iter().filter(|judged| judged.failure.is_none()) {
-            let capture = portable(&judged.capture);
+            let capture = portable_name(&judged.capture);
             let groups = judged.findings.groups.iter();
-            let groups =
-                groups.filter(|group| matches!(judged.standing(group), Standing::New | Standing::Accepted));
+            let groups = groups.filter(|group| {
+                matches!(judged.standing_of(group), FindingStanding::New | FindingStanding::Accepted)
+            });
             baseline.findings.extend(groups.map(|group| KnownFinding {
                 capture: capture.clone(),
                 fingerprint: group.fingerprint(),
@@ -71,7 +72,7 @@ impl Baseline {
                 count: group.count,
                 text: group.text.clone(),
             }));
-            let exercised = judged.rules().filter(|(_, tally)| tally.verdict() != Verdict::NotExercised);
+            let exercised = judged.rules().filter(|(_, tally)| tally.verdict() != RuleOutcome::NotExercised);
             baseline.verdicts.extend(exercised.map(|(rule, tally)| KnownVerdict {
                 capture: capture.clone(),
                 rule: rule.name.to_string(),
@@ -84,7 +85,7 @@ impl Baseline {
     }
 
     /// Content of the file: one line per finding.
-    pub fn text(&self) -> String {
+    pub fn baseline_text(&self) -> String {
         let list = |lines: Vec<String>| {
             if lines.is_empty() { String::new() } else { format!("\n    {}\n  ", lines.join(",\n    ")) }
         };
@@ -100,24 +101,24 @@ impl Baseline {
     }
 
     /// Compares all captures of a report with the baseline.
-    pub fn compare(&self, report: &mut Report) {
+    pub fn compare_report(&self, report: &mut FindingsReport) {
         report.has_baseline = true;
         for judged in &mut report.captures {
-            judged.comparison = self.comparison(judged);
+            judged.comparison = self.compare_capture(judged);
         }
-        report.absent = self.absent(report);
+        report.absent = self.unchecked_captures(report);
     }
 
     /// Copies the entries of `before` for captures that were not checked, if `is_there` is true for the
     /// capture.
-    pub fn keep(
+    pub fn keep_entries(
         &mut self,
         before: &Self,
-        report: &Report,
+        report: &FindingsReport,
         is_there: impl Fn(&str) -> bool,
     ) -> UnjudgedCaptures {
         let mut others = UnjudgedCaptures::default();
-        for capture in before.absent(report) {
+        for capture in before.unchecked_captures(report) {
             if !is_there(&capture) {
                 others.dropped.push(capture);
                 continue;
@@ -134,20 +135,21 @@ impl Baseline {
     }
 
     /// Captures of the baseline that were not checked.
-    fn absent(&self, report: &Report) -> Vec<String> {
-        let judged: BTreeSet<String> = report.captures.iter().map(|one| portable(&one.capture)).collect();
+    fn unchecked_captures(&self, report: &FindingsReport) -> Vec<String> {
+        let judged: BTreeSet<String> =
+            report.captures.iter().map(|one| portable_name(&one.capture)).collect();
         let known = self.verdicts.iter().map(|known| &known.capture);
         let known: BTreeSet<_> = known.chain(self.findings.iter().map(|known| &known.capture)).collect();
         known.into_iter().filter(|capture| !judged.contains(*capture)).cloned().collect()
     }
 
-    fn comparison(&self, judged: &CaptureResult) -> Comparison {
-        let mut comparison = Comparison::default();
+    fn compare_capture(&self, judged: &CaptureResult) -> BaselineComparison {
+        let mut comparison = BaselineComparison::default();
         // After an incomplete read no finding can be reported as gone.
         if judged.failure.is_some() && judged.findings.rules.is_empty() {
             return comparison;
         }
-        let capture = portable(&judged.capture);
+        let capture = portable_name(&judged.capture);
         let own = self.findings.iter().filter(|known| known.capture == capture);
         let known: BTreeMap<&str, &KnownFinding> =
             own.map(|known| (known.fingerprint.as_str(), known)).collect();
@@ -156,7 +158,7 @@ impl Baseline {
             let fingerprint = group.fingerprint();
             let Some((name, known)) = known.get_key_value(fingerprint.as_str()) else { continue };
             seen.insert(*name);
-            if severity(&known.severity).is_some_and(|severity| group.severity <= severity) {
+            if parse_severity(&known.severity).is_some_and(|severity| group.severity <= severity) {
                 comparison.accepted.insert(group.id);
             }
         }
@@ -165,7 +167,7 @@ impl Baseline {
         }
         let gone = known.into_iter().filter(|(name, _)| !seen.contains(name));
         comparison.gone = gone.map(|(_, known)| known.clone()).collect();
-        let exercised = judged.rules().filter(|(_, tally)| tally.verdict() != Verdict::NotExercised);
+        let exercised = judged.rules().filter(|(_, tally)| tally.verdict() != RuleOutcome::NotExercised);
         let exercised: BTreeSet<Arc<str>> = exercised.map(|(rule, _)| Arc::clone(&rule.name)).collect();
         let before = self.verdicts.iter().filter(|known| known.capture == capture);
         let silent = before.filter(|known| !exercised.contains(known.rule.as_str()));
@@ -175,7 +177,7 @@ impl Baseline {
 }
 
 /// JSON parser message without Rust terms.
-fn plain(error: &serde_json::Error) -> String {
+fn plain_error(error: &serde_json::Error) -> String {
     let text = error.to_string();
     let text = match text.strip_prefix("EOF while parsing ") {
         Some(rest) => format!("the file ends inside {rest}"),
@@ -192,12 +194,12 @@ fn plain(error: &serde_json::Error) -> String {
     .fold(text, |text, (jargon, word)| text.replace(jargon, word))
 }
 
-fn severity(name: &str) -> Option<Severity> {
+fn parse_severity(name: &str) -> Option<Severity> {
     [Severity::Note, Severity::Warning, Severity::Error].into_iter().find(|severity| severity.name() == name)
 }
 
 /// Capture name that is equal on all systems: `./a\b.log` becomes `a/b.log`.
-pub(crate) fn portable(capture: &str) -> String {
+pub(crate) fn portable_name(capture: &str) -> String {
     let path = if cfg!(windows) { capture.replace('\\', "/") } else { capture.to_owned() };
     let path = path.trim_start_matches("./");
     path.to_owned()
@@ -219,26 +221,26 @@ mod tests {
         let verdict =
             KnownVerdict { capture: "a.log".into(), rule: "node-lost".into(), verdict: "fail".into() };
         let baseline = Baseline { version: 1, findings: vec![known; 2], verdicts: vec![verdict] };
-        let text = baseline.text();
-        assert_eq!(Baseline::parse(&text).unwrap(), baseline);
+        let text = baseline.baseline_text();
+        assert_eq!(Baseline::parse_baseline(&text).unwrap(), baseline);
         assert_eq!(text.lines().count(), 10, "{text}");
         let empty = Baseline { version: 1, ..Baseline::default() };
-        assert_eq!(Baseline::parse(&empty.text()).unwrap(), empty);
+        assert_eq!(Baseline::parse_baseline(&empty.baseline_text()).unwrap(), empty);
     }
 
     #[test]
     fn an_invalid_baseline_is_rejected_with_its_position() {
-        let error = Baseline::parse("{\n  \"version\": 1,\n  x\n}").unwrap_err();
+        let error = Baseline::parse_baseline("{\n  \"version\": 1,\n  x\n}").unwrap_err();
         assert!(error.contains("line 3 column 3"), "{error}");
-        let cut = Baseline::parse("{\"version\": 1,").unwrap_err();
+        let cut = Baseline::parse_baseline("{\"version\": 1,").unwrap_err();
         assert_eq!(cut, "the file ends inside a value at line 1 column 14");
         let text = "{\"version\": 9, \"findings\": [], \"verdicts\": []}";
-        assert_eq!(Baseline::parse(text).unwrap_err(), "version 9; expected 1");
+        assert_eq!(Baseline::parse_baseline(text).unwrap_err(), "version 9; expected 1");
     }
 
     #[test]
     fn capture_names_are_portable() {
-        assert_eq!(portable("./fixtures/a.log"), "fixtures/a.log");
-        assert_eq!(portable("../a.log"), "../a.log");
+        assert_eq!(portable_name("./fixtures/a.log"), "fixtures/a.log");
+        assert_eq!(portable_name("../a.log"), "../a.log");
     }
 }

@@ -22,14 +22,14 @@ pub struct KnownFinding {
 
 impl KnownFinding {
     /// `error node-lost|can0|5: silent since {10}`.
-    pub fn line(&self) -> String {
+    pub fn known_line(&self) -> String {
         format!("{} {}: {}", self.severity, self.fingerprint, self.text)
     }
 }
 
 /// Differences between a capture and the baseline.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Comparison {
+pub struct BaselineComparison {
     /// Ids of groups that are in the baseline with at least the same severity.
     pub accepted: BTreeSet<u64>,
     /// Findings in the baseline that did not occur.

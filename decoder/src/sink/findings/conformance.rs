@@ -5,39 +5,39 @@ use std::fmt::Write as _;
 use super::report::CaptureResult;
 use crate::escape::escape;
 use crate::event::FrameRange;
-use crate::finding::{CaseVerdict, Verdict};
+use crate::finding::{CaseVerdict, RuleOutcome};
 use crate::wire::canopen::test_marker::TestResult;
-use crate::words::plural;
+use crate::words::count_noun;
 
 /// Appends the verdicts of the test tool and of the rules, and each case in which they differ.
-pub(super) fn write(judged: &CaptureResult, out: &mut String) {
+pub(super) fn write_conformance(judged: &CaptureResult, out: &mut String) {
     let cases = &judged.findings.conformance;
     if cases.is_empty() {
         return;
     }
     let tool = |wanted| cases.iter().filter(|case| case.tool == wanted).count();
-    let ours = |wanted| cases.iter().filter(|case| case.ours() == wanted).count();
+    let ours = |wanted| cases.iter().filter(|case| case.own_verdict() == wanted).count();
     let _ = writeln!(
         out,
         "conformance test: {}; test tool: {} passed, {}, {} failed, {} skipped; rules: {} passed, {} failed, \
          {} not exercised",
-        plural(cases.len(), "case"),
+        count_noun(cases.len(), "case"),
         tool(TestResult::Passed),
-        plural(tool(TestResult::Warning), "warning"),
+        count_noun(tool(TestResult::Warning), "warning"),
         tool(TestResult::Failed),
         tool(TestResult::Skipped),
-        ours(Verdict::Pass),
-        ours(Verdict::Fail),
-        ours(Verdict::NotExercised)
+        ours(RuleOutcome::Pass),
+        ours(RuleOutcome::Fail),
+        ours(RuleOutcome::NotExercised)
     );
-    for case in cases.iter().filter(|case| case.disagrees()) {
-        let _ = writeln!(out, "  {}", escape(&line(case)));
+    for case in cases.iter().filter(|case| case.contradicts_tool()) {
+        let _ = writeln!(out, "  {}", escape(&case_line(case)));
     }
 }
 
 /// `3.7 name: failed (test tool), pass (rules; pdo-sync-acyclic 1 passed) {851-860}`.
-fn line(case: &CaseVerdict) -> String {
-    let judged = case.judged.iter().filter(|(_, tally)| tally.verdict() != Verdict::NotExercised);
+fn case_line(case: &CaseVerdict) -> String {
+    let judged = case.judged.iter().filter(|(_, tally)| tally.verdict() != RuleOutcome::NotExercised);
     let judged: Vec<_> = judged
         .map(|(rule, tally)| match tally.failed {
             0 => format!("{rule} {} passed", tally.passed),
@@ -51,7 +51,7 @@ fn line(case: &CaseVerdict) -> String {
         case.id,
         case.name,
         case.tool.name(),
-        case.ours().name(),
+        case.own_verdict().name(),
         if case.has_begin { "" } else { ", start mark missing" }
     )
 }

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use super::report::Report;
+use super::report::FindingsReport;
 
 /// A format for findings.
 #[derive(Debug)]
@@ -16,12 +16,12 @@ pub struct FindingFormat {
     /// Whether findings refer to lines of the capture ([`super::CaptureResult::lines`]).
     pub has_lines: bool,
     /// Writes the report on all captures.
-    pub write: fn(&Report, TextOptions, &mut dyn Write) -> io::Result<()>,
+    pub write: fn(&FindingsReport, FindingTextOptions, &mut dyn Write) -> io::Result<()>,
 }
 
 /// Options for the text format.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct TextOptions {
+pub struct FindingTextOptions {
     /// Use ANSI colours.
     pub color: bool,
     /// Print all recorded occurrences, and suppressed and accepted findings.

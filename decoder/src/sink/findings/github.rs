@@ -3,13 +3,13 @@
 
 use std::fmt::Write as _;
 
-use super::baseline::portable;
+use super::baseline::portable_name;
 use super::format::{FindingFormat, write_at_once};
-use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT};
+use super::report::{ABSENT, CaptureResult, FindingsReport, MISSING, SILENT};
 use super::text;
-use crate::diagnosis::incident::{IncidentFinding, incidents};
+use crate::diagnosis::incident::{IncidentFinding, group_incidents};
 use crate::escape::escape;
-use crate::finding::phrase::{sentence, who};
+use crate::finding::phrase::{finding_sentence, node_phrase};
 use crate::finding::{Severity, SuppressionUse};
 
 pub(super) const FORMAT: FindingFormat = FindingFormat {
@@ -17,82 +17,83 @@ pub(super) const FORMAT: FindingFormat = FindingFormat {
     help: "GitHub Actions workflow commands: annotations at the lines of captures",
     mark: " unreadable; ",
     has_lines: true,
-    write: |report, _, out| write_at_once(out, |text| write(report, text)),
+    write: |report, _, out| write_at_once(out, |text| write_github(report, text)),
 };
 
 /// Writes one command per finding, worst first within a capture, then suppressions, and the total as plain
 /// text.
-fn write(report: &Report, out: &mut String) {
+fn write_github(report: &FindingsReport, out: &mut String) {
     for judged in &report.captures {
         if let Some(failure) = &judged.failure {
-            command(out, "error", &place(judged.first_file(), None), "unreadable", failure);
+            write_command(out, "error", &file_place(judged.first_file(), None), "unreadable", failure);
         }
         for note in &judged.findings.quality {
-            command(out, "notice", &place(judged.first_file(), None), "quality", note);
+            write_command(out, "notice", &file_place(judged.first_file(), None), "quality", note);
         }
         for rule in &judged.comparison.silent {
-            command(out, "error", &place(judged.first_file(), None), rule, SILENT);
+            write_command(out, "error", &file_place(judged.first_file(), None), rule, SILENT);
         }
         for known in &judged.comparison.gone {
-            command(out, "notice", &place(judged.first_file(), None), "gone", &known.line());
+            write_command(out, "notice", &file_place(judged.first_file(), None), "gone", &known.known_line());
         }
-        for found in incidents(judged.telling()).iter().flat_map(|incident| &incident.findings) {
-            finding(judged, found, out);
+        for found in group_incidents(judged.new_findings()).iter().flat_map(|incident| &incident.findings) {
+            write_finding(judged, found, out);
         }
     }
     for rule in &report.missing {
-        command(out, "error", "", rule, MISSING);
+        write_command(out, "error", "", rule, MISSING);
     }
     for capture in &report.absent {
-        command(out, "error", &format!("file={},", property(capture)), "absent", ABSENT);
+        write_command(out, "error", &format!("file={},", escape_property(capture)), "absent", ABSENT);
     }
     let suppressions = report.suppressions();
-    let messages = |one: &SuppressionUse| [one.covered(), one.complaint()];
+    let messages = |one: &SuppressionUse| [one.suppressed_text(), one.review_reason()];
     for text in suppressions.iter().flat_map(messages).flatten() {
-        command(out, "notice", "", "suppression", &text);
+        write_command(out, "notice", "", "suppression", &text);
     }
-    let _ = writeln!(out, "{}", text::total(report));
+    let _ = writeln!(out, "{}", text::total_text(report));
 }
 
-fn finding(judged: &CaptureResult, found: &IncidentFinding<'_>, out: &mut String) {
+fn write_finding(judged: &CaptureResult, found: &IncidentFinding<'_>, out: &mut String) {
     let group = found.group;
     let level = match found.severity() {
         Severity::Error => "error",
         Severity::Warning => "warning",
         Severity::Note => "notice",
     };
-    let place = place(judged.file(group.began()), judged.line(group.began()));
-    let lines = [format!("{}  {}", who(group), sentence(group))]
+    let place =
+        file_place(judged.file_of(group.first_occurrence()), judged.line_of(group.first_occurrence()));
+    let lines = [format!("{}  {}", node_phrase(group), finding_sentence(group))]
         .into_iter()
-        .chain(found.also())
-        .chain(judged.notes(group));
+        .chain(found.member_text())
+        .chain(judged.finding_notes(group));
     // GitHub unescapes line ends, so each line is escaped separately.
     let text = lines.map(|line| escape(&line).into_owned()).collect::<Vec<_>>().join("\n");
-    command(out, level, &place, &group.rule, &text);
+    write_command(out, level, &place, &group.rule, &text);
 }
 
 /// `file=captures/a.log,line=12,`.
-fn place(file: &str, line: Option<u64>) -> String {
-    let file = property(&portable(file));
+fn file_place(file: &str, line: Option<u64>) -> String {
+    let file = escape_property(&portable_name(file));
     match line {
         Some(line) => format!("file={file},line={line},"),
         None => format!("file={file},"),
     }
 }
 
-fn command(out: &mut String, level: &str, place: &str, title: &str, text: &str) {
+fn write_command(out: &mut String, level: &str, place: &str, title: &str, text: &str) {
     let lines = text.lines().map(escape).collect::<Vec<_>>().join("\n");
-    let _ = writeln!(out, "::{level} {place}title={}::{}", property(title), data(&lines));
+    let _ = writeln!(out, "::{level} {place}title={}::{}", escape_property(title), escape_data(&lines));
 }
 
 /// Escapes the message of a workflow command.
-fn data(text: &str) -> String {
+fn escape_data(text: &str) -> String {
     text.replace('%', "%25").replace('\r', "%0D").replace('\n', "%0A")
 }
 
 /// Escapes a property of a workflow command.
-fn property(text: &str) -> String {
-    data(&escape(text)).replace(':', "%3A").replace(',', "%2C")
+fn escape_property(text: &str) -> String {
+    escape_data(&escape(text)).replace(':', "%3A").replace(',', "%2C")
 }
 
 #[cfg(test)]
@@ -102,8 +103,8 @@ mod tests {
     #[test]
     fn no_text_ends_a_command_or_begins_another() {
         let mut out = String::new();
-        command(&mut out, "error", "", "a,b:c", "50 % \n::error::x\u{1b}");
+        write_command(&mut out, "error", "", "a,b:c", "50 % \n::error::x\u{1b}");
         assert_eq!(out, "::error title=a%2Cb%3Ac::50 %25 %0A::error::x\\u{1b}\n");
-        assert_eq!(property("a\nb"), "a\\nb");
+        assert_eq!(escape_property("a\nb"), "a\\nb");
     }
 }

@@ -5,8 +5,8 @@ use std::io::{self, Write};
 
 use super::format::FindingFormat;
 use super::records::GroupRecord;
-use super::report::{CaptureResult, Report};
-use crate::finding::Group;
+use super::report::{CaptureResult, FindingsReport};
+use crate::finding::FindingGroup;
 use crate::sink::escape_json;
 
 pub(super) const FORMAT: FindingFormat = FindingFormat {
@@ -14,12 +14,12 @@ pub(super) const FORMAT: FindingFormat = FindingFormat {
     help: "One JSON object per finding and per capture, and a total (docs/check.schema.json)",
     mark: "{\"kind\":\"total\",",
     has_lines: false,
-    write: |report, _, out| write(report, out),
+    write: |report, _, out| write_jsonl(report, out),
 };
 
 /// Writes all captures line by line, because the text of thousands of findings needs more memory than the
 /// findings.
-fn write(report: &Report, out: &mut dyn Write) -> io::Result<()> {
+fn write_jsonl(report: &FindingsReport, out: &mut dyn Write) -> io::Result<()> {
     for record in report.records() {
         let line = serde_json::to_string(&record)?;
         out.write_all(escape_json(&line).as_bytes())?;
@@ -29,7 +29,7 @@ fn write(report: &Report, out: &mut dyn Write) -> io::Result<()> {
 }
 
 /// The object of a finding.
-pub(in crate::sink) fn finding(group: &Group, judged: &CaptureResult) -> String {
+pub(in crate::sink) fn write_finding(group: &FindingGroup, judged: &CaptureResult) -> String {
     // All keys are strings, the only reason for which a record could not be serialized.
     let line = serde_json::to_string(&GroupRecord::new(group, judged)).unwrap_or_default();
     escape_json(&line).into_owned()

@@ -18,8 +18,8 @@ mod report;
 mod sarif;
 mod text;
 
-pub use format::{FindingFormat, TextOptions};
-pub use report::{CapturePart, CaptureResult, Coverage, Outcome, Report, Standing};
+pub use format::{FindingFormat, FindingTextOptions};
+pub use report::{CaptureOutcome, CapturePart, CaptureResult, FindingStanding, FindingsReport, RuleCoverage};
 
 /// All findings formats.
 pub const FINDING_FORMATS: &[FindingFormat] =

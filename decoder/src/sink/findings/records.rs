@@ -3,10 +3,11 @@
 
 use serde::Serialize;
 
-use super::report::{CaptureResult, Outcome, Report, Standing};
+use super::report::{CaptureOutcome, CaptureResult, FindingStanding, FindingsReport};
 use crate::finding::phrase::fact_text;
 use crate::finding::{
-    CaseVerdict, Cause, Group, Occurrence, RuleInfo, Severity, SuppressionUse, Tally, Verdict,
+    CaseVerdict, CheckTally, FindingCause, FindingGroup, Occurrence, RuleInfo, RuleOutcome, Severity,
+    SuppressionUse,
 };
 use crate::frame::Timestamp;
 use crate::sink::exact_json::ExactNumber;
@@ -273,7 +274,7 @@ pub struct SuppressionRecord {
     pub ended: Option<String>,
 }
 
-impl Report {
+impl FindingsReport {
     /// All objects in order: the findings and the summary of each capture, and the total.
     pub fn records(&self) -> impl Iterator<Item = CheckRecord<'_>> {
         let captures = self.captures.iter().flat_map(|judged| {
@@ -294,13 +295,13 @@ impl CaptureResult {
 
 impl<'a> GroupRecord<'a> {
     /// A finding of a capture.
-    pub fn new(group: &'a Group, judged: &'a CaptureResult) -> Self {
+    pub fn new(group: &'a FindingGroup, judged: &'a CaptureResult) -> Self {
         let rule = judged.findings.rules.get(usize::from(group.key.rule));
         let protocol = |node| if matches!(node, NodeId::Canopen(_)) { "canopen" } else { "j1939" };
         let (cause_finding, cause) = match &group.cause {
-            Some(Cause::Group(id)) => (Some(*id), None),
-            Some(Cause::Quality(text)) => (None, Some(text.to_string())),
-            Some(Cause::Fact(fact)) => (None, Some(fact_text(fact))),
+            Some(FindingCause::Group(id)) => (Some(*id), None),
+            Some(FindingCause::Quality(text)) => (None, Some(text.to_string())),
+            Some(FindingCause::Fact(fact)) => (None, Some(fact_text(fact))),
             None => (None, None),
         };
         let occurrences = group.first.iter().chain(&group.last);
@@ -312,7 +313,7 @@ impl<'a> GroupRecord<'a> {
             rule: &group.rule,
             title: rule.map_or("", |rule| &rule.title),
             severity: group.severity.name(),
-            standing: judged.standing(group).name(),
+            standing: judged.standing_of(group).name(),
             bus: &group.bus,
             protocol: group.key.node.map(protocol),
             node: group.key.node.map(NodeId::number),
@@ -347,13 +348,13 @@ impl<'a> OccurrenceRecord<'a> {
             t: at.time.and_then(ExactNumber::of_time),
             frames: [at.frames.first, at.frames.last],
             file,
-            line: file.and_then(|_| judged.line(at)),
+            line: file.and_then(|_| judged.line_of(at)),
         }
     }
 }
 
 impl<'a> SummaryRecord<'a> {
-    fn new(judged: &'a CaptureResult, report: &Report) -> Self {
+    fn new(judged: &'a CaptureResult, report: &FindingsReport) -> Self {
         let findings = &judged.findings;
         let parts = judged.parts.iter();
         let gone = judged.comparison.gone.iter().map(|known| known.fingerprint.as_str());
@@ -363,7 +364,7 @@ impl<'a> SummaryRecord<'a> {
             capture: &judged.capture,
             frames: judged.frames,
             parts: parts.map(|it| PartRecord { file: &it.file, first_frame: it.first_frame }).collect(),
-            verdict: judged.outcome(report.least).name(),
+            verdict: judged.overall_outcome(report.least).name(),
             failure: judged.failure.as_deref(),
             counts: FindingCounts::of(std::slice::from_ref(judged)),
             ungrouped: findings.ungrouped,
@@ -379,46 +380,47 @@ impl<'a> SummaryRecord<'a> {
 }
 
 impl<'a> TotalRecord<'a> {
-    fn new(report: &'a Report) -> Self {
-        let of = |wanted| report.captures.iter().filter(|one| one.outcome(report.least) == wanted).count();
+    fn new(report: &'a FindingsReport) -> Self {
+        let of =
+            |wanted| report.captures.iter().filter(|one| one.overall_outcome(report.least) == wanted).count();
         Self {
             kind: "total",
             captures: report.captures.len(),
-            failed: of(Outcome::Failed),
-            unreadable: of(Outcome::Unreadable),
+            failed: of(CaptureOutcome::Failed),
+            unreadable: of(CaptureOutcome::Unreadable),
             counts: FindingCounts::of(&report.captures),
             missing: &report.missing,
             absent: &report.absent,
             suppressions: report.suppressions().iter().map(SuppressionRecord::new).collect(),
-            fails: report.fails(),
+            fails: report.has_failed(),
         }
     }
 }
 
 impl FindingCounts {
     fn of(captures: &[CaptureResult]) -> Self {
-        let new = |severity| captures.iter().map(|judged| judged.number(severity)).sum();
+        let new = |severity| captures.iter().map(|judged| judged.printed_count(severity)).sum();
         let all = |standing| captures.iter().map(|judged| judged.number_of(standing)).sum();
         Self {
             errors: new(Severity::Error),
             warnings: new(Severity::Warning),
             notes: new(Severity::Note),
-            accepted: all(Standing::Accepted),
-            suppressed: all(Standing::Suppressed),
+            accepted: all(FindingStanding::Accepted),
+            suppressed: all(FindingStanding::Suppressed),
         }
     }
 }
 
 impl<'a> RuleVerdict<'a> {
-    fn new(rule: &'a RuleInfo, tally: Tally) -> Self {
-        let needs = (tally.verdict() == Verdict::NotExercised).then_some(&*rule.needs);
+    fn new(rule: &'a RuleInfo, tally: CheckTally) -> Self {
+        let needs = (tally.verdict() == RuleOutcome::NotExercised).then_some(&*rule.needs);
         Self { rule: &rule.name, tally: tally.into(), needs }
     }
 }
 
-impl From<Tally> for TallyRecord {
-    fn from(tally: Tally) -> Self {
-        let Tally { passed, failed, waived } = tally;
+impl From<CheckTally> for TallyRecord {
+    fn from(tally: CheckTally) -> Self {
+        let CheckTally { passed, failed, waived } = tally;
         Self { verdict: tally.verdict().name(), passed, failed, waived }
     }
 }
@@ -429,7 +431,7 @@ impl<'a> ConformanceVerdict<'a> {
             case: &case.id,
             name: &case.name,
             tool: case.tool.name(),
-            verdict: case.ours().name(),
+            verdict: case.own_verdict().name(),
             frames: [case.frames.first, case.frames.last],
         }
     }

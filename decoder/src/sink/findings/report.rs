@@ -5,10 +5,12 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::comparison::Comparison;
+use super::comparison::BaselineComparison;
 use crate::diagnosis::incident;
-use crate::finding::phrase::{moment, notes_of, when};
-use crate::finding::{Findings, Group, Occurrence, RuleInfo, Severity, SuppressionUse, Tally, Verdict};
+use crate::finding::phrase::{format_moment, notes_of, period_phrase};
+use crate::finding::{
+    CaptureFindings, CheckTally, FindingGroup, Occurrence, RuleInfo, RuleOutcome, Severity, SuppressionUse,
+};
 use crate::frame::Timestamp;
 
 /// Text for a capture of the baseline that was not checked.
@@ -22,7 +24,7 @@ pub(super) const MISSING: &str = "required, but not exercised in any capture";
 
 /// Results of all captures.
 #[derive(Debug, Clone, Default)]
-pub struct Report {
+pub struct FindingsReport {
     /// Each capture, in the order of the command line.
     pub captures: Vec<CaptureResult>,
     /// Lowest severity that counts as a failure; `None` if findings never count as failures.
@@ -47,7 +49,7 @@ pub struct CaptureResult {
     /// Timestamp of the last frame.
     pub last: Option<Timestamp>,
     /// Findings and verdicts.
-    pub findings: Findings,
+    pub findings: CaptureFindings,
     /// Reason why the capture was not read, or not to its end.
     pub failure: Option<String>,
     /// Line number of each frame that a finding refers to, for text captures; in the file of its part.
@@ -55,7 +57,7 @@ pub struct CaptureResult {
     /// Files of a capture that consists of several parts, in order; empty for a single file.
     pub parts: Vec<CapturePart>,
     /// Differences from the baseline.
-    pub comparison: Comparison,
+    pub comparison: BaselineComparison,
 }
 
 /// A file of a capture that consists of several parts.
@@ -70,7 +72,7 @@ pub struct CapturePart {
 /// Overall result of a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Outcome {
+pub enum CaptureOutcome {
     /// No failure.
     #[default]
     #[serde(rename = "pass")]
@@ -82,7 +84,7 @@ pub enum Outcome {
     Unreadable,
 }
 
-impl Outcome {
+impl CaptureOutcome {
     /// The name used in all output.
     pub const fn name(self) -> &'static str {
         match self {
@@ -95,7 +97,7 @@ impl Outcome {
 
 /// Treatment of a finding in the report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Standing {
+pub enum FindingStanding {
     /// Counts as a new finding.
     New,
     /// In the baseline.
@@ -106,7 +108,7 @@ pub enum Standing {
     Absorbed,
 }
 
-impl Standing {
+impl FindingStanding {
     /// The name used in all output.
     pub const fn name(self) -> &'static str {
         match self {
@@ -120,41 +122,41 @@ impl Standing {
 
 /// Verdict counts of one rule over all captures.
 #[derive(Debug, Clone)]
-pub struct Coverage<'a> {
+pub struct RuleCoverage<'a> {
     /// Rule.
     pub rule: &'a RuleInfo,
     /// Verdict counts.
-    pub tally: Tally,
+    pub tally: CheckTally,
 }
 
 impl CaptureResult {
     /// Treatment of a group.
-    pub fn standing(&self, group: &Group) -> Standing {
+    pub fn standing_of(&self, group: &FindingGroup) -> FindingStanding {
         match () {
-            () if group.suppressed.is_some() => Standing::Suppressed,
-            () if group.is_absorbed => Standing::Absorbed,
-            () if self.comparison.accepted.contains(&group.id) => Standing::Accepted,
-            () => Standing::New,
+            () if group.suppressed.is_some() => FindingStanding::Suppressed,
+            () if group.is_absorbed => FindingStanding::Absorbed,
+            () if self.comparison.accepted.contains(&group.id) => FindingStanding::Accepted,
+            () => FindingStanding::New,
         }
     }
 
     /// Groups that count as new findings.
-    pub fn telling(&self) -> impl Iterator<Item = &Group> {
-        self.findings.groups.iter().filter(|group| self.standing(group) == Standing::New)
+    pub fn new_findings(&self) -> impl Iterator<Item = &FindingGroup> {
+        self.findings.groups.iter().filter(|group| self.standing_of(group) == FindingStanding::New)
     }
 
     /// Number of printed new findings of a severity.
-    pub fn number(&self, severity: Severity) -> usize {
-        incident::number(self.telling(), severity)
+    pub fn printed_count(&self, severity: Severity) -> usize {
+        incident::printed_count(self.new_findings(), severity)
     }
 
     /// Number of groups with a given treatment.
-    pub fn number_of(&self, standing: Standing) -> usize {
-        self.findings.groups.iter().filter(|group| self.standing(group) == standing).count()
+    pub fn number_of(&self, standing: FindingStanding) -> usize {
+        self.findings.groups.iter().filter(|group| self.standing_of(group) == standing).count()
     }
 
     /// Line of the last frame of an occurrence, for text captures.
-    pub fn line(&self, at: Occurrence) -> Option<u64> {
+    pub fn line_of(&self, at: Occurrence) -> Option<u64> {
         self.lines.get(&at.frames.last).copied()
     }
 
@@ -165,7 +167,7 @@ impl CaptureResult {
     }
 
     /// File of an occurrence: that of its part.
-    pub fn file(&self, at: Occurrence) -> &str {
+    pub fn file_of(&self, at: Occurrence) -> &str {
         self.part_of(at.frames.last).map_or(&self.capture, |(_, file)| file)
     }
 
@@ -175,12 +177,12 @@ impl CaptureResult {
     }
 
     /// `1.300 s {12-13}`, in a capture of several parts with the file: `1.300 s {140} part2.log:22`.
-    pub fn moment(&self, at: Occurrence) -> String {
-        let mut text = moment(at, self.first);
+    pub fn moment_text(&self, at: Occurrence) -> String {
+        let mut text = format_moment(at, self.first);
         if let Some((_, file)) = self.part_of(at.frames.last).filter(|_| at.frames.last > 0) {
             text.push(' ');
             text.push_str(file);
-            if let Some(line) = self.line(at) {
+            if let Some(line) = self.line_of(at) {
                 text.push(':');
                 text.push_str(&line.to_string());
             }
@@ -189,86 +191,88 @@ impl CaptureResult {
     }
 
     /// `at 1.300 s {12-13}`, `first 1.300 s {12}, last 9.100 s {500}`.
-    pub fn when(&self, group: &Group) -> String {
-        when(group, |at| self.moment(at))
+    pub fn period_text(&self, group: &FindingGroup) -> String {
+        period_phrase(group, |at| self.moment_text(at))
     }
 
     /// Lines below a finding: time, worst occurrence, reason for a lowered severity, section of the manual.
-    pub fn notes(&self, group: &Group) -> Vec<String> {
-        notes_of(group, |at| self.moment(at))
+    pub fn finding_notes(&self, group: &FindingGroup) -> Vec<String> {
+        notes_of(group, |at| self.moment_text(at))
     }
 
     /// Frames whose line numbers are needed.
     pub fn frames_of_findings(&self) -> BTreeSet<u64> {
         let is_joined = !self.parts.is_empty();
-        let of = |group: &Group| {
+        let of = |group: &FindingGroup| {
             let worst = group.worst.as_ref().map(|(_, _, at)| *at);
             let all = group.first.iter().chain(&group.last).filter(|_| is_joined).copied();
-            let all: Vec<_> = [group.began()].into_iter().chain(worst).chain(all).collect();
+            let all: Vec<_> = [group.first_occurrence()].into_iter().chain(worst).chain(all).collect();
             all.into_iter().map(|at| at.frames.last)
         };
         self.findings.groups.iter().flat_map(of).filter(|frame| *frame > 0).collect()
     }
 
     /// Overall result; `least` is the lowest severity that counts as a failure.
-    pub fn outcome(&self, least: Option<Severity>) -> Outcome {
-        let is_failure = |group: &Group| least.is_some_and(|least| group.severity >= least);
+    pub fn overall_outcome(&self, least: Option<Severity>) -> CaptureOutcome {
+        let is_failure = |group: &FindingGroup| least.is_some_and(|least| group.severity >= least);
         match () {
-            () if self.failure.is_some() => Outcome::Unreadable,
-            () if self.telling().any(is_failure) || !self.comparison.silent.is_empty() => Outcome::Failed,
-            () => Outcome::Passed,
+            () if self.failure.is_some() => CaptureOutcome::Unreadable,
+            () if self.new_findings().any(is_failure) || !self.comparison.silent.is_empty() => {
+                CaptureOutcome::Failed
+            }
+            () => CaptureOutcome::Passed,
         }
     }
 
     /// Active rules with their verdict counts.
-    pub fn rules(&self) -> impl Iterator<Item = (&RuleInfo, Tally)> {
+    pub fn rules(&self) -> impl Iterator<Item = (&RuleInfo, CheckTally)> {
         let all = self.findings.rules.iter().zip(self.findings.tallies.iter().copied());
         all.filter(|(rule, _)| rule.is_on)
     }
 
     /// Number of active rules with a given verdict.
-    pub fn verdicts(&self, wanted: Verdict) -> usize {
+    pub fn verdict_count(&self, wanted: RuleOutcome) -> usize {
         self.rules().filter(|(_, tally)| tally.verdict() == wanted).count()
     }
 }
 
-impl Report {
+impl FindingsReport {
     /// Whether the check fails, as stated by the exit status.
-    pub fn fails(&self) -> bool {
-        let failed = |judged: &CaptureResult| judged.outcome(self.least) == Outcome::Failed;
+    pub fn has_failed(&self) -> bool {
+        let failed = |judged: &CaptureResult| judged.overall_outcome(self.least) == CaptureOutcome::Failed;
         !self.missing.is_empty() || !self.absent.is_empty() || self.captures.iter().any(failed)
     }
 
     /// Sets `missing` to those of `rules` that were not exercised.
-    pub fn require(&mut self, rules: &[String]) {
-        let coverage = self.coverage();
+    pub fn require_rules(&mut self, rules: &[String]) {
+        let coverage = self.rule_coverage();
         let exercised = |wanted: &String| {
             let mut own = coverage.iter().filter(|one| *one.rule.name == **wanted);
-            own.any(|one| one.tally.verdict() != Verdict::NotExercised)
+            own.any(|one| one.tally.verdict() != RuleOutcome::NotExercised)
         };
         let missing = rules.iter().filter(|rule| !exercised(rule)).cloned().collect();
         self.missing = missing;
     }
 
     /// Active rules over all captures, in evaluation order.
-    pub fn coverage(&self) -> Vec<Coverage<'_>> {
-        let mut all: Vec<Coverage<'_>> = Vec::new();
+    pub fn rule_coverage(&self) -> Vec<RuleCoverage<'_>> {
+        let mut all: Vec<RuleCoverage<'_>> = Vec::new();
         let mut places: BTreeMap<&str, usize> = BTreeMap::new();
         for (rule, tally) in self.captures.iter().flat_map(CaptureResult::rules) {
             let place = *places.entry(&rule.name).or_insert(all.len());
             match all.get_mut(place) {
-                Some(known) => known.tally.add(tally),
-                None => all.push(Coverage { rule, tally }),
+                Some(known) => known.tally.add_tally(tally),
+                None => all.push(RuleCoverage { rule, tally }),
             }
         }
         all
     }
 
     /// Cases of the conformance test plan over all captures.
-    pub fn cases(&self) -> BTreeMap<Arc<str>, Tally> {
-        let mut all: BTreeMap<Arc<str>, Tally> = BTreeMap::new();
+    pub fn case_tallies(&self) -> BTreeMap<Arc<str>, CheckTally> {
+        let mut all: BTreeMap<Arc<str>, CheckTally> = BTreeMap::new();
         for (case, tally) in self.captures.iter().flat_map(|judged| &judged.findings.cases) {
-            all.entry(Arc::clone(case)).or_default().add(*tally);
+            all.entry(Arc::clone(case)).or_default().add_tally(*tally);
         }
         all
     }

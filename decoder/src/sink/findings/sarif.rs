@@ -6,13 +6,13 @@ use std::fmt::Write as _;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::baseline::portable;
+use super::baseline::portable_name;
 use super::format::{FindingFormat, write_at_once};
-use super::report::{ABSENT, CaptureResult, MISSING, Report, SILENT, Standing};
+use super::report::{ABSENT, CaptureResult, FindingStanding, FindingsReport, MISSING, SILENT};
 use crate::escape::{escape, escape_json};
-use crate::finding::phrase::{sentence, what, who};
-use crate::finding::{Group, Occurrence, RuleInfo, RuleOrigin, Severity, SuppressionUse};
-use crate::rules::manual;
+use crate::finding::phrase::{finding_sentence, node_phrase, subject_phrase};
+use crate::finding::{FindingGroup, Occurrence, RuleInfo, RuleOrigin, Severity, SuppressionUse};
+use crate::rules::format_manual;
 
 /// Page of the program, shown next to its results.
 const INFORMATION: &str = "https://crates.io/crates/cobscope";
@@ -27,16 +27,16 @@ const FINGERPRINTS: [&str; 2] = ["cobscopeGroup/v1", "primaryLocationLineHash"];
 
 #[derive(Serialize)]
 #[serde(rename_all = "camelCase")]
-struct Log {
+struct SarifLog {
     #[serde(rename = "$schema")]
     schema: &'static str,
     version: &'static str,
-    runs: [Run; 1],
+    runs: [SarifRun; 1],
 }
 
 #[derive(Serialize)]
 #[serde(rename_all = "camelCase")]
-struct Run {
+struct SarifRun {
     tool: Value,
     invocations: [Value; 1],
     artifacts: Vec<Value>,
@@ -67,32 +67,32 @@ pub(super) const FORMAT: FindingFormat = FindingFormat {
     help: "SARIF 2.1.0 for code scanning",
     mark: "\"name\": \"cobscope\"",
     has_lines: true,
-    write: |report, _, out| write_at_once(out, |text| write(report, text)),
+    write: |report, _, out| write_at_once(out, |text| write_sarif(report, text)),
 };
 
 /// Writes all captures.
-fn write(report: &Report, out: &mut String) {
-    let coverage = report.coverage();
+fn write_sarif(report: &FindingsReport, out: &mut String) {
+    let coverage = report.rule_coverage();
     let places: BTreeMap<&str, usize> =
         coverage.iter().enumerate().map(|(place, one)| (&*one.rule.name, place)).collect();
-    let rules: Vec<_> = coverage.iter().map(|one| rule(one.rule)).collect();
+    let rules: Vec<_> = coverage.iter().map(|one| sarif_rule(one.rule)).collect();
     let artifacts =
-        report.captures.iter().flat_map(files).map(|file| json!({"location": {"uri": uri(file)}}));
+        report.captures.iter().flat_map(capture_files).map(|file| json!({"location": {"uri": to_uri(file)}}));
     let mut results = Vec::new();
     for (place, judged) in with_places(report) {
         for group in &judged.findings.groups {
-            let standing = judged.standing(group);
-            if standing != Standing::Absorbed
+            let standing = judged.standing_of(group);
+            if standing != FindingStanding::Absorbed
                 && let Some(rule_index) = places.get(&*group.rule)
             {
-                results.push(result(group, judged, (place, *rule_index), report.has_baseline));
+                results.push(sarif_result(group, judged, (place, *rule_index), report.has_baseline));
             }
         }
     }
-    let log = Log {
+    let log = SarifLog {
         schema: SCHEMA,
         version: "2.1.0",
-        runs: [Run {
+        runs: [SarifRun {
             tool: json!({"driver": {
                 "name": "cobscope",
                 "informationUri": INFORMATION,
@@ -100,7 +100,7 @@ fn write(report: &Report, out: &mut String) {
                 "semanticVersion": env!("CARGO_PKG_VERSION"),
                 "rules": rules,
             }}),
-            invocations: [invocation(report)],
+            invocations: [sarif_invocation(report)],
             artifacts: artifacts.collect(),
             column_kind: "unicodeCodePoints",
             results,
@@ -111,8 +111,8 @@ fn write(report: &Report, out: &mut String) {
 }
 
 /// SARIF description of a rule.
-fn rule(rule: &RuleInfo) -> Value {
-    let markdown = manual(&rule.explanation);
+fn sarif_rule(rule: &RuleInfo) -> Value {
+    let markdown = format_manual(&rule.explanation);
     let text = markdown.lines().map(|line| line.trim_start_matches("# ")).collect::<Vec<_>>().join("\n");
     let mut tags = vec![rule.origin.name().to_owned()];
     tags.extend(rule.cases.iter().map(|case| format!("ctt-{case}")));
@@ -126,20 +126,21 @@ fn rule(rule: &RuleInfo) -> Value {
         "shortDescription": {"text": title},
         "fullDescription": {"text": title},
         "help": {"text": text, "markdown": markdown},
-        "defaultConfiguration": {"level": level(rule.severity), "enabled": rule.is_on},
+        "defaultConfiguration": {"level": sarif_level(rule.severity), "enabled": rule.is_on},
         "properties": {
             "tags": tags,
             "precision": if rule.origin == RuleOrigin::General { "high" } else { "very-high" },
-            "problem.severity": problem(rule.severity),
+            "problem.severity": github_severity(rule.severity),
         },
     })
 }
 
 /// Capture quality, unreadable captures, and unused entries of the bus file.
-fn invocation(report: &Report) -> Value {
+fn sarif_invocation(report: &FindingsReport) -> Value {
     let mut notifications = Vec::new();
     for (place, judged) in with_places(report) {
-        let location = || json!([{"physicalLocation": {"artifactLocation": artifact(judged, place, 0)}}]);
+        let location =
+            || json!([{"physicalLocation": {"artifactLocation": sarif_artifact(judged, place, 0)}}]);
         for note in &judged.findings.quality {
             let text = escape(note).into_owned();
             notifications
@@ -151,7 +152,7 @@ fn invocation(report: &Report) -> Value {
                 .push(json!({"level": "error", "message": {"text": escape(&text)}, "locations": location()}));
         }
         for known in &judged.comparison.gone {
-            let text = escape(&format!("gone: {}", known.line())).into_owned();
+            let text = escape(&format!("gone: {}", known.known_line())).into_owned();
             notifications.push(json!({"level": "note", "message": {"text": text}, "locations": location()}));
         }
         if let Some(failure) = &judged.failure {
@@ -167,40 +168,42 @@ fn invocation(report: &Report) -> Value {
         let text = format!("{capture}: {ABSENT}");
         notifications.push(json!({"level": "error", "message": {"text": escape(&text)}}));
     }
-    for complaint in report.suppressions().iter().filter_map(SuppressionUse::complaint) {
+    for complaint in report.suppressions().iter().filter_map(SuppressionUse::review_reason) {
         notifications.push(json!({"level": "note", "message": {"text": escape(&complaint)}}));
     }
     let is_complete = report.captures.iter().all(|judged| judged.failure.is_none());
     json!({"executionSuccessful": is_complete, "toolExecutionNotifications": notifications})
 }
 
-fn result(
-    group: &Group,
+fn sarif_result(
+    group: &FindingGroup,
     judged: &CaptureResult,
     (place, rule_index): (usize, usize),
     has_baseline: bool,
 ) -> SarifResult {
-    let standing = judged.standing(group);
-    let lines = [format!("{}  {}", who(group), sentence(group))].into_iter().chain(judged.notes(group));
+    let standing = judged.standing_of(group);
+    let lines = [format!("{}  {}", node_phrase(group), finding_sentence(group))]
+        .into_iter()
+        .chain(judged.finding_notes(group));
     let text = lines.map(|line| escape(&line).into_owned()).collect::<Vec<_>>().join("\n");
     let mut related = Vec::new();
     if let Some((_, text, at)) = &group.worst {
-        related.push(location(group, judged, place, *at, Some(&format!("worst: {text}"))));
+        related.push(sarif_location(group, judged, place, *at, Some(&format!("worst: {text}"))));
     }
-    for cause in judged.findings.causes(group) {
-        let text = format!("follows from: {}", what(cause));
-        related.push(location(cause, judged, place, cause.began(), Some(&text)));
+    for cause in judged.findings.causes_of(group) {
+        let text = format!("follows from: {}", subject_phrase(cause));
+        related.push(sarif_location(cause, judged, place, cause.first_occurrence(), Some(&text)));
     }
     let reason = group.suppressed.as_deref();
     let suppressions =
         reason.map(|reason| json!({"kind": "external", "justification": escape(reason).into_owned()}));
-    let state = if standing == Standing::Accepted { "unchanged" } else { "new" };
+    let state = if standing == FindingStanding::Accepted { "unchanged" } else { "new" };
     SarifResult {
         rule_id: group.rule.to_string(),
         rule_index,
-        level: level(group.severity),
+        level: sarif_level(group.severity),
         message: json!({"text": text}),
-        locations: [location(group, judged, place, group.began(), None)],
+        locations: [sarif_location(group, judged, place, group.first_occurrence(), None)],
         related_locations: related,
         partial_fingerprints: FINGERPRINTS
             .map(|name| (name, escape(&group.fingerprint()).into_owned()))
@@ -213,15 +216,15 @@ fn result(
 }
 
 /// Location of an occurrence: the frames, and the line for text captures.
-fn location(
-    group: &Group,
+fn sarif_location(
+    group: &FindingGroup,
     judged: &CaptureResult,
     place: usize,
     at: Occurrence,
     text: Option<&str>,
 ) -> Value {
-    let artifact = artifact(judged, place, at.frames.last);
-    let physical = match judged.line(at) {
+    let artifact = sarif_artifact(judged, place, at.frames.last);
+    let physical = match judged.line_of(at) {
         Some(line) => json!({"artifactLocation": artifact, "region": {"startLine": line}}),
         None => json!({"artifactLocation": artifact}),
     };
@@ -230,7 +233,7 @@ fn location(
     } else {
         format!("frames {}-{}", at.frames.first, at.frames.last)
     };
-    let name = escape(&who(group)).into_owned();
+    let name = escape(&node_phrase(group)).into_owned();
     let logical =
         json!([{"name": frames, "fullyQualifiedName": format!("{name} {frames}"), "kind": "frame"}]);
     match text {
@@ -244,13 +247,13 @@ fn location(
 }
 
 /// File with a frame; `place` is the index of the first file of the capture.
-fn artifact(judged: &CaptureResult, place: usize, frame: u64) -> Value {
+fn sarif_artifact(judged: &CaptureResult, place: usize, frame: u64) -> Value {
     let (part, file) = judged.part_of(frame).unwrap_or((0, &judged.capture));
-    json!({"uri": uri(file), "index": place + part})
+    json!({"uri": to_uri(file), "index": place + part})
 }
 
 /// Files of a capture: its parts, or itself.
-fn files(judged: &CaptureResult) -> Vec<&str> {
+fn capture_files(judged: &CaptureResult) -> Vec<&str> {
     if judged.parts.is_empty() {
         return vec![&judged.capture];
     }
@@ -258,20 +261,20 @@ fn files(judged: &CaptureResult) -> Vec<&str> {
 }
 
 /// Captures, each with the index of its first file.
-fn with_places(report: &Report) -> impl Iterator<Item = (usize, &CaptureResult)> {
+fn with_places(report: &FindingsReport) -> impl Iterator<Item = (usize, &CaptureResult)> {
     report.captures.iter().scan(0, |next, judged| {
         let place = *next;
-        *next += files(judged).len();
+        *next += capture_files(judged).len();
         Some((place, judged))
     })
 }
 
-const fn level(severity: Severity) -> &'static str {
+const fn sarif_level(severity: Severity) -> &'static str {
     severity.name()
 }
 
 /// GitHub's severity name.
-const fn problem(severity: Severity) -> &'static str {
+const fn github_severity(severity: Severity) -> &'static str {
     match severity {
         Severity::Error => "error",
         Severity::Warning => "warning",
@@ -287,11 +290,11 @@ fn title_sentence(title: &str) -> String {
 }
 
 /// A path as a URI reference (RFC 3986): relative paths stay relative, special bytes are percent-encoded.
-fn uri(capture: &str) -> String {
-    reference(&portable(capture), cfg!(windows))
+fn to_uri(capture: &str) -> String {
+    uri_reference(&portable_name(capture), cfg!(windows))
 }
 
-fn reference(path: &str, is_windows: bool) -> String {
+fn uri_reference(path: &str, is_windows: bool) -> String {
     let (mut uri, rest) = match path.as_bytes() {
         // RFC 8089: a share is a path of its server, and a drive keeps its colon.
         [b'/', b'/', ..] if is_windows => ("file:".to_owned(), path),
@@ -317,9 +320,9 @@ mod tests {
 
     #[test]
     fn paths_are_references() {
-        assert_eq!(uri("./a b/ä.log"), "a%20b/%C3%A4.log");
-        assert_eq!(uri("/tmp/x:1.log"), "file:///tmp/x%3A1.log");
-        let on_windows = |path| reference(path, true);
+        assert_eq!(to_uri("./a b/ä.log"), "a%20b/%C3%A4.log");
+        assert_eq!(to_uri("/tmp/x:1.log"), "file:///tmp/x%3A1.log");
+        let on_windows = |path| uri_reference(path, true);
         assert_eq!(on_windows("C:/logs/a b:1.log"), "file:///C:/logs/a%20b%3A1.log");
         assert_eq!(on_windows("//server/share/a.log"), "file://server/share/a.log");
         assert_eq!(on_windows("logs/a.log"), "logs/a.log");

@@ -1,6 +1,6 @@
 //! Keys of the lines that are reused for further events: PDO, heartbeat, guarding and SYNC.
 
-use crate::event::{Event, EventKind, Protocol};
+use crate::event::{Event, EventKind, EventProtocol};
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::Bus;
 use crate::sink::line_key::{BUS_SLOTS, PDO_SLOTS, node_key, pdo_key, pdo_slot};
@@ -15,10 +15,10 @@ const OTHER_SLOTS: usize = 256;
 
 /// Everything that determines the constant parts of a line of one capture, except names of nodes and devices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Key {
+pub(super) struct LineTemplateKey {
     /// Determines the name of the bus.
     bus: BusIndex,
-    protocol: Protocol,
+    protocol: EventProtocol,
     presumed: bool,
     /// Kind, node and all values in the constant parts, packed.
     content: u64,
@@ -33,7 +33,7 @@ const SYNC: u64 = 5 << 58;
 
 /// A key with its slot, and the time of the event in ns.
 pub(super) struct KeyedEvent {
-    pub(super) key: Key,
+    pub(super) key: LineTemplateKey,
     pub(super) slot: usize,
     pub(super) time: u64,
 }
@@ -41,12 +41,12 @@ pub(super) struct KeyedEvent {
 impl KeyedEvent {
     /// `None` for an event whose lines have no template.
     #[inline]
-    pub(super) fn of(event: &Event, bus: &Bus) -> Option<Self> {
+    pub(super) fn key_event(event: &Event, bus: &Bus) -> Option<Self> {
         let (content, slot) = match &event.kind {
             EventKind::Pdo(pdo) if !pdo.is_request => (PDO | pdo_key(pdo, event.node), pdo_slot(pdo, bus)),
             kind => {
                 let (content, slot) = content_of(kind)?;
-                let node = event.node.map_or(0, NodeId::place);
+                let node = event.node.map_or(0, NodeId::table_place);
                 let slot = slot + node + usize::from(bus.index().0) * BUS_SLOTS;
                 (content | node_key(event.node) << 48, PDO_SLOTS + slot % OTHER_SLOTS)
             }
@@ -55,7 +55,8 @@ impl KeyedEvent {
             return None;
         }
         let Timestamp(time) = event.time?;
-        let key = Key { bus: bus.index(), protocol: event.protocol, presumed: event.presumed, content };
+        let key =
+            LineTemplateKey { bus: bus.index(), protocol: event.protocol, presumed: event.presumed, content };
         Some(Self { key, slot, time: u64::try_from(time).ok()? })
     }
 }

@@ -10,15 +10,15 @@
 //! If a number has more digits than in the template, the general writer writes a new template. A property test
 //! compares whole lines.
 
-use super::key::{Key, KeyedEvent, SLOTS};
-use super::object::{Marks, Object};
-use super::signals::Signals;
+use super::key::{KeyedEvent, LineTemplateKey, SLOTS};
+use super::object::{JsonObjectWriter, LineOffsets};
+use super::signals::SignalTemplates;
 use std::sync::Arc;
 
 use crate::ascii::{long_digits, nine_digits, push_hex, push_hex_word, short_digits};
-use crate::event::{Event, EventKind, Pdo};
-use crate::profile::Layout;
-use crate::query::record::signals;
+use crate::event::{DecodedPdo, Event, EventKind};
+use crate::profile::PayloadLayout;
+use crate::query::record::visit_signals;
 use crate::session::{Bus, Node};
 
 /// Nanoseconds per second.
@@ -38,17 +38,17 @@ struct NodeNames {
 }
 
 /// Last line with its key and names.
-struct Template {
-    key: Key,
+struct LineTemplate {
+    key: LineTemplateKey,
     names: NodeNames,
     /// Start of the second in the line, in ns.
     second: u64,
     /// Offset of the nine decimals of the time.
     decimals: usize,
-    marks: Marks,
+    marks: LineOffsets,
     frames: FrameNumbers,
     line: Vec<u8>,
-    signals: Option<Signals>,
+    signals: Option<SignalTemplates>,
 }
 
 /// Place of both frame numbers in a line, `118,118]`. Each number is written as eight bytes, with the constant bytes
@@ -64,11 +64,11 @@ struct FrameNumbers {
 /// Templates of the lines written so far.
 #[derive(Default)]
 pub(super) struct LineTemplates {
-    slots: Vec<Option<Box<Template>>>,
+    slots: Vec<Option<Box<LineTemplate>>>,
 }
 
 impl NodeNames {
-    fn of(node: Option<&Node>) -> Self {
+    fn names_of(node: Option<&Node>) -> Self {
         Self {
             node: node.and_then(|node| node.name()).map(Into::into),
             device: node.and_then(|node| node.device_id()).map(Into::into),
@@ -85,7 +85,7 @@ impl NodeNames {
 impl LineTemplates {
     /// Turns a template into the line of an event; `false` without a suitable template.
     #[inline]
-    pub(super) fn fill(&mut self, keyed: &KeyedEvent, event: &Event, bus: &Bus) -> bool {
+    pub(super) fn fill_template(&mut self, keyed: &KeyedEvent, event: &Event, bus: &Bus) -> bool {
         let Some(Some(template)) = self.slots.get_mut(keyed.slot) else { return false };
         let is_filled = template.key == keyed.key
             && template.names.are_of(event.node.and_then(|node| bus.node(node)))
@@ -99,7 +99,7 @@ impl LineTemplates {
 
     /// The line in a slot.
     #[inline]
-    pub(super) fn line(&self, slot: usize) -> &[u8] {
+    pub(super) fn line_in_slot(&self, slot: usize) -> &[u8] {
         match self.slots.get(slot) {
             Some(Some(template)) => &template.line,
             _ => &[],
@@ -108,25 +108,32 @@ impl LineTemplates {
 
     /// Makes a template of a line of the general writer.
     #[cold]
-    pub(super) fn learn(&mut self, keyed: &KeyedEvent, event: &Event, bus: &Bus, line: &[u8], marks: Marks) {
+    pub(super) fn learn_template(
+        &mut self,
+        keyed: &KeyedEvent,
+        event: &Event,
+        bus: &Bus,
+        line: &[u8],
+        marks: LineOffsets,
+    ) {
         if self.slots.is_empty() {
             self.slots.resize_with(SLOTS, || None);
         }
         let Some(slot) = self.slots.get_mut(keyed.slot) else { return };
-        *slot = Some(Box::new(Template {
+        *slot = Some(Box::new(LineTemplate {
             key: keyed.key,
-            names: NodeNames::of(event.node.and_then(|node| bus.node(node))),
+            names: NodeNames::names_of(event.node.and_then(|node| bus.node(node))),
             second: keyed.time - keyed.time % SECOND,
             decimals: marks.behind_time.saturating_sub(DECIMALS),
             marks,
-            frames: FrameNumbers::of(line, marks),
+            frames: FrameNumbers::numbers_in(line, marks),
             line: line.to_vec(),
             signals: slot.take().and_then(|earlier| earlier.signals),
         }));
     }
 }
 
-impl Template {
+impl LineTemplate {
     /// Overwrites the time; `false` if the number of digits differs.
     #[inline]
     fn set_time(&mut self, time: u64) -> bool {
@@ -182,7 +189,7 @@ impl Template {
 
     /// Replaces the payload and all after it.
     #[inline]
-    fn set_payload(&mut self, pdo: &Pdo) {
+    fn set_payload(&mut self, pdo: &DecodedPdo) {
         let line = &mut self.line;
         line.truncate(self.marks.data);
         match pdo.bytes.first_chunk() {
@@ -197,12 +204,12 @@ impl Template {
 
     /// Appends the end of the payload, and the signals.
     #[inline(never)]
-    fn push_signals(&mut self, pdo: &Pdo, layout: &Arc<Layout>) {
+    fn push_signals(&mut self, pdo: &DecodedPdo, layout: &Arc<PayloadLayout>) {
         self.line.push(b'"');
         if let (Some(signals), Some(bytes)) = (&mut self.signals, pdo.bytes.first_chunk())
             && signals.are_of(layout, usize::from(pdo.length))
         {
-            signals.write(*bytes, &mut self.line);
+            signals.write_signals(*bytes, &mut self.line);
             return self.line.extend_from_slice(b"}\n");
         }
         push_new_signals(pdo, layout, &mut self.signals, &mut self.line);
@@ -210,7 +217,7 @@ impl Template {
 }
 
 impl FrameNumbers {
-    fn of(line: &[u8], marks: Marks) -> Self {
+    fn numbers_in(line: &[u8], marks: LineOffsets) -> Self {
         let start = marks.frames;
         let digits = marks.behind_frames.saturating_sub(start) / 2;
         let after = |number: usize| {
@@ -224,12 +231,17 @@ impl FrameNumbers {
 
 /// Writes signals with the general writer, and prepares the cache for the next ones.
 #[cold]
-fn push_new_signals(pdo: &Pdo, layout: &Arc<Layout>, prepared: &mut Option<Signals>, line: &mut Vec<u8>) {
-    let mut object = Object::resume(line);
-    signals(layout, pdo.payload(), &mut object);
-    object.end();
+fn push_new_signals(
+    pdo: &DecodedPdo,
+    layout: &Arc<PayloadLayout>,
+    prepared: &mut Option<SignalTemplates>,
+    line: &mut Vec<u8>,
+) {
+    let mut object = JsonObjectWriter::resume_object(line);
+    visit_signals(layout, pdo.payload(), &mut object);
+    object.end_object();
     if !prepared.as_ref().is_some_and(|prepared| prepared.is_of(layout)) {
-        *prepared = Signals::of(layout);
+        *prepared = SignalTemplates::templates_of(layout);
     }
 }
 
@@ -240,11 +252,13 @@ mod tests {
     use proptest::option;
     use proptest::prelude::*;
 
-    use super::super::{Jsonl, write_line};
+    use super::super::{JsonlSink, write_line};
     use super::*;
-    use crate::event::{FrameRange, Protocol};
+    use crate::event::{EventProtocol, FrameRange};
     use crate::frame::{BusIndex, CanId, Frame, Timestamp};
-    use crate::profile::{DataType, Field, Layout, LayoutOrigin, Meaning, PdoDirection, PdoName};
+    use crate::profile::{
+        DataType, LayoutOrigin, ObjectMeaning, PayloadLayout, PdoDirection, PdoName, SignalField,
+    };
     use crate::session::{BusDecoder, SessionOptions};
     use crate::sink::EventSink as _;
     use crate::wire::NodeId;
@@ -257,18 +271,27 @@ mod tests {
         let options = Arc::new(SessionOptions { node_names, ..SessionOptions::default() });
         let mut bus = BusDecoder::new(BusIndex(index), name, options);
         for node in 1..=3 {
-            bus.push(&Frame::data_frame(CanId::standard(0x700 + node), &[5]), &mut |_: &Event, _: &Bus| {});
+            bus.push(
+                &Frame::data_frame(CanId::from_standard(0x700 + node), &[5]),
+                &mut |_: &Event, _: &Bus| {},
+            );
         }
         bus
     }
 
-    fn layout() -> Arc<Layout> {
-        let field = |bit, bits, data_type| Field {
-            meaning: Some(Arc::new(Meaning { name: "Statusword".into(), ..Meaning::default() })),
-            ..Field::of_object(ObjectAddress::new(0x6041, 0), bit, bits, data_type)
+    fn layout() -> Arc<PayloadLayout> {
+        let field = |bit, bits, data_type| SignalField {
+            meaning: Some(Arc::new(ObjectMeaning { name: "Statusword".into(), ..ObjectMeaning::default() })),
+            ..SignalField::of_object(ObjectAddress::new(0x6041, 0), bit, bits, data_type)
         };
         let fields = vec![field(0, 16, DataType::Unsigned16), field(16, 32, DataType::Real32)];
-        Arc::new(Layout { fields, bits: 48, origin: LayoutOrigin::Wire, assumed: true, ..Layout::default() })
+        Arc::new(PayloadLayout {
+            fields,
+            bits: 48,
+            origin: LayoutOrigin::Wire,
+            assumed: true,
+            ..PayloadLayout::default()
+        })
     }
 
     #[test]
@@ -291,7 +314,7 @@ mod tests {
         let event = |nanoseconds, frame| Event {
             time: Some(Timestamp(nanoseconds)),
             frames: FrameRange { first: frame, last: frame },
-            protocol: Protocol::Canopen,
+            protocol: EventProtocol::Canopen,
             ..Event::new(BusIndex(0), FrameRange::default(), EventKind::GuardRequest)
         };
         let bus = bus(0, "can0");
@@ -299,12 +322,12 @@ mod tests {
         let mut line = Vec::new();
         let first = event(1_999_999_999, 98);
         let marks = write_line(&first, bus.bus(), None, &mut line);
-        let keyed = |event: &Event| KeyedEvent::of(event, bus.bus()).unwrap();
-        templates.learn(&keyed(&first), &first, bus.bus(), &line, marks);
+        let keyed = |event: &Event| KeyedEvent::key_event(event, bus.bus()).unwrap();
+        templates.learn_template(&keyed(&first), &first, bus.bus(), &line, marks);
         let mut filled = |nanoseconds, frame| {
             let event = event(nanoseconds, frame);
-            let is_filled = templates.fill(&keyed(&event), &event, bus.bus());
-            let line = || String::from_utf8(templates.line(keyed(&event).slot).to_vec()).unwrap();
+            let is_filled = templates.fill_template(&keyed(&event), &event, bus.bus());
+            let line = || String::from_utf8(templates.line_in_slot(keyed(&event).slot).to_vec()).unwrap();
             is_filled.then(line)
         };
         let expected = "{\"t\":2.000000001,\"bus\":\"can0\",\"frames\":[99,99],\"kind\":\"guard-request\",\
@@ -316,13 +339,13 @@ mod tests {
         let long = event(1, 12_345_678);
         line.clear();
         let marks = write_line(&long, bus.bus(), None, &mut line);
-        templates.learn(&keyed(&long), &long, bus.bus(), &line, marks);
+        templates.learn_template(&keyed(&long), &long, bus.bus(), &line, marks);
         let next = event(2, 99_999_999);
-        assert!(templates.fill(&keyed(&next), &next, bus.bus()));
+        assert!(templates.fill_template(&keyed(&next), &next, bus.bus()));
         let mut expected = Vec::new();
         write_line(&next, bus.bus(), None, &mut expected);
-        assert_eq!(templates.line(keyed(&next).slot), expected);
-        assert!(!templates.fill(&keyed(&event(2, 100_000_000)), &event(2, 100_000_000), bus.bus()));
+        assert_eq!(templates.line_in_slot(keyed(&next).slot), expected);
+        assert!(!templates.fill_template(&keyed(&event(2, 100_000_000)), &event(2, 100_000_000), bus.bus()));
     }
 
     fn pdo() -> impl Strategy<Value = EventKind> {
@@ -331,8 +354,8 @@ mod tests {
             number,
         });
         let ids = prop_oneof![
-            4 => (0x180_u16..0x188).prop_map(CanId::standard),
-            1 => any::<u32>().prop_map(CanId::extended),
+            4 => (0x180_u16..0x188).prop_map(CanId::from_standard),
+            1 => any::<u32>().prop_map(CanId::from_extended),
         ];
         let rest =
             (prop_oneof![4 => 0_u8..=8, 1 => 9_u8..=64], any::<[u8; 32]>(), any::<bool>(), any::<bool>());
@@ -340,7 +363,7 @@ mod tests {
             let mut bytes = [0; 64];
             bytes[..32].copy_from_slice(&half);
             let layout = has_layout.then(layout);
-            EventKind::Pdo(Pdo { name, cob_id, is_request, length, bytes, layout })
+            EventKind::Pdo(DecodedPdo { name, cob_id, is_request, length, bytes, layout })
         })
     }
 
@@ -368,7 +391,7 @@ mod tests {
                 time: time.map(Timestamp),
                 bus: BusIndex(0),
                 frames: FrameRange { first: last.saturating_sub(before), last },
-                protocol: Protocol::Canopen,
+                protocol: EventProtocol::Canopen,
                 node: node.map(NodeId::Canopen),
                 presumed,
                 routine: false,
@@ -386,14 +409,14 @@ mod tests {
         ) {
             let buses = [bus(0, "can0"), bus(1, "can1"), bus(2, "a \"bus\"")];
             for capture in [None, Some("two.log")] {
-                let mut jsonl = Jsonl::new(Vec::new());
+                let mut jsonl = JsonlSink::new(Vec::new());
                 if let Some(name) = capture {
                     jsonl.begin_capture(name);
                 }
                 let mut expected = Vec::new();
                 // Twice, so that most lines are cached in the second pass.
                 for (event, place) in events.iter().chain(&events) {
-                    jsonl.write(event, buses[*place].bus());
+                    jsonl.write_event(event, buses[*place].bus());
                     write_line(event, buses[*place].bus(), capture, &mut expected);
                 }
                 prop_assert_eq!(String::from_utf8(jsonl.output).unwrap(), String::from_utf8(expected).unwrap());

@@ -2,41 +2,41 @@
 
 use std::io;
 
-use super::table::{Cell, Heading, Kind, always, maybe};
-use super::time::{TimeCell, nanos, small_number};
+use super::table::{ColumnHeading, ColumnType, RowCell, optional_column, required_column};
+use super::time::{TimeCell, nanos_cell, small_number};
 use crate::event::Event;
 use crate::session::Bus;
 use crate::sink::rows;
 
 /// Columns of the table of events.
-pub(super) const HEADINGS: &[Heading] = &[
-    maybe("time", Kind::Time),
-    maybe("time_ns", Kind::Rising),
-    maybe("capture", Kind::Name),
-    always("bus", Kind::Name),
-    always("first_frame", Kind::Rising),
-    always("last_frame", Kind::Rising),
-    always("kind", Kind::Name),
-    always("protocol", Kind::Name),
-    maybe("node", Kind::Number),
-    maybe("node_name", Kind::Name),
-    maybe("device", Kind::Name),
-    always("presumed", Kind::Truth),
-    always("routine", Kind::Truth),
-    always("text", Kind::Text),
-    always("json", Kind::Json),
+pub(super) const HEADINGS: &[ColumnHeading] = &[
+    optional_column("time", ColumnType::Time),
+    optional_column("time_ns", ColumnType::Rising),
+    optional_column("capture", ColumnType::Name),
+    required_column("bus", ColumnType::Name),
+    required_column("first_frame", ColumnType::Rising),
+    required_column("last_frame", ColumnType::Rising),
+    required_column("kind", ColumnType::Name),
+    required_column("protocol", ColumnType::Name),
+    optional_column("node", ColumnType::Number),
+    optional_column("node_name", ColumnType::Name),
+    optional_column("device", ColumnType::Name),
+    required_column("presumed", ColumnType::Truth),
+    required_column("routine", ColumnType::Truth),
+    required_column("text", ColumnType::Text),
+    required_column("json", ColumnType::Json),
 ];
 
 /// Converts events to rows.
-pub(super) struct EventRows {
-    rows: rows::EventRows,
+pub(super) struct EventRowConverter {
+    rows: rows::EventTableRows,
     capture: Option<String>,
     time: TimeCell,
 }
 
-impl EventRows {
+impl EventRowConverter {
     pub(super) fn new(time: TimeCell) -> Self {
-        Self { rows: rows::EventRows::default(), capture: None, time }
+        Self { rows: rows::EventTableRows::default(), capture: None, time }
     }
 
     /// Adds the capture name to every following row.
@@ -46,29 +46,29 @@ impl EventRows {
     }
 
     /// Passes the row of an event to `push`.
-    pub(super) fn row(
+    pub(super) fn push_row(
         &mut self,
         event: &Event,
         bus: &Bus,
-        push: &mut dyn FnMut(&[Cell<'_>]) -> io::Result<()>,
+        push: &mut dyn FnMut(&[RowCell<'_>]) -> io::Result<()>,
     ) -> io::Result<()> {
-        let row = self.rows.row(event, bus);
+        let row = self.rows.event_row(event, bus);
         push(&[
             (self.time)(row.time),
-            nanos(row.time),
-            Cell::text(self.capture.as_deref()),
-            Cell::Text(row.bus),
-            Cell::Number(row.first_frame.cast_signed()),
-            Cell::Number(row.last_frame.cast_signed()),
-            Cell::Text(row.kind),
-            Cell::Text(row.protocol),
+            nanos_cell(row.time),
+            RowCell::text_or_null(self.capture.as_deref()),
+            RowCell::Text(row.bus),
+            RowCell::Number(row.first_frame.cast_signed()),
+            RowCell::Number(row.last_frame.cast_signed()),
+            RowCell::Text(row.kind),
+            RowCell::Text(row.protocol),
             small_number(row.node),
-            Cell::text(row.node_name),
-            Cell::text(row.device),
-            Cell::Truth(row.presumed),
-            Cell::Truth(row.routine),
-            Cell::Text(&row.text),
-            Cell::Text(&row.json),
+            RowCell::text_or_null(row.node_name),
+            RowCell::text_or_null(row.device),
+            RowCell::Truth(row.presumed),
+            RowCell::Truth(row.routine),
+            RowCell::Text(&row.text),
+            RowCell::Text(&row.json),
         ])
     }
 }

@@ -16,10 +16,10 @@ mod time;
 
 use std::io::{self, Write};
 
-use self::events::EventRows;
+use self::events::EventRowConverter;
 use self::signals::SignalRows;
-use self::table::Table;
-use self::time::micros;
+use self::table::TableWriter;
+use self::time::micros_cell;
 use super::{EventContent, EventFormat, EventSink};
 use crate::event::Event;
 use crate::session::Bus;
@@ -32,55 +32,55 @@ pub(super) const FORMAT: EventFormat = EventFormat {
            requires -o NAME",
     content: EventContent::Events,
     is_binary: true,
-    sink: |files, _| Ok(Box::new(Parquet::new(files.part("events")?, files.part("signals")?)?)),
+    sink: |files, _| Ok(Box::new(ParquetSink::new(files.part_file("events")?, files.part_file("signals")?)?)),
 };
 
 /// Writer for events and values as Parquet. After the first write error nothing more is written; `finish`
 /// returns the error.
-struct Parquet<W: Write + Send> {
-    events: Table<W>,
-    signals: Table<W>,
-    event_rows: EventRows,
+struct ParquetSink<W: Write + Send> {
+    events: TableWriter<W>,
+    signals: TableWriter<W>,
+    event_rows: EventRowConverter,
     signal_rows: SignalRows,
     error: Option<io::Error>,
 }
 
-impl<W: Write + Send> Parquet<W> {
+impl<W: Write + Send> ParquetSink<W> {
     /// Starts both files.
     fn new(events: W, signals: W) -> io::Result<Self> {
         Ok(Self {
-            events: Table::new(events, events::HEADINGS, &[])?,
-            signals: Table::new(signals, signals::HEADINGS, &[])?,
-            event_rows: EventRows::new(micros),
-            signal_rows: SignalRows::new(micros),
+            events: TableWriter::new(events, events::HEADINGS, &[])?,
+            signals: TableWriter::new(signals, signals::HEADINGS, &[])?,
+            event_rows: EventRowConverter::new(micros_cell),
+            signal_rows: SignalRows::new(micros_cell),
             error: None,
         })
     }
 
-    fn rows(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
-        self.event_rows.row(event, bus, &mut |cells| self.events.push(cells))?;
-        self.signal_rows.rows(event, bus, &mut |cells| self.signals.push(cells))
+    fn write_rows(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
+        self.event_rows.push_row(event, bus, &mut |cells| self.events.push(cells))?;
+        self.signal_rows.push_rows(event, bus, &mut |cells| self.signals.push(cells))
     }
 }
 
-impl<W: Write + Send> EventSink for Parquet<W> {
+impl<W: Write + Send> EventSink for ParquetSink<W> {
     fn begin_capture(&mut self, name: &str) {
         self.event_rows.set_capture(name);
         self.signal_rows.set_capture(name);
     }
 
-    fn write(&mut self, event: &Event, bus: &Bus) -> bool {
+    fn write_event(&mut self, event: &Event, bus: &Bus) -> bool {
         if self.error.is_none() {
-            self.error = self.rows(event, bus).err();
+            self.error = self.write_rows(event, bus).err();
         }
         true
     }
 
-    fn finish(&mut self) -> io::Result<()> {
+    fn finish_output(&mut self) -> io::Result<()> {
         match self.error.take() {
             Some(error) => Err(error),
             // Finish `signals` even if `events` fails: one readable file is better than none.
-            None => self.events.finish().and(self.signals.finish()),
+            None => self.events.finish_table().and(self.signals.finish_table()),
         }
     }
 

@@ -2,30 +2,30 @@
 
 use std::io;
 
-use super::table::{Cell, Heading, Kind, always, maybe};
-use super::time::{TimeCell, nanos, small_number};
+use super::table::{ColumnHeading, ColumnType, RowCell, optional_column, required_column};
+use super::time::{TimeCell, nanos_cell, small_number};
 use crate::event::Event;
 use crate::session::Bus;
 use crate::sink::rows::{ValueCells, ValueRows, ValueSource, ValueTable};
 
 /// Columns of the table of values.
-pub(super) const HEADINGS: &[Heading] = &[
-    maybe("time", Kind::Time),
-    maybe("time_ns", Kind::Rising),
-    maybe("capture", Kind::Name),
-    always("bus", Kind::Name),
-    always("frame", Kind::Rising),
-    maybe("node", Kind::Number),
-    maybe("device", Kind::Name),
-    always("group", Kind::Name),
-    always("signal", Kind::Name),
-    always("id", Kind::Name),
-    maybe("value", Kind::Real),
-    maybe("text", Kind::Name),
-    maybe("unit", Kind::Name),
-    maybe("label", Kind::Name),
-    maybe("raw", Kind::Number),
-    maybe("raw_hex", Kind::Name),
+pub(super) const HEADINGS: &[ColumnHeading] = &[
+    optional_column("time", ColumnType::Time),
+    optional_column("time_ns", ColumnType::Rising),
+    optional_column("capture", ColumnType::Name),
+    required_column("bus", ColumnType::Name),
+    required_column("frame", ColumnType::Rising),
+    optional_column("node", ColumnType::Number),
+    optional_column("device", ColumnType::Name),
+    required_column("group", ColumnType::Name),
+    required_column("signal", ColumnType::Name),
+    required_column("id", ColumnType::Name),
+    optional_column("value", ColumnType::Real),
+    optional_column("text", ColumnType::Name),
+    optional_column("unit", ColumnType::Name),
+    optional_column("label", ColumnType::Name),
+    optional_column("raw", ColumnType::Number),
+    optional_column("raw_hex", ColumnType::Name),
 ];
 
 /// Converts the values of events to rows.
@@ -47,28 +47,29 @@ impl SignalRows {
     }
 
     /// Passes the row of each value of an event to `push`.
-    pub(super) fn rows(
+    pub(super) fn push_rows(
         &mut self,
         event: &Event,
         bus: &Bus,
-        push: &mut dyn FnMut(&[Cell<'_>]) -> io::Result<()>,
+        push: &mut dyn FnMut(&[RowCell<'_>]) -> io::Result<()>,
     ) -> io::Result<()> {
-        let mut pushed = Pushed { push, capture: self.capture.as_deref(), time: self.time, result: Ok(()) };
-        self.rows.visit(event, bus, &mut pushed);
+        let mut pushed =
+            RowPusher { push, capture: self.capture.as_deref(), time: self.time, result: Ok(()) };
+        self.rows.visit_values(event, bus, &mut pushed);
         pushed.result
     }
 }
 
 /// Passes each value as a row, until that fails.
-struct Pushed<'p> {
-    push: &'p mut dyn FnMut(&[Cell<'_>]) -> io::Result<()>,
+struct RowPusher<'p> {
+    push: &'p mut dyn FnMut(&[RowCell<'_>]) -> io::Result<()>,
     capture: Option<&'p str>,
     time: TimeCell,
     result: io::Result<()>,
 }
 
-impl ValueTable for Pushed<'_> {
-    fn value(&mut self, source: &ValueSource<'_>, cells: &ValueCells<'_>) {
+impl ValueTable for RowPusher<'_> {
+    fn add_value(&mut self, source: &ValueSource<'_>, cells: &ValueCells<'_>) {
         if self.result.is_err() {
             return;
         }
@@ -76,34 +77,34 @@ impl ValueTable for Pushed<'_> {
         let raw = raw_cells(cells.raw, &mut digits);
         self.result = (self.push)(&[
             (self.time)(source.time),
-            nanos(source.time),
-            Cell::text(self.capture),
-            Cell::Text(source.bus),
-            Cell::Number(source.frame.cast_signed()),
+            nanos_cell(source.time),
+            RowCell::text_or_null(self.capture),
+            RowCell::Text(source.bus),
+            RowCell::Number(source.frame.cast_signed()),
             small_number(source.node),
-            Cell::text(source.device),
-            Cell::Text(source.group),
-            Cell::Text(cells.signal),
-            Cell::Text(cells.id),
-            cells.value.map_or(Cell::Null, Cell::Real),
-            Cell::text(cells.text.as_deref()),
-            if cells.unit.is_empty() { Cell::Null } else { Cell::Text(cells.unit) },
-            Cell::text(cells.label),
+            RowCell::text_or_null(source.device),
+            RowCell::Text(source.group),
+            RowCell::Text(cells.signal),
+            RowCell::Text(cells.id),
+            cells.value.map_or(RowCell::Null, RowCell::Real),
+            RowCell::text_or_null(cells.text.as_deref()),
+            if cells.unit.is_empty() { RowCell::Null } else { RowCell::Text(cells.unit) },
+            RowCell::text_or_null(cells.label),
             raw.0,
             raw.1,
         ]);
     }
 
-    fn source(&mut self, _: &ValueSource<'_>, _: u32, _: usize) {
+    fn add_source(&mut self, _: &ValueSource<'_>, _: u32, _: usize) {
         // Each row has the cells of its source.
     }
 }
 
 /// Transmitted bits as a number, or in hex if they exceed the signed integers that every engine has.
-fn raw_cells(raw: u64, digits: &mut String) -> (Cell<'static>, Cell<'_>) {
+fn raw_cells(raw: u64, digits: &mut String) -> (RowCell<'static>, RowCell<'_>) {
     if let Ok(number) = i64::try_from(raw) {
-        return (Cell::Number(number), Cell::Null);
+        return (RowCell::Number(number), RowCell::Null);
     }
     *digits = format!("{raw:016X}");
-    (Cell::Null, Cell::Text(digits))
+    (RowCell::Null, RowCell::Text(digits))
 }

@@ -26,7 +26,7 @@ const MOST_BYTES: usize = 8 * 1024 * 1024;
 
 /// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum ColumnType {
     /// Time in µs since 1970, UTC: what every engine reads as a time.
     Time,
     /// Signed integers, mostly rising.
@@ -47,26 +47,26 @@ pub(super) enum Kind {
 
 /// Description of a column.
 #[derive(Debug, Clone)]
-pub(super) struct Heading {
+pub(super) struct ColumnHeading {
     pub(super) name: Cow<'static, str>,
-    pub(super) kind: Kind,
-    /// Whether the column can contain [`Cell::Null`].
+    pub(super) kind: ColumnType,
+    /// Whether the column can contain [`RowCell::Null`].
     pub(super) is_optional: bool,
 }
 
 /// A column with a value in every row.
-pub(super) const fn always(name: &'static str, kind: Kind) -> Heading {
-    Heading { name: Cow::Borrowed(name), kind, is_optional: false }
+pub(super) const fn required_column(name: &'static str, kind: ColumnType) -> ColumnHeading {
+    ColumnHeading { name: Cow::Borrowed(name), kind, is_optional: false }
 }
 
 /// A column with optional values.
-pub(super) const fn maybe(name: &'static str, kind: Kind) -> Heading {
-    Heading { name: Cow::Borrowed(name), kind, is_optional: true }
+pub(super) const fn optional_column(name: &'static str, kind: ColumnType) -> ColumnHeading {
+    ColumnHeading { name: Cow::Borrowed(name), kind, is_optional: true }
 }
 
 /// A value of a row.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Cell<'a> {
+pub(super) enum RowCell<'a> {
     Null,
     Number(i64),
     Real(f64),
@@ -74,17 +74,17 @@ pub(super) enum Cell<'a> {
     Text(&'a str),
 }
 
-impl<'a> Cell<'a> {
-    /// [`Cell::Null`] for `None`.
-    pub(super) fn text(text: Option<&'a str>) -> Self {
+impl<'a> RowCell<'a> {
+    /// [`RowCell::Null`] for `None`.
+    pub(super) fn text_or_null(text: Option<&'a str>) -> Self {
         text.map_or(Self::Null, Self::Text)
     }
 }
 
 /// Writer for one table.
-pub(super) struct Table<W: Write + Send> {
+pub(super) struct TableWriter<W: Write + Send> {
     file: SerializedFileWriter<W>,
-    columns: Vec<Column>,
+    columns: Vec<ColumnValues>,
     /// Values of the last columns, which are the same in every row.
     constants: Vec<ByteArray>,
     rows: usize,
@@ -92,14 +92,14 @@ pub(super) struct Table<W: Write + Send> {
     most_bytes: usize,
 }
 
-impl<W: Write + Send> Table<W> {
+impl<W: Write + Send> TableWriter<W> {
     /// Starts a file with these columns, followed by columns with the same text in every row.
     ///
     /// # Errors
     /// If the header cannot be written.
     pub(super) fn new(
         output: W,
-        headings: &[Heading],
+        headings: &[ColumnHeading],
         constants: &[(&'static str, &str)],
     ) -> io::Result<Self> {
         Self::with_limit(output, headings, constants, MOST_BYTES)
@@ -111,15 +111,15 @@ impl<W: Write + Send> Table<W> {
     /// If the header cannot be written.
     pub(super) fn with_limit(
         output: W,
-        headings: &[Heading],
+        headings: &[ColumnHeading],
         constants: &[(&'static str, &str)],
         most_bytes: usize,
     ) -> io::Result<Self> {
-        let further = constants.iter().map(|(name, _)| always(name, Kind::Name));
+        let further = constants.iter().map(|(name, _)| required_column(name, ColumnType::Name));
         let all: Vec<_> = headings.iter().cloned().chain(further).collect();
-        let begun = schema(&all)
-            .and_then(|schema| SerializedFileWriter::new(output, schema, Arc::new(properties(&all)?)));
-        let columns = headings.iter().map(Column::new).collect();
+        let begun = table_schema(&all)
+            .and_then(|schema| SerializedFileWriter::new(output, schema, Arc::new(writer_properties(&all)?)));
+        let columns = headings.iter().map(ColumnValues::new).collect();
         let constants = constants.iter().map(|(_, text)| ByteArray::from(&*escape(text))).collect();
         Ok(Self { file: begun.map_err(io_error)?, columns, constants, rows: 0, bytes: 0, most_bytes })
     }
@@ -128,7 +128,7 @@ impl<W: Write + Send> Table<W> {
     ///
     /// # Errors
     /// If a full row group cannot be written.
-    pub(super) fn push(&mut self, cells: &[Cell<'_>]) -> io::Result<()> {
+    pub(super) fn push(&mut self, cells: &[RowCell<'_>]) -> io::Result<()> {
         for (column, cell) in self.columns.iter_mut().zip(cells) {
             self.bytes = self.bytes.saturating_add(column.push(*cell));
         }
@@ -151,7 +151,7 @@ impl<W: Write + Send> Table<W> {
     fn write_group(&mut self, rows: usize) -> Result<(), ParquetError> {
         let mut group = self.file.next_row_group()?;
         for column in &mut self.columns {
-            column.write(&mut group)?;
+            column.write_column(&mut group)?;
         }
         for text in &self.constants {
             let Some(mut writer) = group.next_column()? else { break };
@@ -166,13 +166,13 @@ impl<W: Write + Send> Table<W> {
     ///
     /// # Errors
     /// If they cannot be written.
-    pub(super) fn finish(&mut self) -> io::Result<()> {
+    pub(super) fn finish_table(&mut self) -> io::Result<()> {
         self.end_group()?;
         self.file.finish().map_err(io_error)?;
         Ok(())
     }
 
-    /// As [`Self::finish`]; returns the output.
+    /// As [`Self::finish_table`]; returns the output.
     ///
     /// # Errors
     /// If they cannot be written.
@@ -183,53 +183,55 @@ impl<W: Write + Send> Table<W> {
 }
 
 /// Values of a column in the current row group.
-struct Column {
+struct ColumnValues {
     is_optional: bool,
     escapes: bool,
     /// Definition level of each row: 1 with a value, 0 without.
     levels: Vec<i16>,
-    values: Values,
+    values: ColumnBuffer,
 }
 
-enum Values {
+enum ColumnBuffer {
     Numbers(Vec<i64>),
     Reals(Vec<f64>),
     Truths(Vec<bool>),
-    Names(Names),
-    Texts(Texts),
+    Names(DistinctTexts),
+    Texts(ConcatenatedTexts),
 }
 
-impl Column {
-    fn new(heading: &Heading) -> Self {
+impl ColumnValues {
+    fn new(heading: &ColumnHeading) -> Self {
         let values = match heading.kind {
-            Kind::Time | Kind::Rising | Kind::Number => Values::Numbers(Vec::new()),
-            Kind::Real => Values::Reals(Vec::new()),
-            Kind::Truth => Values::Truths(Vec::new()),
-            Kind::Name => Values::Names(Names::default()),
-            Kind::Text | Kind::Json => Values::Texts(Texts::default()),
+            ColumnType::Time | ColumnType::Rising | ColumnType::Number => ColumnBuffer::Numbers(Vec::new()),
+            ColumnType::Real => ColumnBuffer::Reals(Vec::new()),
+            ColumnType::Truth => ColumnBuffer::Truths(Vec::new()),
+            ColumnType::Name => ColumnBuffer::Names(DistinctTexts::default()),
+            ColumnType::Text | ColumnType::Json => ColumnBuffer::Texts(ConcatenatedTexts::default()),
         };
-        let escapes = heading.kind != Kind::Json;
+        let escapes = heading.kind != ColumnType::Json;
         Self { is_optional: heading.is_optional, escapes, levels: Vec::new(), values }
     }
 
     /// Adds a value, or null for a value of the wrong type. Returns the number of bytes used.
-    fn push(&mut self, cell: Cell<'_>) -> usize {
+    fn push(&mut self, cell: RowCell<'_>) -> usize {
         let taken = match (&mut self.values, cell) {
-            (Values::Numbers(values), Cell::Number(value)) => {
+            (ColumnBuffer::Numbers(values), RowCell::Number(value)) => {
                 values.push(value);
                 Some(size_of::<i64>())
             }
-            (Values::Reals(values), Cell::Real(value)) => {
+            (ColumnBuffer::Reals(values), RowCell::Real(value)) => {
                 values.push(value);
                 Some(size_of::<f64>())
             }
-            (Values::Truths(values), Cell::Truth(value)) => {
+            (ColumnBuffer::Truths(values), RowCell::Truth(value)) => {
                 values.push(value);
                 Some(size_of::<bool>())
             }
-            (Values::Names(names), Cell::Text(text)) => Some(names.push(&escape(text))),
-            (Values::Texts(texts), Cell::Text(text)) if self.escapes => Some(texts.push(&escape(text))),
-            (Values::Texts(texts), Cell::Text(text)) => Some(texts.push(text)),
+            (ColumnBuffer::Names(names), RowCell::Text(text)) => Some(names.push(&escape(text))),
+            (ColumnBuffer::Texts(texts), RowCell::Text(text)) if self.escapes => {
+                Some(texts.push(&escape(text)))
+            }
+            (ColumnBuffer::Texts(texts), RowCell::Text(text)) => Some(texts.push(text)),
             _ => None,
         };
         self.levels.push(i16::from(taken.is_some()));
@@ -237,30 +239,30 @@ impl Column {
     }
 
     /// Writes all values as the next column of a row group and clears the buffer.
-    fn write<W: Write + Send>(
+    fn write_column<W: Write + Send>(
         &mut self,
         group: &mut SerializedRowGroupWriter<'_, W>,
     ) -> Result<(), ParquetError> {
         let Some(mut writer) = group.next_column()? else { return Ok(()) };
         let levels = self.is_optional.then_some(self.levels.as_slice());
         match &mut self.values {
-            Values::Numbers(values) => {
+            ColumnBuffer::Numbers(values) => {
                 writer.typed::<Int64Type>().write_batch(values, levels, None)?;
                 values.clear();
             }
-            Values::Reals(values) => {
+            ColumnBuffer::Reals(values) => {
                 writer.typed::<DoubleType>().write_batch(values, levels, None)?;
                 values.clear();
             }
-            Values::Truths(values) => {
+            ColumnBuffer::Truths(values) => {
                 writer.typed::<BoolType>().write_batch(values, levels, None)?;
                 values.clear();
             }
-            Values::Names(names) => {
-                writer.typed::<ByteArrayType>().write_batch(&names.take(), levels, None)?;
+            ColumnBuffer::Names(names) => {
+                writer.typed::<ByteArrayType>().write_batch(&names.take_texts(), levels, None)?;
             }
-            Values::Texts(texts) => {
-                writer.typed::<ByteArrayType>().write_batch(&texts.take(), levels, None)?;
+            ColumnBuffer::Texts(texts) => {
+                writer.typed::<ByteArrayType>().write_batch(&texts.take_texts(), levels, None)?;
             }
         }
         self.levels.clear();
@@ -270,13 +272,13 @@ impl Column {
 
 /// Repeated texts; each distinct text is stored once.
 #[derive(Default)]
-struct Names {
+struct DistinctTexts {
     numbers: HashMap<Box<str>, usize, FixedState>,
     distinct: Vec<ByteArray>,
     rows: Vec<usize>,
 }
 
-impl Names {
+impl DistinctTexts {
     fn push(&mut self, text: &str) -> usize {
         if let Some(number) = self.numbers.get(text) {
             self.rows.push(*number);
@@ -289,7 +291,7 @@ impl Names {
         size_of::<usize>() + 2 * (text.len() + size_of::<ByteArray>())
     }
 
-    fn take(&mut self) -> Vec<ByteArray> {
+    fn take_texts(&mut self) -> Vec<ByteArray> {
         let all = self.rows.iter().filter_map(|number| self.distinct.get(*number).cloned()).collect();
         self.numbers.clear();
         self.distinct.clear();
@@ -300,19 +302,19 @@ impl Names {
 
 /// Concatenated texts.
 #[derive(Default)]
-struct Texts {
+struct ConcatenatedTexts {
     bytes: Vec<u8>,
     lengths: Vec<usize>,
 }
 
-impl Texts {
+impl ConcatenatedTexts {
     fn push(&mut self, text: &str) -> usize {
         self.bytes.extend_from_slice(text.as_bytes());
         self.lengths.push(text.len());
         text.len() + size_of::<usize>()
     }
 
-    fn take(&mut self) -> Vec<ByteArray> {
+    fn take_texts(&mut self) -> Vec<ByteArray> {
         let bytes = ByteArray::from(mem::take(&mut self.bytes));
         let mut start = 0;
         let piece = |length| {
@@ -324,16 +326,18 @@ impl Texts {
     }
 }
 
-fn schema(headings: &[Heading]) -> Result<TypePtr, ParquetError> {
+fn table_schema(headings: &[ColumnHeading]) -> Result<TypePtr, ParquetError> {
     let fields = headings.iter().map(|heading| {
         let (physical, logical) = match heading.kind {
             // Spark reads no nanoseconds.
-            Kind::Time => (Physical::INT64, Some(LogicalType::timestamp(true, TimeUnit::MICROS))),
-            Kind::Rising | Kind::Number => (Physical::INT64, None),
-            Kind::Real => (Physical::DOUBLE, None),
-            Kind::Truth => (Physical::BOOLEAN, None),
+            ColumnType::Time => (Physical::INT64, Some(LogicalType::timestamp(true, TimeUnit::MICROS))),
+            ColumnType::Rising | ColumnType::Number => (Physical::INT64, None),
+            ColumnType::Real => (Physical::DOUBLE, None),
+            ColumnType::Truth => (Physical::BOOLEAN, None),
             // Polars reads the logical type of JSON as bytes.
-            Kind::Name | Kind::Text | Kind::Json => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+            ColumnType::Name | ColumnType::Text | ColumnType::Json => {
+                (Physical::BYTE_ARRAY, Some(LogicalType::String))
+            }
         };
         let repetition = if heading.is_optional { Repetition::OPTIONAL } else { Repetition::REQUIRED };
         let name = escape(&heading.name);
@@ -344,7 +348,7 @@ fn schema(headings: &[Heading]) -> Result<TypePtr, ParquetError> {
     Ok(Arc::new(Type::group_type_builder("cobscope").with_fields(fields).build()?))
 }
 
-fn properties(headings: &[Heading]) -> Result<WriterProperties, ParquetError> {
+fn writer_properties(headings: &[ColumnHeading]) -> Result<WriterProperties, ParquetError> {
     let version = env!("CARGO_PKG_VERSION");
     let mut properties = WriterProperties::builder()
         .set_created_by(format!("cobscope version {version}"))
@@ -356,10 +360,10 @@ fn properties(headings: &[Heading]) -> Result<WriterProperties, ParquetError> {
     for heading in headings {
         let path = ColumnPath::from(vec![escape(&heading.name).into_owned()]);
         properties = match heading.kind {
-            Kind::Time | Kind::Rising => properties
+            ColumnType::Time | ColumnType::Rising => properties
                 .set_column_dictionary_enabled(path.clone(), false)
                 .set_column_encoding(path, Encoding::DELTA_BINARY_PACKED),
-            Kind::Text | Kind::Json => properties.set_column_dictionary_enabled(path, false),
+            ColumnType::Text | ColumnType::Json => properties.set_column_dictionary_enabled(path, false),
             _ => properties,
         };
     }
@@ -384,26 +388,26 @@ mod tests {
 
     use super::*;
 
-    const HEADINGS: &[Heading] = &[
-        maybe("n", Kind::Number),
-        maybe("x", Kind::Real),
-        maybe("b", Kind::Truth),
-        always("s", Kind::Name),
-        maybe("t", Kind::Text),
-        maybe("j", Kind::Json),
+    const HEADINGS: &[ColumnHeading] = &[
+        optional_column("n", ColumnType::Number),
+        optional_column("x", ColumnType::Real),
+        optional_column("b", ColumnType::Truth),
+        required_column("s", ColumnType::Name),
+        optional_column("t", ColumnType::Text),
+        optional_column("j", ColumnType::Json),
     ];
 
     /// A table that alternates between rows with and without optional values.
     fn written(rows: usize, text: &str) -> SerializedFileReader<bytes::Bytes> {
         let mut out = Vec::new();
-        let mut table = Table::new(&mut out, HEADINGS, &[]).unwrap();
+        let mut table = TableWriter::new(&mut out, HEADINGS, &[]).unwrap();
         for row in 0..rows {
-            let all = [Cell::Number(-7), Cell::Real(0.5), Cell::Truth(true), Cell::Text("a\x1b")];
-            let little = [Cell::Null, Cell::Null, Cell::Null, Cell::Text("b")];
-            let (row, end) = if row % 2 == 0 { (all, Cell::Text(text)) } else { (little, Cell::Null) };
+            let all = [RowCell::Number(-7), RowCell::Real(0.5), RowCell::Truth(true), RowCell::Text("a\x1b")];
+            let little = [RowCell::Null, RowCell::Null, RowCell::Null, RowCell::Text("b")];
+            let (row, end) = if row % 2 == 0 { (all, RowCell::Text(text)) } else { (little, RowCell::Null) };
             table.push(&[&row[..], &[end, end]].concat()).unwrap();
         }
-        table.finish().unwrap();
+        table.finish_table().unwrap();
         drop(table);
         SerializedFileReader::new(out.into()).unwrap()
     }
@@ -431,8 +435,9 @@ mod tests {
     #[test]
     fn the_first_write_error_is_the_error_of_the_output() {
         let mut place = [0; 64];
-        let mut table = Table::new(place.as_mut_slice(), &[always("n", Kind::Number)], &[]).unwrap();
-        table.push(&[Cell::Number(1)]).unwrap();
-        assert_eq!(table.finish().unwrap_err().kind(), io::ErrorKind::WriteZero);
+        let mut table =
+            TableWriter::new(place.as_mut_slice(), &[required_column("n", ColumnType::Number)], &[]).unwrap();
+        table.push(&[RowCell::Number(1)]).unwrap();
+        assert_eq!(table.finish_table().unwrap_err().kind(), io::ErrorKind::WriteZero);
     }
 }

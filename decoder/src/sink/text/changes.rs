@@ -4,11 +4,11 @@
 //! TPDO1  spool 12.5 → 29.7 %?, word DHAR → DHar?   unchanged: pressure 157.5 bar
 //! ```
 
-use super::parts::bytes;
+use super::parts::format_bytes;
 use super::pdo;
 use crate::event::{Event, EventKind};
-use crate::profile::{Field, Layout, Meaning, Signal, word_letters};
-use crate::query::record::device as device_of;
+use crate::profile::{DecodedSignal, ObjectMeaning, PayloadLayout, SignalField, word_letters};
+use crate::query::record::event_device as device_of;
 use crate::session::Bus;
 
 /// Number of payload bytes without a layout that are shown as a whole.
@@ -38,7 +38,7 @@ impl MessageChanges {
     }
 
     /// The signals of a message; None for other events. `earlier` is the payload to compare with.
-    pub fn of(event: &Event, bus: &Bus, earlier: Option<&[u8]>) -> Option<Self> {
+    pub fn changes_in(event: &Event, bus: &Bus, earlier: Option<&[u8]>) -> Option<Self> {
         let (name, layout, payload, note) = match &event.kind {
             EventKind::Pdo(message) if !message.is_request => {
                 let mut note = Vec::new();
@@ -67,7 +67,7 @@ impl MessageChanges {
             let changed = changed_bytes(payload, earlier);
             return Some(Self { name, changed, unchanged: String::new(), note });
         };
-        let (changed, unchanged) = signals(layout, payload, earlier);
+        let (changed, unchanged) = split_signals(layout, payload, earlier);
         let mut absent = Vec::new();
         pdo::push_absent_signals(layout, payload, &mut absent);
         let note = format!("{}{note}", String::from_utf8_lossy(&absent));
@@ -85,16 +85,16 @@ pub(super) fn group_name(name: &str) -> (String, &str) {
 }
 
 /// Changed and unchanged signals, device words after the others: their changes are also events.
-fn signals(layout: &Layout, payload: &[u8], earlier: Option<&[u8]>) -> (String, String) {
+fn split_signals(layout: &PayloadLayout, payload: &[u8], earlier: Option<&[u8]>) -> (String, String) {
     let (mut changed, mut unchanged) = ([Vec::new(), Vec::new()], [Vec::new(), Vec::new()]);
     for (number, field) in layout.fields.iter().enumerate() {
-        let Some(now) = layout.signal(number, payload) else { continue };
-        let before = earlier.and_then(|payload| layout.signal(number, payload));
-        let value = SignalValue::of(&now);
+        let Some(now) = layout.decode_signal(number, payload) else { continue };
+        let before = earlier.and_then(|payload| layout.decode_signal(number, payload));
+        let value = SignalValue::value_of(&now);
         let is_assumed = layout.assumed || field.meaning.as_deref().is_some_and(|meaning| meaning.assumed);
         let mark = if is_assumed { "?" } else { "" };
-        let name = name(layout, field);
-        let old = before.as_ref().map(SignalValue::of);
+        let name = short_name(layout, field);
+        let old = before.as_ref().map(SignalValue::value_of);
         let is_new = earlier.is_none() || old.as_ref() != Some(&value);
         let text = match old.filter(|_| is_new) {
             Some(old) => format!("{name} {} → {}{mark}", old.without_unit_of(&value), value.text),
@@ -117,17 +117,17 @@ struct SignalValue {
 }
 
 impl SignalValue {
-    fn of(signal: &Signal<'_>) -> Self {
+    fn value_of(signal: &DecodedSignal<'_>) -> Self {
         let Some(meaning) = signal.field.meaning.as_deref() else {
             return Self { text: signal.value.to_string(), unit: String::new() };
         };
         if let Some(text) = meaning.bits.as_deref().and_then(|bits| word_letters(bits, signal.raw)) {
             return Self { text, unit: String::new() };
         }
-        let mut text = meaning.show(&signal.value);
+        let mut text = meaning.format_value(&signal.value);
         let unit = if meaning.unit.is_empty() { String::new() } else { format!(" {}", meaning.unit) };
         let unit = if text.ends_with(&unit) { unit } else { String::new() };
-        text.push_str(&limits(meaning, signal));
+        text.push_str(&limit_text(meaning, signal));
         Self { text, unit }
     }
 
@@ -139,19 +139,19 @@ impl SignalValue {
 }
 
 /// ` of 315`, ` (outside)`.
-fn limits(meaning: &Meaning, signal: &Signal<'_>) -> String {
+fn limit_text(meaning: &ObjectMeaning, signal: &DecodedSignal<'_>) -> String {
     let full = meaning.scale.and_then(|scale| scale.full_scale);
     let full = full.map_or(String::new(), |(_, full)| format!(" of {full}"));
     let outside = if meaning.is_outside(&signal.value) { " (outside)" } else { "" };
     full + outside
 }
 
-fn is_word(field: &Field) -> bool {
+fn is_word(field: &SignalField) -> bool {
     field.meaning.as_deref().is_some_and(|meaning| meaning.bits.is_some())
 }
 
 /// Short name with the channel; of a device word the last words of its name that no other signal has.
-fn name(layout: &Layout, field: &Field) -> String {
+fn short_name(layout: &PayloadLayout, field: &SignalField) -> String {
     let Some(meaning) = field.meaning.as_deref() else { return field.id.to_string() };
     let channel = meaning.channel.filter(|_| pdo::has_several_channels(layout));
     let channel = channel.map_or(String::new(), |channel| format!("c{channel} "));
@@ -163,8 +163,8 @@ fn name(layout: &Layout, field: &Field) -> String {
     format!("{channel}{name}")
 }
 
-fn last_words<'a>(layout: &Layout, field: &Field, name: &'a str) -> &'a str {
-    let others = || layout.fields.iter().filter(|other| *other != field).filter_map(Field::name);
+fn last_words<'a>(layout: &PayloadLayout, field: &SignalField, name: &'a str) -> &'a str {
+    let others = || layout.fields.iter().filter(|other| *other != field).filter_map(SignalField::name);
     let ends = name.rmatch_indices(' ').filter_map(|(at, _)| name.get(at.saturating_add(1)..));
     let is_own = |end: &&str| !others().any(|other| other.ends_with(end));
     ends.into_iter().find(is_own).unwrap_or(name)
@@ -173,10 +173,12 @@ fn last_words<'a>(layout: &Layout, field: &Field, name: &'a str) -> &'a str {
 /// Bytes without a layout; of a long payload those that changed: `byte 12: 05 → 06`.
 fn changed_bytes(payload: &[u8], earlier: Option<&[u8]>) -> String {
     let same_length = earlier.filter(|earlier| earlier.len() == payload.len());
-    let Some(earlier) = same_length.filter(|_| payload.len() > SHOWN_BYTES) else { return bytes(payload) };
+    let Some(earlier) = same_length.filter(|_| payload.len() > SHOWN_BYTES) else {
+        return format_bytes(payload);
+    };
     let pairs = earlier.iter().zip(payload).enumerate().filter(|(_, (old, new))| old != new);
     let changed: Vec<_> = pairs.map(|(at, (old, new))| format!("byte {at}: {old:02X} → {new:02X}")).collect();
-    if changed.is_empty() { bytes(payload) } else { changed.join(", ") }
+    if changed.is_empty() { format_bytes(payload) } else { changed.join(", ") }
 }
 
 #[cfg(test)]
@@ -184,11 +186,11 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::profile::{BitName, BitNames, DataType, Factor};
+    use crate::profile::{BitName, BitNames, DataType, RawConversion};
     use crate::wire::canopen::ObjectAddress;
 
     /// A status word and a position in tenths of a percent.
-    fn layout() -> Layout {
+    fn layout() -> PayloadLayout {
         let bit = |(bit, name): (u8, &str)| BitName {
             bit,
             width: 1,
@@ -199,32 +201,32 @@ mod tests {
             reserved: false,
         };
         let names = BitNames { list: vec![bit((0, "disabled")), bit((1, "hold"))] };
-        let word = Meaning {
+        let word = ObjectMeaning {
             name: "Device status word".into(),
             bits: Some(Arc::new(names)),
             assumed: true,
-            ..Meaning::default()
+            ..ObjectMeaning::default()
         };
-        let scale = Factor { factor: 0.1, offset: 0.0, full_scale: None, is_reciprocal: false };
-        let position = Meaning {
+        let scale = RawConversion { factor: 0.1, offset: 0.0, full_scale: None, is_reciprocal: false };
+        let position = ObjectMeaning {
             name: "Spool position".into(),
             short: Some("spool".into()),
             unit: "%".into(),
             decimals: 1,
             scale: Some(scale),
-            ..Meaning::default()
+            ..ObjectMeaning::default()
         };
-        let field = |index, bit, meaning| Field {
+        let field = |index, bit, meaning| SignalField {
             meaning: Some(Arc::new(meaning)),
-            ..Field::of_object(ObjectAddress::new(index, 0), bit, 8, DataType::Unsigned8)
+            ..SignalField::of_object(ObjectAddress::new(index, 0), bit, 8, DataType::Unsigned8)
         };
         let fields = vec![field(0x6041, 0, word), field(0x6301, 8, position)];
-        Layout { fields, bits: 16, ..Layout::default() }
+        PayloadLayout { fields, bits: 16, ..PayloadLayout::default() }
     }
 
     #[test]
     fn changed_signals_lead_and_a_word_is_letters() {
-        let shown = |earlier: Option<&[u8]>, now: &[u8]| signals(&layout(), now, earlier);
+        let shown = |earlier: Option<&[u8]>, now: &[u8]| split_signals(&layout(), now, earlier);
         let text = |changed: &str, unchanged: &str| (changed.to_owned(), unchanged.to_owned());
         assert_eq!(shown(None, &[3, 125]), text("spool 12.5 %, word DH?", ""));
         assert_eq!(shown(Some(&[3, 125]), &[3, 200]), text("spool 12.5 → 20.0 %", "word DH?"));
@@ -237,15 +239,15 @@ mod tests {
     #[test]
     fn of_a_word_the_distinct_end_of_its_name_is_shown() {
         let mut layout = layout();
-        assert_eq!(name(&layout, &layout.fields[0]), "word");
+        assert_eq!(short_name(&layout, &layout.fields[0]), "word");
         let mut other = layout.fields[0].clone();
         other.bit = 16;
         other.meaning = other
             .meaning
-            .map(|meaning| Arc::new(Meaning { name: "Drive word".into(), ..(*meaning).clone() }));
+            .map(|meaning| Arc::new(ObjectMeaning { name: "Drive word".into(), ..(*meaning).clone() }));
         layout.fields.push(other);
-        assert_eq!(name(&layout, &layout.fields[0]), "status word");
-        assert_eq!(name(&layout, &layout.fields[2]), "Drive word");
+        assert_eq!(short_name(&layout, &layout.fields[0]), "status word");
+        assert_eq!(short_name(&layout, &layout.fields[2]), "Drive word");
     }
 
     #[test]

@@ -2,17 +2,17 @@
 
 use std::fmt::Write as _;
 
-use super::Tone;
-use super::parts::{LineContent, bytes, millis, seconds};
+use super::LineTone;
+use super::parts::{LineContent, format_bytes, format_millis, format_seconds};
 use crate::event::{
-    BitsChanged, ChangeOrigin, Conflict, DeviceCause, DeviceState, Effective, ModeChange, NodeIdentified,
-    ObjectChange, ProcedureEvent, ProcedurePhase, SetPoint,
+    BitsChanged, ChangeOrigin, DeviceCause, DeviceState, EffectiveState, ModeChange, NodeIdentified,
+    ObjectChange, ProcedureEvent, ProcedurePhase, SetPoint, SourceConflict,
 };
-use crate::profile::Value;
+use crate::profile::DecodedValue;
 use crate::profile::device::ProcedureStatus;
 use crate::wire::NodeId;
 
-pub(super) fn identified(node: &NodeIdentified, id: Option<NodeId>) -> LineContent {
+pub(super) fn identified_line(node: &NodeIdentified, id: Option<NodeId>) -> LineContent {
     let id = id.map_or(String::new(), |id| id.to_string());
     let what = format!(
         "identified as {} by its {}; --node {id}={} applies from the first frame",
@@ -20,17 +20,17 @@ pub(super) fn identified(node: &NodeIdentified, id: Option<NodeId>) -> LineConte
         node.by.name().replace('-', " "),
         node.device
     );
-    ("IDENT", what, Tone::Good)
+    ("IDENT", what, LineTone::Good)
 }
 
 /// Prefix `c1 ` for devices with several channels.
-fn channel(channel: Option<u8>) -> String {
+fn channel_prefix(channel: Option<u8>) -> String {
     channel.map_or(String::new(), |channel| format!("c{channel} "))
 }
 
-pub(super) fn state(state: &DeviceState) -> LineContent {
+pub(super) fn state_line(state: &DeviceState) -> LineContent {
     let from = state.from.as_deref().unwrap_or("?");
-    let mut what = format!("{}{from} → {}", channel(state.channel), state.to);
+    let mut what = format!("{}{from} → {}", channel_prefix(state.channel), state.to);
     let frame = if state.cause_frame == 0 { String::new() } else { format!(" {{{}}}", state.cause_frame) };
     let _ = match (state.cause, state.control, state.emcy) {
         (DeviceCause::ControlWord, Some(control), _) => write!(what, ", control {control:02X}{frame}"),
@@ -53,18 +53,22 @@ pub(super) fn state(state: &DeviceState) -> LineContent {
         }
         let _ = write!(what, " {{{}}}", frames.join(" "));
     }
-    ("STATE", what, if state.fault { Tone::Bad } else { Tone::Plain })
+    ("STATE", what, if state.fault { LineTone::Bad } else { LineTone::Plain })
 }
 
-pub(super) fn bits(bits: &BitsChanged) -> LineContent {
-    ("STAT", format!("{}{}: {}", channel(bits.channel), bits.name, bits.words.join(", ")), Tone::Plain)
+pub(super) fn bits_line(bits: &BitsChanged) -> LineContent {
+    (
+        "STAT",
+        format!("{}{}: {}", channel_prefix(bits.channel), bits.name, bits.words.join(", ")),
+        LineTone::Plain,
+    )
 }
 
 pub(super) fn set_point(point: &SetPoint) -> LineContent {
     let name = point.short.as_deref().unwrap_or(&point.signal);
     let assumed = if point.assumed { "?" } else { "" };
     // A short name such as c1 already identifies the channel.
-    let channel = channel(point.channel);
+    let channel = channel_prefix(point.channel);
     let channel = if channel.trim_end() == name { "" } else { &channel };
     let mut what = format!("{channel}{name} ");
     if let Some(from) = point.from.as_ref().filter(|from| from.text != point.to.text) {
@@ -76,49 +80,49 @@ pub(super) fn set_point(point: &SetPoint) -> LineContent {
     let _ = write!(what, "{}{assumed} ", point.to.text);
     let gates = point.gates.join("; ");
     let tone = match point.effective {
-        Effective::Yes => {
+        EffectiveState::Yes => {
             what.push_str("effective");
-            Tone::Plain
+            LineTone::Plain
         }
-        Effective::No => {
+        EffectiveState::No => {
             let _ = write!(what, "NOT effective: needs {gates}");
-            Tone::Caution
+            LineTone::Caution
         }
-        Effective::Unknown => {
+        EffectiveState::Unknown => {
             // Without gates the effect of a set point cannot be evaluated.
             let why = if gates.is_empty() { "no gates in the profile" } else { &gates };
             let _ = write!(what, "effective: unknown ({why})");
-            Tone::Plain
+            LineTone::Plain
         }
     };
     if let Some(after) = point.sync_after {
-        let _ = write!(what, ", at SYNC +{} ms", millis(after));
+        let _ = write!(what, ", at SYNC +{} ms", format_millis(after));
     }
     ("SETPT", what, tone)
 }
 
-pub(super) fn mode(mode: &ModeChange) -> LineContent {
+pub(super) fn mode_line(mode: &ModeChange) -> LineContent {
     let from = mode.from.as_deref().map_or(String::new(), |from| format!("{from} → "));
     let consequence =
         if mode.consequence.is_empty() { String::new() } else { format!(" → {}", mode.consequence) };
-    let what = format!("{}{} = {from}{}{consequence}", channel(mode.channel), mode.object, mode.to);
-    ("MODE", what, Tone::Plain)
+    let what = format!("{}{} = {from}{}{consequence}", channel_prefix(mode.channel), mode.object, mode.to);
+    ("MODE", what, LineTone::Plain)
 }
 
 /// KIND column of a procedure; PROC for words defined by profiles.
-fn word(word: Option<&str>) -> &'static str {
+fn procedure_word(word: Option<&str>) -> &'static str {
     const WORDS: [&str; 8] = ["CALIB", "STORE", "RESTORE", "SWITCH", "M/S", "IDENT", "RATE", "RESET"];
     WORDS.iter().find(|known| Some(**known) == word).unwrap_or(&"PROC")
 }
 
-pub(super) fn procedure(event: &ProcedureEvent) -> LineContent {
+pub(super) fn procedure_line(event: &ProcedureEvent) -> LineContent {
     let mut what = format!("{} {}", event.procedure, event.phase.name());
     if event.phase == ProcedurePhase::Finished {
         let _ = write!(what, ": {}", event.status.name());
     }
     let is_start = event.phase == ProcedurePhase::Started;
     if let Some(duration) = event.duration.filter(|_| !is_start) {
-        let _ = write!(what, " after {} s", seconds(duration));
+        let _ = write!(what, " after {} s", format_seconds(duration));
     }
     if let Some(object) = event.object.filter(|_| is_start) {
         let _ = write!(what, " ({object})");
@@ -133,30 +137,30 @@ pub(super) fn procedure(event: &ProcedureEvent) -> LineContent {
         let _ = write!(what, "; {}", event.text);
     }
     let tone = match event.status {
-        ProcedureStatus::Error => Tone::Bad,
-        ProcedureStatus::Stopped | ProcedureStatus::Busy => Tone::Caution,
-        ProcedureStatus::Ok => Tone::Good,
-        ProcedureStatus::Running | ProcedureStatus::Ended => Tone::Plain,
+        ProcedureStatus::Error => LineTone::Bad,
+        ProcedureStatus::Stopped | ProcedureStatus::Busy => LineTone::Caution,
+        ProcedureStatus::Ok => LineTone::Good,
+        ProcedureStatus::Running | ProcedureStatus::Ended => LineTone::Plain,
     };
-    (word(event.word.as_deref()), what, tone)
+    (procedure_word(event.word.as_deref()), what, tone)
 }
 
-pub(super) fn conflict(conflict: &Conflict) -> LineContent {
+pub(super) fn conflict_line(conflict: &SourceConflict) -> LineContent {
     let values: Vec<_> = conflict
         .sources
         .iter()
-        .map(|(source, data)| format!("{source} {}", Value::Bytes(data.clone())))
+        .map(|(source, data)| format!("{source} {}", DecodedValue::Bytes(data.clone())))
         .collect();
     let what = format!("{} {}: {}; {}", conflict.object, conflict.name, values.join(", "), conflict.text);
-    ("CONFLICT", what, Tone::Caution)
+    ("CONFLICT", what, LineTone::Caution)
 }
 
 pub(super) fn object_change(change: &ObjectChange) -> LineContent {
-    let shown = |value: &Option<Vec<u8>>| value.as_deref().map_or("?".into(), bytes);
+    let shown = |value: &Option<Vec<u8>>| value.as_deref().map_or("?".into(), format_bytes);
     let what = format!("{} {} → {}", change.object, shown(&change.from), shown(&change.to));
     match change.origin {
-        ChangeOrigin::Restart => ("OBJ", format!("{what}, effective since the restart"), Tone::Plain),
-        ChangeOrigin::Reset => ("OBJ", format!("{what}, lost at the restart"), Tone::Plain),
-        ChangeOrigin::Download => ("OBJ", what, Tone::Quiet),
+        ChangeOrigin::Restart => ("OBJ", format!("{what}, effective since the restart"), LineTone::Plain),
+        ChangeOrigin::Reset => ("OBJ", format!("{what}, lost at the restart"), LineTone::Plain),
+        ChangeOrigin::Download => ("OBJ", what, LineTone::Quiet),
     }
 }

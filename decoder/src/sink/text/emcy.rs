@@ -2,56 +2,60 @@
 
 use std::io::Write as _;
 
-use super::Tone;
-use super::node::evidence;
+use super::LineTone;
+use super::node::evidence_text;
 use super::parts::push_bytes;
 use crate::ascii::{push_code, push_decimal};
 use crate::event::{BootCause, EmcyAction, Emergency};
-use crate::profile::{self, Device};
+use crate::profile::{self, DeviceProfile};
 
 /// Appends the text; returns the KIND column and the tone.
-pub(super) fn push_words(emergency: &Emergency, device: &Device, out: &mut Vec<u8>) -> (&'static str, Tone) {
+pub(super) fn push_words(
+    emergency: &Emergency,
+    device: &DeviceProfile,
+    out: &mut Vec<u8>,
+) -> (&'static str, LineTone) {
     let Some(code) = emergency.code else {
         out.extend_from_slice(b"empty EMCY message: started without error");
         match emergency.boot {
             Some(BootCause::Commanded { frame }) => {
                 // Writing to a vector cannot fail.
-                let _ = write!(out, ", after NMT reset{}", evidence(frame));
+                let _ = write!(out, ", after NMT reset{}", evidence_text(frame));
             }
             Some(BootCause::PresumedPowerOn { .. }) => {
                 out.extend_from_slice(", no NMT reset before → power cycle or self-reset".as_bytes());
             }
             None => {}
         }
-        return ("READY", Tone::Good);
+        return ("READY", LineTone::Good);
     };
     let tone = match emergency.action {
         EmcyAction::NoErrorAtBoot => {
             out.extend_from_slice(b"0000 no error, sent at boot-up (not a recovery)");
-            Tone::Plain
+            LineTone::Plain
         }
         EmcyAction::AllCleared => {
             out.extend_from_slice(b"0000 all errors cleared");
-            Tone::Good
+            LineTone::Good
         }
         EmcyAction::Cleared => {
             out.extend_from_slice(b"0000 error cleared, register still ");
             push_register(emergency.register.unwrap_or(0), out);
-            Tone::Caution
+            LineTone::Caution
         }
         EmcyAction::Raised | EmcyAction::Ready => {
             push_error(code, emergency, device, out);
-            Tone::Bad
+            LineTone::Bad
         }
     };
     ("EMCY", tone)
 }
 
-fn push_error(code: u16, emergency: &Emergency, device: &Device, out: &mut Vec<u8>) {
+fn push_error(code: u16, emergency: &Emergency, device: &DeviceProfile, out: &mut Vec<u8>) {
     push_code(out, u32::from(code), 4);
     out.push(b' ');
     out.extend_from_slice(device.error_text(code).as_bytes());
-    if let Some(reaction) = device.error(code).and_then(|error| error.reaction.as_ref()) {
+    if let Some(reaction) = device.error_entry(code).and_then(|error| error.reaction.as_ref()) {
         // Writing to a vector cannot fail.
         let _ = write!(out, " → {reaction}");
     }
@@ -66,7 +70,7 @@ fn push_error(code: u16, emergency: &Emergency, device: &Device, out: &mut Vec<u
     if let Some(other) = emergency.alternative {
         out.extend_from_slice(b", byte-swapped ");
         push_code(out, u32::from(other), 4);
-        let text = device.error(other).map_or("", |error| error.text.as_str());
+        let text = device.error_entry(other).map_or("", |error| error.text.as_str());
         // Writing to a vector cannot fail.
         let _ = write!(out, " {text}");
     }
@@ -78,10 +82,10 @@ fn push_error(code: u16, emergency: &Emergency, device: &Device, out: &mut Vec<u
 }
 
 /// Appends the manufacturer-specific bytes, by name if the profile defines names, else as hex.
-fn push_vendor(vendor: &[u8], device: &Device, out: &mut Vec<u8>) {
+fn push_vendor(vendor: &[u8], device: &DeviceProfile, out: &mut Vec<u8>) {
     let mut named = false;
     for field in &device.emcy.vendor {
-        if let Some(value) = field.value(vendor) {
+        if let Some(value) = field.vendor_number(vendor) {
             named = true;
             // Writing to a vector cannot fail.
             let _ = write!(out, ", {} {value}", field.name);
@@ -97,7 +101,7 @@ fn push_vendor(vendor: &[u8], device: &Device, out: &mut Vec<u8>) {
 fn push_register(register: u8, out: &mut Vec<u8>) {
     push_code(out, u32::from(register), 2);
     let mut separator: &[u8] = b" (";
-    for name in profile::error_register().names(u32::from(register)) {
+    for name in profile::error_register().set_names(u32::from(register)) {
         out.extend_from_slice(separator);
         out.extend_from_slice(name.as_bytes());
         separator = b", ";

@@ -2,17 +2,17 @@
 
 use std::fmt::Write as _;
 
-use super::Tone;
+use super::LineTone;
 use super::parts::LineContent;
 use crate::event::FindingNews;
 use crate::finding::Severity;
 
-pub(super) fn opened(news: &FindingNews) -> LineContent {
-    words(news, false)
+pub(super) fn opened_line(news: &FindingNews) -> LineContent {
+    finding_words(news, false)
 }
 
-pub(super) fn closed(news: &FindingNews) -> LineContent {
-    words(news, true)
+pub(super) fn closed_line(news: &FindingNews) -> LineContent {
+    finding_words(news, true)
 }
 
 /// Appends the reason for a lower severity, the manual and the rule.
@@ -27,7 +27,7 @@ pub(super) fn push_source(news: &FindingNews, what: &mut String) {
 }
 
 /// `warning: 1018:01: answered after 312 ms [sdo-no-response]`.
-fn words(news: &FindingNews, is_over: bool) -> LineContent {
+fn finding_words(news: &FindingNews, is_over: bool) -> LineContent {
     let mut what = String::new();
     if is_over {
         what.push_str(if news.is_at_end { "still open at the end: " } else { "closed: " });
@@ -46,10 +46,10 @@ fn words(news: &FindingNews, is_over: bool) -> LineContent {
     }
     push_source(news, &mut what);
     let tone = match news.severity {
-        _ if is_over => Tone::Quiet,
-        Severity::Error => Tone::Bad,
-        Severity::Warning => Tone::Caution,
-        Severity::Note => Tone::Plain,
+        _ if is_over => LineTone::Quiet,
+        Severity::Error => LineTone::Bad,
+        Severity::Warning => LineTone::Caution,
+        Severity::Note => LineTone::Plain,
     };
     (news.word, what, tone)
 }

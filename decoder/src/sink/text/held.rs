@@ -14,7 +14,7 @@ use crate::wire::NodeId;
 #[derive(Debug, Default)]
 pub(super) struct HeldLine {
     /// Where the line is from; `None` if none is held.
-    place: Option<LineKey>,
+    place: Option<HeldLineKey>,
     pub(super) frames: FrameRange,
     /// ANSI colours must be reset after the text.
     pub(super) colored: bool,
@@ -23,7 +23,7 @@ pub(super) struct HeldLine {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct LineKey {
+struct HeldLineKey {
     bus: BusIndex,
     node: Option<NodeId>,
     frame: u64,
@@ -38,9 +38,9 @@ pub(super) fn may_be_judged(event: &Event) -> bool {
 
 impl HeldLine {
     /// Holds the line of an event.
-    pub(super) fn hold(&mut self, event: &Event, word: &'static str) {
+    pub(super) fn hold_line(&mut self, event: &Event, word: &'static str) {
         self.frames = event.frames;
-        self.place = Some(place(event, word));
+        self.place = Some(line_key(event, word));
     }
 
     /// Whether a line is held.
@@ -49,18 +49,18 @@ impl HeldLine {
     }
 
     /// Ends holding.
-    pub(super) fn release(&mut self) {
+    pub(super) fn release_line(&mut self) {
         self.place = None;
     }
 
     /// Whether a finding event is about the held line.
     pub(super) fn is_about(&self, event: &Event, news: &FindingNews) -> bool {
-        self.place == Some(place(event, news.word))
+        self.place == Some(line_key(event, news.word))
     }
 }
 
-fn place(event: &Event, word: &'static str) -> LineKey {
-    LineKey { bus: event.bus, node: event.node, frame: event.frames.last, word }
+fn line_key(event: &Event, word: &'static str) -> HeldLineKey {
+    HeldLineKey { bus: event.bus, node: event.node, frame: event.frames.last, word }
 }
 
 /// The part of a finding text that a line does not contain yet.

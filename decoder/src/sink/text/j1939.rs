@@ -2,35 +2,36 @@
 
 use std::fmt::Write as _;
 
-use super::Tone;
+use super::LineTone;
 use super::changes::group_name;
-use super::parts::{EventWords, bytes, millis, node_label, node_short, seconds};
+use super::parts::{EventWords, format_bytes, format_millis, format_seconds, node_label, node_short};
 use super::pdo::push_signals;
 use super::transfer::TransferWords;
 use crate::event::{
-    AddressClaim, ClaimAction, CommandedAddress, Dtc, DtcAction, Event, Irregularity, IrregularityKind,
-    J1939Acknowledgement, J1939Message, J1939Request, J1939Transfer, MessageGap, Outcome, TransportMode,
+    AddressClaim, ClaimAction, CommandedAddress, Dtc, DtcAction, Event, IrregularityKind,
+    J1939Acknowledgement, J1939Message, J1939Request, J1939Transfer, MessageGap, SdoOutcome,
+    TransferIrregularity, TransportMode,
 };
 use crate::profile;
-use crate::query::record::device as device_of;
+use crate::query::record::event_device as device_of;
 use crate::session::Bus;
 use crate::wire::NodeId;
-use crate::wire::j1939::{ALL, Name, Pgn};
-use crate::words::plural;
+use crate::wire::j1939::{ALL, J1939Name, Pgn};
+use crate::words::count_noun;
 
-pub(super) fn message(message: &J1939Message, bus: &Bus) -> EventWords {
-    let who = pair(message.id.source, message.id.destination, bus);
-    EventWords { who, kind: "PG", what: message_words(message), tone: Tone::Plain }
+pub(super) fn message_line(message: &J1939Message, bus: &Bus) -> EventWords {
+    let who = pair_text(message.id.source, message.id.destination, bus);
+    EventWords { who, kind: "PG", what: message_words(message), tone: LineTone::Plain }
 }
 
-pub(super) fn request(request: &J1939Request, bus: &Bus) -> EventWords {
-    let who = pair(request.source, request.destination, bus);
-    let what = format!("requests {}", group(request.pgn, request.name.as_deref()));
-    EventWords { who, kind: "REQ", what, tone: Tone::Plain }
+pub(super) fn request_line(request: &J1939Request, bus: &Bus) -> EventWords {
+    let who = pair_text(request.source, request.destination, bus);
+    let what = format!("requests {}", group_text(request.pgn, request.name.as_deref()));
+    EventWords { who, kind: "REQ", what, tone: LineTone::Plain }
 }
 
 /// `F1`, `SA80 boom2`, `all`.
-fn address(address: u8, bus: &Bus) -> String {
+fn address_text(address: u8, bus: &Bus) -> String {
     match address {
         ALL => "all".into(),
         known if bus.node(NodeId::J1939(known)).is_some_and(|node| node.name().is_some()) => {
@@ -41,20 +42,24 @@ fn address(address: u8, bus: &Bus) -> String {
 }
 
 /// `F1→SA80 boom2`; only the source for a global message.
-fn pair(source: u8, destination: u8, bus: &Bus) -> String {
+fn pair_text(source: u8, destination: u8, bus: &Bus) -> String {
     if destination == ALL {
         return node_label(NodeId::J1939(source), bus);
     }
-    format!("{source:02X}→{}", address(destination, bus))
+    format!("{source:02X}→{}", address_text(destination, bus))
 }
 
 /// `65226 (FECA) DM1 active faults`.
-pub(super) fn group(pgn: Pgn, name: Option<&str>) -> String {
+pub(super) fn group_text(pgn: Pgn, name: Option<&str>) -> String {
     name.map_or_else(|| pgn.to_string(), |name| format!("{pgn} {name}"))
 }
 
 fn message_words(message: &J1939Message) -> String {
-    let mut what = format!("{} {}", group(message.id.pgn, message.name.as_deref()), bytes(message.payload()));
+    let mut what = format!(
+        "{} {}",
+        group_text(message.id.pgn, message.name.as_deref()),
+        format_bytes(message.payload())
+    );
     if let Some(layout) = &message.layout {
         let mut signals = Vec::new();
         push_signals(layout, message.payload(), &mut signals);
@@ -63,16 +68,16 @@ fn message_words(message: &J1939Message) -> String {
     what
 }
 
-pub(super) fn transfer(transfer: &J1939Transfer, bus: &Bus) -> EventWords {
+pub(super) fn transfer_line(transfer: &J1939Transfer, bus: &Bus) -> EventWords {
     let mut what = match transfer.pgn {
-        Some(pgn) => group(pgn, transfer.name.as_deref()),
+        Some(pgn) => group_text(pgn, transfer.name.as_deref()),
         None => "PGN unknown".into(),
     };
     let _ = write!(what, " {}", content_words(transfer));
     let tone = outcome_words(transfer, &mut what);
     push_irregular(transfer, &mut what);
     if let Some(duration) = transfer.duration.filter(|_| transfer.frame_count > 1) {
-        let _ = write!(what, " dt={}ms", millis(duration));
+        let _ = write!(what, " dt={}ms", format_millis(duration));
     }
     if let Some(mode) = transfer.mode {
         let _ = write!(what, " {}", mode.name());
@@ -86,7 +91,7 @@ pub(super) fn transfer(transfer: &J1939Transfer, bus: &Bus) -> EventWords {
         what.push_str(&String::from_utf8_lossy(&signals));
     }
     let kind = if transfer.mode == Some(TransportMode::FastPacket) { "FP" } else { "TP" };
-    EventWords { who: pair(transfer.source, transfer.destination, bus), kind, what, tone }
+    EventWords { who: pair_text(transfer.source, transfer.destination, bus), kind, what, tone }
 }
 
 /// `14 bytes`, `21 of 28 bytes`.
@@ -95,14 +100,14 @@ fn size_words(transfer: &J1939Transfer) -> String {
         Some(announced) if u64::from(announced) != transfer.size => {
             format!("{} of {announced} bytes", transfer.size)
         }
-        _ => plural(transfer.size, "byte"),
+        _ => count_noun(transfer.size, "byte"),
     }
 }
 
 /// `14 bytes: 41 42 …`; without data only the size.
 fn content_words(transfer: &J1939Transfer) -> String {
     let size = size_words(transfer);
-    if transfer.data.is_empty() { size } else { format!("{size}: {}", bytes(&transfer.data)) }
+    if transfer.data.is_empty() { size } else { format!("{size}: {}", format_bytes(&transfer.data)) }
 }
 
 /// Appends missing and repeated packets.
@@ -110,7 +115,7 @@ fn push_irregular(transfer: &J1939Transfer, what: &mut String) {
     if transfer.missing > 0 {
         let is_fast = transfer.mode == Some(TransportMode::FastPacket);
         let unit = if is_fast { "frame" } else { "packet" };
-        let _ = write!(what, ", {} missing", plural(transfer.missing, unit));
+        let _ = write!(what, ", {} missing", count_noun(transfer.missing, unit));
     }
     if transfer.repeated > 0 {
         let _ = write!(what, ", {} repeated", transfer.repeated);
@@ -142,60 +147,60 @@ pub(super) fn transfer_words(transfer: &J1939Transfer) -> TransferWords {
 }
 
 /// Appends the outcome of a transfer.
-fn outcome_words(transfer: &J1939Transfer, what: &mut String) -> Tone {
+fn outcome_words(transfer: &J1939Transfer, what: &mut String) -> LineTone {
     match transfer.outcome {
-        Outcome::Complete => {
+        SdoOutcome::Complete => {
             what.push_str(" ok");
-            Tone::Plain
+            LineTone::Plain
         }
-        Outcome::Aborted => {
+        SdoOutcome::Aborted => {
             what.push_str(" ABORTED");
             if let Some(abort) = transfer.abort {
                 let by = if abort.by_sender { "sender" } else { "receiver" };
-                let text = profile::transport_aborts().text(u32::from(abort.reason));
+                let text = profile::transport_aborts().code_text(u32::from(abort.reason));
                 let _ = write!(what, " by {by}: {} {text}", abort.reason);
             }
-            Tone::Bad
+            LineTone::Bad
         }
-        Outcome::Timeout => {
+        SdoOutcome::Timeout => {
             let timer = transfer.timer.map_or(String::new(), |timer| format!(" ({})", timer.name()));
             let _ = write!(what, " TIME-OUT{timer}");
-            Tone::Bad
+            LineTone::Bad
         }
-        Outcome::Superseded => {
+        SdoOutcome::Superseded => {
             what.push_str(" superseded by a new transfer");
-            Tone::Caution
+            LineTone::Caution
         }
-        Outcome::Incomplete => {
+        SdoOutcome::Incomplete => {
             what.push_str(" incomplete");
-            Tone::Caution
+            LineTone::Caution
         }
-        Outcome::Unfinished => {
+        SdoOutcome::Unfinished => {
             what.push_str(" unfinished at end of capture");
-            Tone::Caution
+            LineTone::Caution
         }
     }
 }
 
-pub(super) fn acknowledgement(answer: &J1939Acknowledgement, bus: &Bus) -> EventWords {
+pub(super) fn acknowledgement_line(answer: &J1939Acknowledgement, bus: &Bus) -> EventWords {
     let (result, tone) = match answer.message.control {
-        0 => ("acknowledged", Tone::Plain),
-        1 => ("NOT acknowledged", Tone::Caution),
-        2 => ("access DENIED", Tone::Caution),
-        3 => ("cannot respond now", Tone::Caution),
-        _ => ("reserved control byte", Tone::Caution),
+        0 => ("acknowledged", LineTone::Plain),
+        1 => ("NOT acknowledged", LineTone::Caution),
+        2 => ("access DENIED", LineTone::Caution),
+        3 => ("cannot respond now", LineTone::Caution),
+        _ => ("reserved control byte", LineTone::Caution),
     };
     let for_whom = match answer.message.address {
         ALL => String::new(),
-        requester => format!(", requested by {}", address(requester, bus)),
+        requester => format!(", requested by {}", address_text(requester, bus)),
     };
-    let what = format!("{result}: {}{for_whom}", group(answer.message.pgn, answer.name.as_deref()));
+    let what = format!("{result}: {}{for_whom}", group_text(answer.message.pgn, answer.name.as_deref()));
     let kind = if answer.message.control == 0 { "ACK" } else { "NACK" };
-    EventWords { who: pair(answer.source, answer.destination, bus), kind, what, tone }
+    EventWords { who: pair_text(answer.source, answer.destination, bus), kind, what, tone }
 }
 
 /// `NAME A322810A07212345 (manufacturer 57, function 129, agriculture, number 74565)`.
-fn name_words(name: Name) -> String {
+fn name_words(name: J1939Name) -> String {
     let parts = name.fields();
     let industry = profile::industry_groups().text_of(u32::from(parts.industry_group));
     format!(
@@ -208,18 +213,18 @@ fn name_words(name: Name) -> String {
     )
 }
 
-pub(super) fn claim(claim: &AddressClaim, bus: &Bus) -> EventWords {
+pub(super) fn claim_line(claim: &AddressClaim, bus: &Bus) -> EventWords {
     let name = name_words(claim.name);
     let from = claim.from.map_or(String::new(), |from| format!(", was {from:02X}"));
     let command =
         if claim.commanded == 0 { String::new() } else { format!(", commanded by {{{}}}", claim.commanded) };
     let (mut what, tone) = match claim.action {
         ClaimAction::Claimed => {
-            (format!("claims address {:02X}{from}{command}: {name}", claim.source), Tone::Plain)
+            (format!("claims address {:02X}{from}{command}: {name}", claim.source), LineTone::Plain)
         }
-        ClaimAction::Confirmed => (format!("has address {:02X}: {name}", claim.source), Tone::Quiet),
-        ClaimAction::Lost => (format!("loses address {:02X}: {name}", claim.source), Tone::Bad),
-        ClaimAction::CannotClaim => (format!("CANNOT CLAIM an address{from}: {name}"), Tone::Bad),
+        ClaimAction::Confirmed => (format!("has address {:02X}: {name}", claim.source), LineTone::Quiet),
+        ClaimAction::Lost => (format!("loses address {:02X}: {name}", claim.source), LineTone::Bad),
+        ClaimAction::CannotClaim => (format!("CANNOT CLAIM an address{from}: {name}"), LineTone::Bad),
     };
     if let Some(contention) = claim.contention {
         let winner = if contention.winner == claim.name { "wins" } else { "loses" };
@@ -232,16 +237,17 @@ pub(super) fn commanded_address(command: &CommandedAddress, bus: &Bus) -> EventW
     let present = command.present.map_or(String::new(), |present| format!(", now {present:02X}"));
     let what =
         format!("commands {} to use address {:02X}{present}", name_words(command.name), command.address);
-    EventWords { who: address(command.source, bus), kind: "ADDR", what, tone: Tone::Caution }
+    EventWords { who: address_text(command.source, bus), kind: "ADDR", what, tone: LineTone::Caution }
 }
 
 /// `SPN 298985 FMI 19 time guarding, warning; needs 2 neutral AVC and spool neutral`.
 pub(super) fn trouble_code(dtc: &Dtc, event: &Event, bus: &Bus) -> EventWords {
-    let own = device_of(event, bus).dtc(dtc.spn, dtc.fmi);
+    let own = device_of(event, bus).trouble_code_entry(dtc.spn, dtc.fmi);
     let assumed = if dtc.is_old_coding { "?" } else { "" };
-    let name = bus.parameter(dtc.spn).map_or(String::new(), |parameter| format!(" {},", parameter.name));
+    let name =
+        bus.suspect_parameter(dtc.spn).map_or(String::new(), |parameter| format!(" {},", parameter.name));
     let mut what = format!("SPN {}{assumed}{name} FMI {}", dtc.spn, dtc.fmi);
-    let mode = profile::failure_modes().find(u32::from(dtc.fmi));
+    let mode = profile::failure_modes().find_code(u32::from(dtc.fmi));
     match (own, mode) {
         (Some(own), _) => {
             let _ = write!(what, " {}", own.text);
@@ -260,7 +266,7 @@ pub(super) fn trouble_code(dtc: &Dtc, event: &Event, bus: &Bus) -> EventWords {
     if !dtc.lamps.is_empty() {
         let _ = write!(what, ", lamps: {}", dtc.lamps.join(" "));
     }
-    let since = dtc.since.map_or(String::new(), |since| format!(" after {} s", seconds(since)));
+    let since = dtc.since.map_or(String::new(), |since| format!(" after {} s", format_seconds(since)));
     let tone = match dtc.action {
         DtcAction::Raised | DtcAction::Recurred => {
             if dtc.action == DtcAction::Recurred {
@@ -269,7 +275,7 @@ pub(super) fn trouble_code(dtc: &Dtc, event: &Event, bus: &Bus) -> EventWords {
             if let Some(own) = own.filter(|own| !own.recovery.is_empty()) {
                 let _ = write!(what, "; needs {}", own.recovery);
             }
-            Tone::Bad
+            LineTone::Bad
         }
         DtcAction::NoLongerReported => {
             let how = match (dtc.by_silence, dtc.may_be_hidden) {
@@ -278,15 +284,15 @@ pub(super) fn trouble_code(dtc: &Dtc, event: &Event, bus: &Bus) -> EventWords {
                 (false, false) => "",
             };
             let _ = write!(what, ", no longer reported{since}{how}");
-            Tone::Caution
+            LineTone::Caution
         }
         DtcAction::PreviouslyActive => {
             what.push_str(", previously active");
-            Tone::Plain
+            LineTone::Plain
         }
         DtcAction::Cleared => {
             let _ = write!(what, ", cleared{since}");
-            Tone::Good
+            LineTone::Good
         }
     };
     EventWords { who: node_label(NodeId::J1939(dtc.source), bus), kind: "DTC", what, tone }
@@ -303,13 +309,13 @@ pub(super) fn message_gap(gap: &MessageGap, event: &Event, bus: &Bus) -> EventWo
         what.push_str(", not received again");
     }
     let who = match event.node {
-        Some(NodeId::J1939(to)) if to != gap.source => pair(gap.source, to, bus),
+        Some(NodeId::J1939(to)) if to != gap.source => pair_text(gap.source, to, bus),
         _ => node_label(NodeId::J1939(gap.source), bus),
     };
-    EventWords { who, kind: "GAP", what, tone: Tone::Caution }
+    EventWords { who, kind: "GAP", what, tone: LineTone::Caution }
 }
 
-pub(super) fn irregularity(irregularity: &Irregularity, bus: &Bus) -> EventWords {
+pub(super) fn irregularity_line(irregularity: &TransferIrregularity, bus: &Bus) -> EventWords {
     let pgn = irregularity.pgn.map_or(String::new(), |pgn| format!(" of {pgn}"));
     let number = |number: Option<u32>| number.map_or("?".into(), |number: u32| number.to_string());
     let what = match irregularity.what {
@@ -326,15 +332,16 @@ pub(super) fn irregularity(irregularity: &Irregularity, bus: &Bus) -> EventWords
         },
         IrregularityKind::Late => {
             let timer = irregularity.timer.map_or("", |timer| timer.name());
-            let delay =
-                irregularity.delay.map_or(String::new(), |delay| format!(" after {} ms", millis(delay)));
+            let delay = irregularity
+                .delay
+                .map_or(String::new(), |delay| format!(" after {} ms", format_millis(delay)));
             format!("{}{pgn} late{delay}, {timer} expired", irregularity.message)
         }
         IrregularityKind::Unexpected => format!("unexpected {}{pgn}", irregularity.message),
     };
     let who = match (irregularity.source, irregularity.destination) {
-        (Some(source), Some(destination)) => pair(source, destination, bus),
+        (Some(source), Some(destination)) => pair_text(source, destination, bus),
         _ => String::new(),
     };
-    EventWords { who, kind: "TP", what, tone: Tone::Caution }
+    EventWords { who, kind: "TP", what, tone: LineTone::Caution }
 }

@@ -32,19 +32,19 @@ use std::io::{self, Write};
 
 pub use super::options::{PdoLines, TextOptions, TimeColumn};
 pub use changes::MessageChanges;
-pub use line::Line;
-pub use news::News;
-pub use tone::Tone;
+pub use line::EventLine;
+pub use news::PrintedPayloads;
+pub use tone::LineTone;
 pub use transfer::TransferWords;
 
-use self::burst::{BurstEnd, Bursts};
+use self::burst::{BurstEnd, ErrorBursts};
 use self::held::HeldLine;
-use self::parts::{characters, push_columns};
+use self::parts::{character_count, push_columns};
 use self::pdo_head::PdoHeads;
 use super::event_sink::{EventContent, EventFormat, EventSink};
 use crate::ascii::push_blanks;
 use crate::escape::{escape, push_escaped};
-use crate::event::{Event, EventKind, FindingNews, Pdo};
+use crate::event::{DecodedPdo, Event, EventKind, FindingNews};
 use crate::frame::Timestamp;
 use crate::session::Bus;
 
@@ -55,38 +55,38 @@ pub(super) const FORMAT: EventFormat = EventFormat {
     help: "One line of text per event",
     content: EventContent::News,
     is_binary: false,
-    sink: |files, options| Ok(Box::new(Text::new(files.whole()?, options.text))),
+    sink: |files, options| Ok(Box::new(TextSink::new(files.whole_file()?, options.text))),
 };
 
 /// Writer for event lines. After the first write error nothing more is written; `finish` returns the error.
-pub struct Text<W> {
+pub struct TextSink<W> {
     output: W,
     options: TextOptions,
-    clock: time::Clock,
-    columns: line::Columns,
+    clock: time::TimeFormatter,
+    columns: line::LineColumns,
     pdo_heads: PdoHeads,
-    news: News,
+    news: PrintedPayloads,
     line: Vec<u8>,
     held: HeldLine,
-    bursts: Bursts,
+    bursts: ErrorBursts,
     error: Option<io::Error>,
 }
 
-impl<W: Write> Text<W> {
+impl<W: Write> TextSink<W> {
     /// Writes to `output`, which should be buffered.
     pub fn new(output: W, options: TextOptions) -> Self {
-        let clock = time::Clock::new(options.time);
+        let clock = time::TimeFormatter::new(options.time);
         let line = Vec::with_capacity(512);
         Self {
             output,
             options,
             clock,
-            columns: line::Columns::default(),
+            columns: line::LineColumns::default(),
             pdo_heads: PdoHeads::default(),
-            news: News::default(),
+            news: PrintedPayloads::default(),
             line,
             held: HeldLine::default(),
-            bursts: Bursts::default(),
+            bursts: ErrorBursts::default(),
             error: None,
         }
     }
@@ -102,7 +102,7 @@ impl<W: Write> Text<W> {
             return self.add_finding(news);
         }
         if self.held.is_held() {
-            self.complete();
+            self.write_held();
         }
         if !self.bursts.is_empty() {
             self.end_bursts(event);
@@ -115,15 +115,15 @@ impl<W: Write> Text<W> {
 
     /// Writes the line of an event other than a PDO, which a finding can complete.
     fn write_event(&mut self, event: &Event, bus: &Bus) {
-        if !self.options.all && self.bursts.takes(event, bus) {
+        if !self.options.all && self.bursts.absorbs_event(event, bus) {
             return;
         }
-        self.columns.fill(event, bus);
+        self.columns.fill_columns(event, bus);
         let (columns, line) = (&self.columns, &mut self.line);
         line.clear();
-        self.clock.column(event.time, line);
-        let colored = self.options.color && columns.tone != Tone::Plain;
-        let color = if colored { columns.tone.ansi() } else { "" };
+        self.clock.append_column(event.time, line);
+        let colored = self.options.color && columns.tone != LineTone::Plain;
+        let color = if colored { columns.tone.ansi_code() } else { "" };
         push_columns(bus, &columns.who, columns.kind, color, line);
         push_escaped(line, &columns.what);
         if event.presumed {
@@ -131,29 +131,29 @@ impl<W: Write> Text<W> {
         }
         let kind = columns.kind;
         self.held.colored = colored;
-        self.held.below = if self.options.verbose { detail::lines(event, bus) } else { String::new() };
-        self.held.hold(event, kind);
+        self.held.below = if self.options.verbose { detail::detail_lines(event, bus) } else { String::new() };
+        self.held.hold_line(event, kind);
         if !held::may_be_judged(event) {
-            self.complete();
+            self.write_held();
         }
     }
 
     /// Writes the line of a PDO, which is neither held nor coloured.
-    fn write_pdo(&mut self, pdo: &Pdo, event: &Event, bus: &Bus) {
+    fn write_pdo(&mut self, pdo: &DecodedPdo, event: &Event, bus: &Bus) {
         let line = &mut self.line;
         line.clear();
-        self.clock.column(event.time, line);
+        self.clock.append_column(event.time, line);
         self.pdo_heads.push_line(pdo, event, bus, line);
         parts::push_frames(event.frames, line);
         if self.options.verbose {
-            line.extend_from_slice(detail::lines(event, bus).as_bytes());
+            line.extend_from_slice(detail::detail_lines(event, bus).as_bytes());
         }
         self.write_out();
     }
 
     /// Writes the ends of bursts before an event.
     fn end_bursts(&mut self, event: &Event) {
-        for burst in self.bursts.ended(Some(event)) {
+        for burst in self.bursts.ended_bursts(Some(event)) {
             self.write_burst(&burst);
         }
     }
@@ -169,15 +169,15 @@ impl<W: Write> Text<W> {
         }
         finding::push_source(news, &mut text);
         push_escaped(&mut self.line, text.as_bytes());
-        self.complete();
+        self.write_held();
     }
 
     /// Writes the held line.
-    fn complete(&mut self) {
+    fn write_held(&mut self) {
         if !self.held.is_held() {
             return;
         }
-        self.held.release();
+        self.held.release_line();
         let line = &mut self.line;
         if self.held.colored {
             line.extend_from_slice(b"\x1b[0m");
@@ -197,10 +197,10 @@ impl<W: Write> Text<W> {
     fn write_burst(&mut self, burst: &BurstEnd) {
         let line = &mut self.line;
         line.clear();
-        self.clock.column(burst.time, line);
+        self.clock.append_column(burst.time, line);
         line.extend_from_slice(b"  ");
         push_escaped(line, burst.bus.as_bytes());
-        push_blanks(line, 16, characters(burst.bus.as_bytes()));
+        push_blanks(line, 16, character_count(burst.bus.as_bytes()));
         line.extend_from_slice(b"  ERROR  ");
         line.extend_from_slice(burst.text.as_bytes());
         parts::push_frames(burst.frames, line);
@@ -211,7 +211,7 @@ impl<W: Write> Text<W> {
         match &event.kind {
             EventKind::Pdo(_) | EventKind::J1939Message(_) => match self.options.pdo {
                 PdoLines::All => true,
-                PdoLines::Change => self.news.has(event),
+                PdoLines::Change => self.news.has_news(event),
                 PdoLines::None => false,
             },
             EventKind::Frame(_) if self.options.frames => true,
@@ -229,25 +229,25 @@ impl<W: Write> Text<W> {
     }
 }
 
-impl<W: Write> EventSink for Text<W> {
+impl<W: Write> EventSink for TextSink<W> {
     /// Writes a heading with the capture name.
     fn begin_capture(&mut self, name: &str) {
-        self.complete();
+        self.write_held();
         if self.error.is_none() {
             self.error = writeln!(self.output, "== {}", escape(name)).err();
         }
-        self.clock = time::Clock::new(self.options.time);
+        self.clock = time::TimeFormatter::new(self.options.time);
     }
 
     fn observe_time(&mut self, time: Option<Timestamp>) {
-        self.clock.see(time);
+        self.clock.note_time(time);
     }
 
     #[inline]
-    fn write(&mut self, event: &Event, bus: &Bus) -> bool {
+    fn write_event(&mut self, event: &Event, bus: &Bus) -> bool {
         // The state of a link may be known before the first frame.
         if event.frames.last > 0 {
-            self.clock.see(event.time);
+            self.clock.note_time(event.time);
         }
         if self.error.is_some() || !self.is_shown(event) {
             return false;
@@ -257,16 +257,16 @@ impl<W: Write> EventSink for Text<W> {
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.complete();
+        self.write_held();
         match self.error.take() {
             Some(error) => Err(error),
             None => self.output.flush(),
         }
     }
 
-    fn finish(&mut self) -> io::Result<()> {
-        self.complete();
-        for burst in self.bursts.ended(None) {
+    fn finish_output(&mut self) -> io::Result<()> {
+        self.write_held();
+        for burst in self.bursts.ended_bursts(None) {
             self.write_burst(&burst);
         }
         match self.error.take() {

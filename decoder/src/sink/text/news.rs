@@ -7,7 +7,7 @@ use foldhash::fast::FixedState;
 
 use crate::event::{Event, EventKind, J1939Message};
 use crate::frame::{BusIndex, CanId};
-use crate::profile::{Field, Layout, Meaning, Role};
+use crate::profile::{ObjectMeaning, ObjectRole, PayloadLayout, SignalField};
 
 /// A measured value is new if it changed by this fraction of its full scale.
 const SHARE: u64 = 100;
@@ -17,17 +17,17 @@ const MOST: usize = 4096;
 
 /// Last printed payload per bus and identifier.
 #[derive(Debug, Clone, Default)]
-pub struct News {
+pub struct PrintedPayloads {
     printed: HashMap<(BusIndex, CanId), Box<[u8]>, FixedState>,
     /// Payload in `printed` that the last event replaced.
     replaced: Option<Box<[u8]>>,
 }
 
-impl News {
+impl PrintedPayloads {
     /// Whether an event contains new information. Call it once per event, in order: a PDO is compared with
     /// the last one for which the result was `true`.
     #[inline]
-    pub fn has(&mut self, event: &Event) -> bool {
+    pub fn has_news(&mut self, event: &Event) -> bool {
         self.replaced = None;
         !event.routine && self.has_changed(event)
     }
@@ -43,8 +43,8 @@ impl News {
         }
     }
 
-    /// Payload that the event of the last call of [`Self::has`] is compared with, if it is new.
-    pub fn replaced(&self) -> Option<&[u8]> {
+    /// Payload that the event of the last call of [`Self::has_news`] is compared with, if it is new.
+    pub fn replaced_payload(&self) -> Option<&[u8]> {
         self.replaced.as_deref()
     }
 
@@ -55,15 +55,15 @@ impl News {
     }
 
     /// Whether a changed PDO contains information that no other event shows, compared with the last such PDO.
-    fn is_news(&mut self, bus: BusIndex, id: CanId, layout: Option<&Layout>, payload: &[u8]) -> bool {
+    fn is_news(&mut self, bus: BusIndex, id: CanId, layout: Option<&PayloadLayout>, payload: &[u8]) -> bool {
         let Some(layout) = layout else { return true };
-        let role = |field: &Field| field.meaning.as_deref().and_then(|meaning| meaning.role);
+        let role = |field: &SignalField| field.meaning.as_deref().and_then(|meaning| meaning.role);
         if !layout.fields.iter().any(|field| role(field).is_some()) {
             return true;
         }
-        self.differs((bus, id), payload, |before| {
+        self.payload_differs((bus, id), payload, |before| {
             layout.fields.iter().any(|field| {
-                moved(field, field.meaning.as_deref().and_then(|meaning| meaning.role), before, payload)
+                has_moved(field, field.meaning.as_deref().and_then(|meaning| meaning.role), before, payload)
             })
         })
     }
@@ -72,19 +72,25 @@ impl News {
     /// measured values.
     fn is_message_news(&mut self, bus: BusIndex, message: &J1939Message) -> bool {
         let payload = message.payload();
-        self.differs((bus, message.can_id), payload, |before| {
+        self.payload_differs((bus, message.can_id), payload, |before| {
             let fields = message.layout.iter().flat_map(|layout| &layout.fields);
             fields.into_iter().any(|field| {
                 let meaning = field.meaning.as_deref();
                 let is_measured =
                     meaning.is_some_and(|meaning| meaning.values.is_none() && meaning.bits.is_none());
-                let role = meaning.and_then(|meaning| meaning.role).or(is_measured.then_some(Role::Actual));
-                moved(field, role, before, payload)
+                let role =
+                    meaning.and_then(|meaning| meaning.role).or(is_measured.then_some(ObjectRole::Actual));
+                has_moved(field, role, before, payload)
             })
         })
     }
 
-    fn differs(&mut self, key: (BusIndex, CanId), payload: &[u8], moved: impl Fn(&[u8]) -> bool) -> bool {
+    fn payload_differs(
+        &mut self,
+        key: (BusIndex, CanId),
+        payload: &[u8],
+        moved: impl Fn(&[u8]) -> bool,
+    ) -> bool {
         let news = match self.printed.get(&key) {
             None => true,
             Some(before) if before.len() != payload.len() => true,
@@ -98,25 +104,25 @@ impl News {
 }
 
 /// Whether a field changed in a way that no other event shows.
-fn moved(field: &Field, role: Option<Role>, before: &[u8], now: &[u8]) -> bool {
-    let (before, now) = (field.extract(before), field.extract(now));
+fn has_moved(field: &SignalField, role: Option<ObjectRole>, before: &[u8], now: &[u8]) -> bool {
+    let (before, now) = (field.extract_bits(before), field.extract_bits(now));
     let (Some(before), Some(now)) = (before, now) else { return before != now };
     if before == now {
         return false;
     }
     match (field.meaning.as_deref(), role) {
-        (_, Some(Role::SetPoint | Role::Status)) => false,
-        (Some(meaning), Some(Role::Actual)) => {
-            let value = |raw| crate::profile::integer(&field.data_type.number(raw)).unwrap_or(0);
+        (_, Some(ObjectRole::SetPoint | ObjectRole::Status)) => false,
+        (Some(meaning), Some(ObjectRole::Actual)) => {
+            let value = |raw| crate::profile::as_integer(&field.data_type.decode_raw(raw)).unwrap_or(0);
             value(before).abs_diff(value(now)) >= full_scale(meaning, field.bits) / SHARE
-                || meaning.label(&field.data_type.number(now)).is_some()
+                || meaning.value_label(&field.data_type.decode_raw(now)).is_some()
         }
         _ => true,
     }
 }
 
 /// Largest raw value of a field.
-fn full_scale(meaning: &Meaning, bits: u16) -> u64 {
+fn full_scale(meaning: &ObjectMeaning, bits: u16) -> u64 {
     match (meaning.range, meaning.limits, meaning.scale) {
         (Some([least, most]), ..) => least.unsigned_abs().max(most.unsigned_abs()),
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
@@ -137,21 +143,30 @@ mod tests {
     use crate::wire::canopen::ObjectAddress;
     use crate::wire::j1939::J1939Id;
 
-    fn layout(roles: [Option<Role>; 2]) -> Layout {
-        let field = |bit, role| Field {
-            meaning: Some(Arc::new(Meaning { role, range: Some([-16384, 16384]), ..Meaning::default() })),
-            ..Field::of_object(ObjectAddress::new(0x6041, 0), bit, 16, DataType::Integer16)
+    fn layout(roles: [Option<ObjectRole>; 2]) -> PayloadLayout {
+        let field = |bit, role| SignalField {
+            meaning: Some(Arc::new(ObjectMeaning {
+                role,
+                range: Some([-16384, 16384]),
+                ..ObjectMeaning::default()
+            })),
+            ..SignalField::of_object(ObjectAddress::new(0x6041, 0), bit, 16, DataType::Integer16)
         };
         let [first, second] = roles;
-        Layout { fields: vec![field(0, first), field(16, second)], bits: 32, ..Layout::default() }
+        PayloadLayout {
+            fields: vec![field(0, first), field(16, second)],
+            bits: 32,
+            ..PayloadLayout::default()
+        }
     }
 
     #[test]
     fn a_measured_value_is_new_after_a_change_of_one_hundredth() {
-        let mut news = News::default();
-        let layout = layout([Some(Role::Status), Some(Role::Actual)]);
-        let mut is_new =
-            |payload: [u8; 4]| news.is_news(BusIndex(0), CanId::standard(0x181), Some(&layout), &payload);
+        let mut news = PrintedPayloads::default();
+        let layout = layout([Some(ObjectRole::Status), Some(ObjectRole::Actual)]);
+        let mut is_new = |payload: [u8; 4]| {
+            news.is_news(BusIndex(0), CanId::from_standard(0x181), Some(&layout), &payload)
+        };
         assert!(is_new([0, 0, 0, 0]));
         assert!(!is_new([1, 0, 100, 0]), "the status has a line of its own, 100 of 16384 is little");
         assert!(!is_new([1, 0, 160, 0]));
@@ -161,15 +176,15 @@ mod tests {
 
     #[test]
     fn only_the_first_unknown_message_is_new() {
-        let mut news = News::default();
-        let mut is_new = |layout: Option<Layout>, first| {
+        let mut news = PrintedPayloads::default();
+        let mut is_new = |layout: Option<PayloadLayout>, first| {
             let mut bytes = [0; MAX_DATA];
             bytes[0] = first;
             news.is_message_news(
                 BusIndex(0),
                 &J1939Message {
-                    id: J1939Id::of(0x18FE_F100).unwrap(),
-                    can_id: CanId::extended(0x18FE_F100 + u32::from(layout.is_some())),
+                    id: J1939Id::from_identifier(0x18FE_F100).unwrap(),
+                    can_id: CanId::from_extended(0x18FE_F100 + u32::from(layout.is_some())),
                     name: None,
                     length: 8,
                     bytes,

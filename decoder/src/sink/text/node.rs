@@ -2,14 +2,16 @@
 
 use std::fmt::Write as _;
 
-use super::Tone;
-use super::parts::{EventWords, LineContent, millis, node_short, seconds};
-use crate::event::{BootCause, Certainty, NodeIdSource, PowerSign, Silence, StateCause, StateChange};
+use super::LineTone;
+use super::parts::{EventWords, LineContent, format_millis, format_seconds, node_short};
+use crate::event::{
+    BootCause, NodeIdSource, NodeSilence, PowerSign, StateCause, StateCertainty, StateChange,
+};
 use crate::profile;
 use crate::session::Bus;
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
-use crate::wire::canopen::lss::Content;
+use crate::wire::canopen::lss::LssContent;
 use crate::wire::canopen::nmt::NmtService;
 
 /// The third argument contains the presumed states before and after the command.
@@ -27,24 +29,24 @@ pub(super) fn nmt_command(
         (_, Some(to)) => format!("{}: all nodes → {}?", service.name(), to.name()),
         (_, None) => service.name().to_owned(),
     };
-    EventWords { who: format!("master→{to_whom}"), kind: "NMT", what, tone: Tone::Plain }
+    EventWords { who: format!("master→{to_whom}"), kind: "NMT", what, tone: LineTone::Plain }
 }
 
-pub(super) fn heartbeat(state: Option<NmtState>, code: u8) -> LineContent {
+pub(super) fn heartbeat_line(state: Option<NmtState>, code: u8) -> LineContent {
     match state {
-        Some(state) => ("HB", state.name().into(), Tone::Quiet),
-        None => ("HB", format!("undefined state {code:02X}h"), Tone::Caution),
+        Some(state) => ("HB", state.name().into(), LineTone::Quiet),
+        None => ("HB", format!("undefined state {code:02X}h"), LineTone::Caution),
     }
 }
 
 pub(super) fn guard_request(node: Option<NodeId>, bus: &Bus) -> EventWords {
     let who = format!("master→{}", node.map_or(String::new(), |node| node_short(node, bus)));
-    EventWords { who, kind: "GUARD", what: "guarding request".into(), tone: Tone::Quiet }
+    EventWords { who, kind: "GUARD", what: "guarding request".into(), tone: LineTone::Quiet }
 }
 
 pub(super) fn node_id_change(from: Option<u8>, to: u8, by: NodeIdSource) -> LineContent {
     let from = from.map_or_else(String::new, |from| format!("{from} → "));
-    ("ID", format!("node-ID {from}{to}, set by {}", by.name()), Tone::Caution)
+    ("ID", format!("node-ID {from}{to}, set by {}", by.name()), LineTone::Caution)
 }
 
 pub(super) fn guard_reply(
@@ -55,17 +57,17 @@ pub(super) fn guard_reply(
 ) -> LineContent {
     let state = state.map_or_else(|| format!("undefined state {code:02X}h"), |state| state.name().into());
     let error = if is_toggle_wrong { ", toggle bit repeated" } else { "" };
-    let tone = if is_toggle_wrong { Tone::Caution } else { Tone::Quiet };
+    let tone = if is_toggle_wrong { LineTone::Caution } else { LineTone::Quiet };
     ("GUARD", format!("response: {state}, toggle {}{error}", u8::from(toggle)), tone)
 }
 
 pub(super) fn boot_up(cause: BootCause, lost: u32) -> LineContent {
     let is_expected = matches!(cause, BootCause::Commanded { .. }) && lost == 0;
-    ("BOOT", boot_cause(cause, lost), if is_expected { Tone::Good } else { Tone::Caution })
+    ("BOOT", boot_cause(cause, lost), if is_expected { LineTone::Good } else { LineTone::Caution })
 }
 
 /// ` {12}`; nothing for a frame before the capture.
-pub(super) fn evidence(frame: u64) -> String {
+pub(super) fn evidence_text(frame: u64) -> String {
     if frame == 0 { String::new() } else { format!(" {{{frame}}}") }
 }
 
@@ -77,7 +79,7 @@ fn boot_cause(cause: BootCause, lost: u32) -> String {
     };
     let sign = match cause {
         BootCause::Commanded { frame } => {
-            return format!("boot-up after NMT reset{}{settings}", evidence(frame));
+            return format!("boot-up after NMT reset{}{settings}", evidence_text(frame));
         }
         BootCause::PresumedPowerOn { sign } => sign,
     };
@@ -90,10 +92,10 @@ fn boot_cause(cause: BootCause, lost: u32) -> String {
 }
 
 pub(super) fn nmt_state(change: &StateChange) -> LineContent {
-    ("STATE", state(change), Tone::Plain)
+    ("STATE", state_text(change), LineTone::Plain)
 }
 
-fn state(change: &StateChange) -> String {
+fn state_text(change: &StateChange) -> String {
     let to = change.to.name();
     let by = match change.cause {
         StateCause::Command => "NMT command",
@@ -106,11 +108,11 @@ fn state(change: &StateChange) -> String {
         StateCause::BusFile { .. } => "bus file",
     };
     match (change.certainty, change.from, change.after) {
-        (Certainty::Presumed, from, _) => {
+        (StateCertainty::Presumed, from, _) => {
             format!("{} → {to}? after {by}", from.map_or("?", |from| from.name()))
         }
         (_, Some(from), Some(after)) if from == change.to => {
-            format!("{to} confirmed by {by}, +{} ms after {{{}}}", millis(after), change.cause_frame)
+            format!("{to} confirmed by {by}, +{} ms after {{{}}}", format_millis(after), change.cause_frame)
         }
         (_, Some(from), _) if from == change.to => format!("{to} confirmed by {by}"),
         (_, Some(from), _) => format!("{} → {to}, reported by {by}", from.name()),
@@ -118,16 +120,16 @@ fn state(change: &StateChange) -> String {
     }
 }
 
-pub(super) fn node_lost(silence: &Silence) -> LineContent {
-    ("LOST", lost(silence), Tone::Bad)
+pub(super) fn node_lost(silence: &NodeSilence) -> LineContent {
+    ("LOST", lost_text(silence), LineTone::Bad)
 }
 
-pub(super) fn node_back(silence: &Silence) -> LineContent {
-    ("BACK", format!("after {} s of silence", seconds(silence.gap)), Tone::Good)
+pub(super) fn node_back(silence: &NodeSilence) -> LineContent {
+    ("BACK", format!("after {} s of silence", format_seconds(silence.gap)), LineTone::Good)
 }
 
-fn lost(silence: &Silence) -> String {
-    let mut what = format!("silent for {} s ({})", seconds(silence.gap), silence.monitored_by.name());
+fn lost_text(silence: &NodeSilence) -> String {
+    let mut what = format!("silent for {} s ({})", format_seconds(silence.gap), silence.monitored_by.name());
     let _ = write!(what, ", last frame {{{}}}", silence.last_frame);
     if let Some(state) = silence.last_state {
         let _ = write!(what, ", was {}", state.name());
@@ -138,33 +140,33 @@ fn lost(silence: &Silence) -> String {
     what
 }
 
-pub(super) fn lss(command: u8, is_from_master: bool, content: &Content) -> EventWords {
+pub(super) fn lss_words(command: u8, is_from_master: bool, content: &LssContent) -> EventWords {
     let who = if is_from_master { "LSS master" } else { "LSS slave" };
-    EventWords { who: who.into(), kind: "LSS", what: lss_message(command, content), tone: Tone::Plain }
+    EventWords { who: who.into(), kind: "LSS", what: lss_message(command, content), tone: LineTone::Plain }
 }
 
-fn lss_message(command: u8, content: &Content) -> String {
-    let title = profile::lss().title(command);
+fn lss_message(command: u8, content: &LssContent) -> String {
+    let title = profile::lss_names().service_title(command);
     let detail = match *content {
-        Content::Nothing => String::new(),
-        Content::Mode(0) => ": waiting".into(),
-        Content::Mode(1) => ": configuration".into(),
-        Content::Mode(other) => format!(": undefined mode {other}"),
-        Content::NodeId(255) => ": not configured".into(),
-        Content::NodeId(id) => format!(": {id}/{id:02X}"),
-        Content::BitTiming { table: 0, entry } => match profile::lss().bit_rate(entry) {
+        LssContent::Nothing => String::new(),
+        LssContent::Mode(0) => ": waiting".into(),
+        LssContent::Mode(1) => ": configuration".into(),
+        LssContent::Mode(other) => format!(": undefined mode {other}"),
+        LssContent::NodeId(255) => ": not configured".into(),
+        LssContent::NodeId(id) => format!(": {id}/{id:02X}"),
+        LssContent::BitTiming { table: 0, entry } => match profile::lss_names().bit_rate(entry) {
             Some(rate) => format!(": {rate} kbit/s"),
             None => format!(": entry {entry}"),
         },
-        Content::BitTiming { table, entry } => format!(": table {table} entry {entry}"),
-        Content::Delay(delay) => format!(": delay {delay} ms"),
-        Content::Number(number) => format!(": {number:08X}"),
-        Content::Result { code, specific } => {
+        LssContent::BitTiming { table, entry } => format!(": table {table} entry {entry}"),
+        LssContent::Delay(delay) => format!(": delay {delay} ms"),
+        LssContent::Number(number) => format!(": {number:08X}"),
+        LssContent::Result { code, specific } => {
             let specific = if code == u8::MAX { format!(" {specific:02X}") } else { String::new() };
-            format!(": {}{specific}", profile::lss().result(command, code))
+            format!(": {}{specific}", profile::lss_names().result_text(command, code))
         }
-        Content::FastScan { bit: 128, .. } => ": any slave without node-ID?".into(),
-        Content::FastScan { number, bit, sub, .. } => {
+        LssContent::FastScan { bit: 128, .. } => ": any slave without node-ID?".into(),
+        LssContent::FastScan { number, bit, sub, .. } => {
             format!(": number {sub} {number:08X}, bits 31 to {bit}?")
         }
     };

@@ -1,6 +1,6 @@
 //! Shared parts of event lines: nodes, frames, data, times.
 
-use super::tone::Tone;
+use super::tone::LineTone;
 use crate::ascii::{push_blanks, push_code, push_decimal, push_enclosed, push_spaced_hex};
 use crate::escape::push_escaped;
 use crate::event::FrameRange;
@@ -12,7 +12,7 @@ use crate::wire::canopen::ObjectAddress;
 const SHOWN_BYTES: usize = 16;
 
 /// KIND column, text and tone of an event of a node or of the bus.
-pub(super) type LineContent = (&'static str, String, Tone);
+pub(super) type LineContent = (&'static str, String, LineTone);
 
 /// Columns of an event, except for PDO, SDO transfer and EMCY.
 #[derive(Default)]
@@ -20,7 +20,7 @@ pub(super) struct EventWords {
     pub(super) who: String,
     pub(super) kind: &'static str,
     pub(super) what: String,
-    pub(super) tone: Tone,
+    pub(super) tone: LineTone,
 }
 
 /// `32/20 boom`, `SA80 boom2`.
@@ -100,7 +100,7 @@ fn push_frame_range(first: u64, last: u64, out: &mut Vec<u8>) {
     out.push(b'\n');
 }
 
-pub(super) fn bytes(data: &[u8]) -> String {
+pub(super) fn format_bytes(data: &[u8]) -> String {
     text_of(|out| push_bytes(out, data))
 }
 
@@ -116,7 +116,7 @@ pub(super) fn push_bytes(out: &mut Vec<u8>, data: &[u8]) {
     }
 }
 
-pub(super) fn millis(nanoseconds: i64) -> String {
+pub(super) fn format_millis(nanoseconds: i64) -> String {
     text_of(|out| push_millis(nanoseconds, out))
 }
 
@@ -128,7 +128,7 @@ pub(super) fn push_millis(nanoseconds: i64, out: &mut Vec<u8>) {
     push_decimal(out, tenths % 10);
 }
 
-pub(super) fn seconds(nanoseconds: i64) -> String {
+pub(super) fn format_seconds(nanoseconds: i64) -> String {
     let millis = nanoseconds.unsigned_abs() / 1_000_000;
     format!("{}.{:03}", millis / 1_000, millis % 1_000)
 }
@@ -140,10 +140,10 @@ pub(super) fn push_columns(bus: &Bus, who: &[u8], kind: &str, color: &str, line:
     if bus.index().0 != 0 {
         push_escaped(line, bus.name().as_bytes());
         line.push(b' ');
-        width = characters(bus.name().as_bytes()) + 1;
+        width = character_count(bus.name().as_bytes()) + 1;
     }
     push_escaped(line, who);
-    push_blanks(line, 16, width + characters(who));
+    push_blanks(line, 16, width + character_count(who));
     line.extend_from_slice(b"  ");
     line.extend_from_slice(color.as_bytes());
     line.extend_from_slice(kind.as_bytes());
@@ -152,7 +152,7 @@ pub(super) fn push_columns(bus: &Bus, who: &[u8], kind: &str, color: &str, line:
 }
 
 /// Number of characters in UTF-8 text.
-pub(super) fn characters(text: &[u8]) -> usize {
+pub(super) fn character_count(text: &[u8]) -> usize {
     text.iter().filter(|byte| **byte & 0xC0 != 0x80).count()
 }
 
@@ -168,6 +168,9 @@ mod tests {
 
     #[test]
     fn milliseconds_have_one_decimal() {
-        assert_eq!([millis(0), millis(1_049_999), millis(-312_950_000)], ["0.0", "1.0", "312.9"]);
+        assert_eq!(
+            [format_millis(0), format_millis(1_049_999), format_millis(-312_950_000)],
+            ["0.0", "1.0", "312.9"]
+        );
     }
 }

@@ -4,13 +4,16 @@ use std::io::Write as _;
 
 use super::parts::{push_bytes, push_object};
 use crate::ascii::{push_decimal, push_integer, push_spaced_word};
-use crate::event::{Event, Pdo};
-use crate::profile::device::Mapping;
-use crate::profile::{Device, Field, Layout, Meaning, PdoDirection, PdoName, Signal, Value};
-use crate::query::record::device as device_of;
+use crate::event::{DecodedPdo, Event};
+use crate::profile::device::MappingSource;
+use crate::profile::{
+    DecodedSignal, DecodedValue, DeviceProfile, ObjectMeaning, PayloadLayout, PdoDirection, PdoName,
+    SignalField,
+};
+use crate::query::record::event_device as device_of;
 use crate::session::Bus;
 use crate::wire::NodeId;
-use crate::words::plural;
+use crate::words::count_noun;
 
 /// Appends `TPDO1`.
 pub(super) fn push_name(name: PdoName, out: &mut Vec<u8>) {
@@ -23,7 +26,7 @@ pub(super) fn push_name(name: PdoName, out: &mut Vec<u8>) {
 
 /// Appends ` 08 A0 1F 00 20`.
 #[inline]
-pub(super) fn push_payload(pdo: &Pdo, out: &mut Vec<u8>) {
+pub(super) fn push_payload(pdo: &DecodedPdo, out: &mut Vec<u8>) {
     if pdo.is_request {
         return out.extend_from_slice(b" requested by remote frame");
     }
@@ -41,7 +44,7 @@ pub(super) fn push_payload(pdo: &Pdo, out: &mut Vec<u8>) {
 /// Appends signals, other users of the identifier, and the key of a missing mapping if `asks_mapping`:
 /// `: 6041:00=1591`, `: status 08h pressure control, p 157.5 bar of 315`.
 #[inline]
-pub(super) fn push_text(pdo: &Pdo, event: &Event, bus: &Bus, asks_mapping: bool, out: &mut Vec<u8>) {
+pub(super) fn push_text(pdo: &DecodedPdo, event: &Event, bus: &Bus, asks_mapping: bool, out: &mut Vec<u8>) {
     if let Some(layout) = pdo.layout.as_deref().filter(|_| !pdo.is_request) {
         push_signals(layout, pdo.payload(), out);
     }
@@ -54,10 +57,10 @@ pub(super) fn push_text(pdo: &Pdo, event: &Event, bus: &Bus, asks_mapping: bool,
 }
 
 /// Appends `: p 157.5 bar of 315, angle 49.4 %`.
-pub(super) fn push_signals(layout: &Layout, payload: &[u8], out: &mut Vec<u8>) {
+pub(super) fn push_signals(layout: &PayloadLayout, payload: &[u8], out: &mut Vec<u8>) {
     let mut separator = b": ";
     let has_channels = has_several_channels(layout);
-    for signal in layout.signals(payload) {
+    for signal in layout.decode_signals(payload) {
         out.extend_from_slice(separator);
         if let Some(channel) = channel_of(signal.field).filter(|_| has_channels) {
             out.push(b'c');
@@ -71,7 +74,7 @@ pub(super) fn push_signals(layout: &Layout, payload: &[u8], out: &mut Vec<u8>) {
 }
 
 /// Appends the signals that the payload is too short for.
-pub(super) fn push_absent_signals(layout: &Layout, payload: &[u8], out: &mut Vec<u8>) {
+pub(super) fn push_absent_signals(layout: &PayloadLayout, payload: &[u8], out: &mut Vec<u8>) {
     let needed = usize::from(layout.bits.div_ceil(8));
     if needed > payload.len() {
         push_absent(layout, payload, needed, out);
@@ -79,25 +82,25 @@ pub(super) fn push_absent_signals(layout: &Layout, payload: &[u8], out: &mut Vec
 }
 
 /// Whether the layout contains signals of several channels, which have equal names.
-pub(super) fn has_several_channels(layout: &Layout) -> bool {
+pub(super) fn has_several_channels(layout: &PayloadLayout) -> bool {
     let mut channels = layout.fields.iter().filter_map(channel_of);
     channels.next().is_some_and(|first| channels.any(|other| other != first))
 }
 
-fn channel_of(field: &Field) -> Option<u8> {
+fn channel_of(field: &SignalField) -> Option<u8> {
     field.meaning.as_deref()?.channel
 }
 
 /// ` (mapping needs 5 bytes: p missing)`.
-fn push_absent(layout: &Layout, payload: &[u8], needed: usize, out: &mut Vec<u8>) {
+fn push_absent(layout: &PayloadLayout, payload: &[u8], needed: usize, out: &mut Vec<u8>) {
     // Writing to a vector cannot fail.
-    let _ = write!(out, " (mapping needs {}", plural(needed, "byte"));
-    if layout.missing(payload).next().is_none() {
+    let _ = write!(out, " (mapping needs {}", count_noun(needed, "byte"));
+    if layout.missing_fields(payload).next().is_none() {
         // Only bits without an object are missing.
         let _ = write!(out, ": unused bytes");
     }
     let mut separator = ": ";
-    for field in layout.missing(payload) {
+    for field in layout.missing_fields(payload) {
         let short = field.meaning.as_deref().map(|meaning| meaning.short.as_ref().unwrap_or(&meaning.name));
         let _ = match short {
             Some(name) => write!(out, "{separator}{name}"),
@@ -112,7 +115,7 @@ fn push_absent(layout: &Layout, payload: &[u8], needed: usize, out: &mut Vec<u8>
 /// 20Ah; no known consumer)`.
 #[cold]
 pub(super) fn push_users(
-    pdo: &Pdo,
+    pdo: &DecodedPdo,
     event: &Event,
     users: &[(PdoName, NodeId)],
     bus: &Bus,
@@ -148,8 +151,8 @@ pub(super) fn push_users(
 }
 
 /// Appends the bus file key to set for a PDO whose mapping is set in the manufacturer's tool.
-pub(super) fn push_missing(pdo: &Pdo, event: &Event, device: &Device, out: &mut Vec<u8>) {
-    let asks = device.pdos.iter().any(|spec| spec.pdo == pdo.name && spec.mapping == Mapping::BusFile);
+pub(super) fn push_missing(pdo: &DecodedPdo, event: &Event, device: &DeviceProfile, out: &mut Vec<u8>) {
+    let asks = device.pdos.iter().any(|spec| spec.pdo == pdo.name && spec.mapping == MappingSource::BusFile);
     let name = pdo.name.to_string();
     let area = device.areas.iter().find(|area| area.pdos.contains(&name)).filter(|_| asks);
     if let (Some(area), Some(node)) = (area, event.node) {
@@ -158,7 +161,7 @@ pub(super) fn push_missing(pdo: &Pdo, event: &Event, device: &Device, out: &mut 
     }
 }
 
-fn push_signal(signal: &Signal<'_>, assumed: bool, out: &mut Vec<u8>) {
+fn push_signal(signal: &DecodedSignal<'_>, assumed: bool, out: &mut Vec<u8>) {
     let mut assumed = assumed;
     if let Some(meaning) = signal.field.meaning.as_deref() {
         push_meant(meaning, &signal.value, out);
@@ -172,11 +175,11 @@ fn push_signal(signal: &Signal<'_>, assumed: bool, out: &mut Vec<u8>) {
 }
 
 /// `p 157.5 bar of 315`, `angle 120.0 % (outside)`.
-fn push_meant(meaning: &Meaning, value: &Value, out: &mut Vec<u8>) {
+fn push_meant(meaning: &ObjectMeaning, value: &DecodedValue, out: &mut Vec<u8>) {
     let name = meaning.short.as_ref().unwrap_or(&meaning.name);
     out.extend_from_slice(name.as_bytes());
     out.push(b' ');
-    out.extend_from_slice(meaning.show(value).as_bytes());
+    out.extend_from_slice(meaning.format_value(value).as_bytes());
     if let Some((_, full)) = meaning.scale.and_then(|scale| scale.full_scale) {
         // Writing to a vector cannot fail.
         let _ = write!(out, " of {full}");
@@ -186,7 +189,7 @@ fn push_meant(meaning: &Meaning, value: &Value, out: &mut Vec<u8>) {
     }
 }
 
-fn push_plain(signal: &Signal<'_>, out: &mut Vec<u8>) {
+fn push_plain(signal: &DecodedSignal<'_>, out: &mut Vec<u8>) {
     if let Some(object) = signal.field.object() {
         push_object(object, out);
     } else {
@@ -195,8 +198,8 @@ fn push_plain(signal: &Signal<'_>, out: &mut Vec<u8>) {
     }
     out.push(b'=');
     match signal.value {
-        Value::Unsigned(value) => push_decimal(out, value),
-        Value::Integer(value) => push_integer(out, value),
+        DecodedValue::Unsigned(value) => push_decimal(out, value),
+        DecodedValue::Integer(value) => push_integer(out, value),
         _ => {
             // Writing to a vector cannot fail.
             let _ = write!(out, "{}", signal.value);

@@ -8,7 +8,7 @@
 use super::parts::{push_columns, push_node};
 use super::pdo::{push_name, push_payload, push_text};
 use crate::escape::{is_plain, push_escaped};
-use crate::event::{Event, Pdo};
+use crate::event::{DecodedPdo, Event};
 use crate::frame::{BusIndex, CanId};
 use crate::session::Bus;
 use crate::sink::line_key::{PDO_SLOTS, pdo_key, pdo_slot};
@@ -44,14 +44,14 @@ pub(super) struct PdoHeads {
 
 impl PdoHeads {
     /// Appends the line of a PDO between its time and its frames, with control characters escaped.
-    pub(super) fn push_line(&mut self, pdo: &Pdo, event: &Event, bus: &Bus, line: &mut Vec<u8>) {
+    pub(super) fn push_line(&mut self, pdo: &DecodedPdo, event: &Event, bus: &Bus, line: &mut Vec<u8>) {
         if self.slots.is_empty() {
             self.slots.resize_with(PDO_SLOTS, || None);
         }
         let Some(slot) = self.slots.get_mut(pdo_slot(pdo, bus)) else { return };
         let head = match slot {
             Some(head) if head.is_of(pdo, event, bus) => head,
-            _ => slot.insert(Box::new(PdoHead::of(pdo, event, bus))),
+            _ => slot.insert(Box::new(PdoHead::head_of(pdo, event, bus))),
         };
         line.extend_from_slice(&head.text);
         push_payload(pdo, line);
@@ -84,7 +84,7 @@ fn is_first_without_mapping(unmapped: &mut Vec<(BusIndex, CanId)>, pdo: (BusInde
 
 impl PdoHead {
     #[cold]
-    fn of(pdo: &Pdo, event: &Event, bus: &Bus) -> Self {
+    fn head_of(pdo: &DecodedPdo, event: &Event, bus: &Bus) -> Self {
         let mut who = Vec::new();
         push_who(event.node, bus, &mut who);
         let mut text = Vec::new();
@@ -104,7 +104,7 @@ impl PdoHead {
 
     /// Whether the lines of an event start with this head.
     #[inline]
-    fn is_of(&self, pdo: &Pdo, event: &Event, bus: &Bus) -> bool {
+    fn is_of(&self, pdo: &DecodedPdo, event: &Event, bus: &Bus) -> bool {
         let node = event.node.and_then(|node| bus.node(node));
         self.key == pdo_key(pdo, event.node)
             && self.bus == bus.index()
@@ -143,9 +143,9 @@ mod tests {
     fn line(heads: &mut PdoHeads, bus: &BusDecoder, first_byte: u8) -> String {
         let mut bytes = [0; MAX_DATA];
         bytes[0] = first_byte;
-        let pdo = Pdo {
+        let pdo = DecodedPdo {
             name: PdoName { direction: PdoDirection::Transmit, number: 1 },
-            cob_id: CanId::standard(0x182),
+            cob_id: CanId::from_standard(0x182),
             is_request: false,
             length: 2,
             bytes,
@@ -165,14 +165,15 @@ mod tests {
         assert_eq!(line(&mut heads, &first, 1), "  2/02?             PDO    TPDO1 01 00?");
         assert_eq!(line(&mut heads, &first, 0xAB), "  2/02?             PDO    TPDO1 AB 00?");
         assert_eq!(line(&mut heads, &second, 1), "  can1 2/02?        PDO    TPDO1 01 00?");
-        first.push(&Frame::data_frame(CanId::standard(0x702), &[5]), &mut |_: &Event, _: &Bus| {});
+        first.push(&Frame::data_frame(CanId::from_standard(0x702), &[5]), &mut |_: &Event, _: &Bus| {});
         assert_eq!(line(&mut heads, &first, 1), "  2/02 boom\\u{1}        PDO    TPDO1 01 00?");
     }
 
     #[test]
     fn a_missing_mapping_is_printed_once_up_to_a_maximum() {
         let mut unmapped = Vec::new();
-        let mut is_first = |id| is_first_without_mapping(&mut unmapped, (BusIndex(0), CanId::extended(id)));
+        let mut is_first =
+            |id| is_first_without_mapping(&mut unmapped, (BusIndex(0), CanId::from_extended(id)));
         assert!((0..256).all(&mut is_first));
         assert!(!(0..256).any(&mut is_first));
         assert!(is_first(256) && is_first(256));

@@ -2,15 +2,15 @@
 
 use std::io::Write as _;
 
-use super::Tone;
+use super::LineTone;
 use super::parts::{push_bytes, push_millis, push_node_short, push_object, text_of};
 use super::transfer::TransferWords;
 use crate::ascii::{push_code, push_decimal};
-use crate::event::{Direction, Event, Mode, Outcome, SdoTransfer};
-use crate::profile::{self, DataType, Device, Effect, Meaning, Persistence, Value};
-use crate::query::record::device as device_of;
+use crate::event::{Event, SdoDirection, SdoMode, SdoOutcome, SdoTransfer};
+use crate::profile::{self, DataType, DecodedValue, DeviceProfile, ObjectMeaning, Persistence, WriteEffect};
+use crate::query::record::event_device as device_of;
 use crate::session::Bus;
-use crate::words::grouped;
+use crate::words::group_digits;
 
 /// Appends client and server in the direction of the transfer, and the text; returns the KIND column and the tone.
 pub(super) fn push_words(
@@ -19,11 +19,11 @@ pub(super) fn push_words(
     bus: &Bus,
     who: &mut Vec<u8>,
     what: &mut Vec<u8>,
-) -> (&'static str, Tone) {
+) -> (&'static str, LineTone) {
     push_participants(transfer, event, bus, who);
     let kind = match transfer.direction {
-        Some(Direction::Download) => "SDO w",
-        Some(Direction::Upload) => "SDO r",
+        Some(SdoDirection::Download) => "SDO w",
+        Some(SdoDirection::Upload) => "SDO r",
         None => "SDO",
     };
     (kind, push_line(transfer, device_of(event, bus), what))
@@ -51,9 +51,9 @@ fn push_participants(transfer: &SdoTransfer, event: &Event, bus: &Bus, who: &mut
 }
 
 /// Appends object, name, value, outcome, details and consequence.
-fn push_line(transfer: &SdoTransfer, device: &Device, out: &mut Vec<u8>) -> Tone {
+fn push_line(transfer: &SdoTransfer, device: &DeviceProfile, out: &mut Vec<u8>) -> LineTone {
     push_known_object(transfer, out);
-    let name = name(transfer);
+    let name = object_name(transfer);
     if !name.is_empty() {
         out.push(b' ');
         out.extend_from_slice(name.as_bytes());
@@ -74,7 +74,7 @@ fn push_line(transfer: &SdoTransfer, device: &Device, out: &mut Vec<u8>) -> Tone
 }
 
 /// A transfer with its value or failure first; duration and mode are left out.
-pub(super) fn transfer(transfer: &SdoTransfer, device: &Device) -> TransferWords {
+pub(super) fn transfer_words(transfer: &SdoTransfer, device: &DeviceProfile) -> TransferWords {
     let value = text_of(|out| push_value(transfer, out));
     let outcome = text_of(|out| {
         push_outcome(transfer, device, out);
@@ -90,7 +90,7 @@ pub(super) fn transfer(transfer: &SdoTransfer, device: &Device) -> TransferWords
     };
     TransferWords {
         object: text_of(|out| push_known_object(transfer, out)),
-        name: name(transfer).to_owned(),
+        name: object_name(transfer).to_owned(),
         result: format!("{result}{rest}"),
     }
 }
@@ -107,7 +107,7 @@ fn push_known_object(transfer: &SdoTransfer, out: &mut Vec<u8>) {
 }
 
 /// Name of the object; empty if unknown.
-fn name(transfer: &SdoTransfer) -> &str {
+fn object_name(transfer: &SdoTransfer) -> &str {
     let meaning = transfer.meaning.as_ref().filter(|_| transfer.object.is_some() && has_object(transfer));
     meaning.map_or("", |meaning| &meaning.name)
 }
@@ -121,7 +121,7 @@ fn has_object(transfer: &SdoTransfer) -> bool {
 fn push_seen(transfer: &SdoTransfer, out: &mut Vec<u8>) {
     if let Some((seen, whole)) = transfer.partly_seen() {
         // Writing to a vector cannot fail.
-        let _ = write!(out, ", {} of {} bytes seen", grouped(seen), grouped(whole));
+        let _ = write!(out, ", {} of {} bytes seen", group_digits(seen), group_digits(whole));
     }
 }
 
@@ -129,12 +129,12 @@ fn push_seen(transfer: &SdoTransfer, out: &mut Vec<u8>) {
 fn push_consequence(transfer: &SdoTransfer, out: &mut Vec<u8>) {
     if let Some(effect) = transfer.effect {
         out.extend_from_slice(match effect {
-            Effect::AtOnce => b" | active now",
-            Effect::Never => b" | accepted without effect",
+            WriteEffect::AtOnce => b" | active now",
+            WriteEffect::Never => b" | accepted without effect",
             _ => b" | active ",
         });
-        if !matches!(effect, Effect::AtOnce | Effect::Never) {
-            out.extend_from_slice(effect.when().as_bytes());
+        if !matches!(effect, WriteEffect::AtOnce | WriteEffect::Never) {
+            out.extend_from_slice(effect.time_text().as_bytes());
         }
     }
     out.extend_from_slice(match transfer.persists {
@@ -165,13 +165,13 @@ fn push_order(transfer: &SdoTransfer, out: &mut Vec<u8>) {
 
 /// Appends `500 ms → 1000 ms`; nothing if no value was transferred completely.
 fn push_value(transfer: &SdoTransfer, out: &mut Vec<u8>) {
-    let is_download = transfer.direction == Some(Direction::Download);
-    let is_transferred = transfer.outcome == Outcome::Complete || is_download;
+    let is_download = transfer.direction == Some(SdoDirection::Download);
+    let is_transferred = transfer.outcome == SdoOutcome::Complete || is_download;
     if !is_transferred || transfer.size == 0 || transfer.partly_seen().is_some() {
         return;
     }
     // A signature is a command, not a value.
-    let is_command = transfer.meaning.as_deref().is_some_and(Meaning::is_signature);
+    let is_command = transfer.meaning.as_deref().is_some_and(ObjectMeaning::is_signature);
     let previous = transfer.previous.as_deref().filter(|_| is_download && !is_command);
     if let Some(previous) = previous.filter(|previous| *previous != transfer.data.as_slice()) {
         push_data(transfer, previous, out);
@@ -189,9 +189,9 @@ fn push_value(transfer: &SdoTransfer, out: &mut Vec<u8>) {
 fn push_data(transfer: &SdoTransfer, data: &[u8], out: &mut Vec<u8>) {
     let Some(meaning) = transfer.meaning.as_deref() else { return push_unknown(data, out) };
     match meaning.decode(data) {
-        Value::Bytes(data) => push_unknown(&data, out),
+        DecodedValue::Bytes(data) => push_unknown(&data, out),
         known => {
-            out.extend_from_slice(meaning.show(&known).as_bytes());
+            out.extend_from_slice(meaning.format_value(&known).as_bytes());
             if meaning.is_outside(&known) {
                 out.extend_from_slice(b" (outside)");
             }
@@ -211,13 +211,13 @@ fn push_unknown(data: &[u8], out: &mut Vec<u8>) {
 }
 
 /// Appends the result with the reason of a failure: `ok`, `REFUSED 06010002: attempt to write a read only object`.
-fn push_outcome(transfer: &SdoTransfer, device: &Device, out: &mut Vec<u8>) -> Tone {
+fn push_outcome(transfer: &SdoTransfer, device: &DeviceProfile, out: &mut Vec<u8>) -> LineTone {
     match (transfer.outcome, transfer.abort) {
-        (Outcome::Aborted, Some(abort)) => {
+        (SdoOutcome::Aborted, Some(abort)) => {
             let by = if abort.by_client { "ABORTED by client" } else { "REFUSED" };
-            let text = profile::abort_codes().text(abort.code);
-            let standard = profile::abort_codes().find(abort.code).map_or(text, |entry| &entry.standard);
-            let own = device.abort(abort.code, transfer.object).filter(|own| own.text != text);
+            let text = profile::abort_codes().code_text(abort.code);
+            let standard = profile::abort_codes().find_code(abort.code).map_or(text, |entry| &entry.standard);
+            let own = device.abort_entry(abort.code, transfer.object).filter(|own| own.text != text);
             out.extend_from_slice(by.as_bytes());
             out.push(b' ');
             push_code(out, abort.code, 8);
@@ -227,35 +227,35 @@ fn push_outcome(transfer: &SdoTransfer, device: &Device, out: &mut Vec<u8>) -> T
                 // Writing to a vector cannot fail.
                 let _ = write!(out, " (CiA 301: {standard})");
             }
-            Tone::Bad
+            LineTone::Bad
         }
-        (Outcome::Complete, _) if transfer.is_unrequested => {
+        (SdoOutcome::Complete, _) if transfer.is_unrequested => {
             out.extend_from_slice(b"response without a request");
-            Tone::Caution
+            LineTone::Caution
         }
-        (Outcome::Complete | Outcome::Aborted, _) => {
+        (SdoOutcome::Complete | SdoOutcome::Aborted, _) => {
             out.extend_from_slice(OK.as_bytes());
-            Tone::Plain
+            LineTone::Plain
         }
-        (Outcome::Timeout, _) if transfer.cut_start && transfer.awaits_client => {
+        (SdoOutcome::Timeout, _) if transfer.cut_start && transfer.awaits_client => {
             out.extend_from_slice(b"no further message");
-            Tone::Caution
+            LineTone::Caution
         }
-        (Outcome::Timeout, _) => {
+        (SdoOutcome::Timeout, _) => {
             out.extend_from_slice(b"NO RESPONSE");
-            Tone::Bad
+            LineTone::Bad
         }
-        (Outcome::Superseded, _) => {
+        (SdoOutcome::Superseded, _) => {
             out.extend_from_slice(if transfer.waited.is_some() {
                 b"NO RESPONSE before the next request"
             } else {
                 b"superseded by a new transfer"
             });
-            Tone::Caution
+            LineTone::Caution
         }
-        (Outcome::Incomplete | Outcome::Unfinished, _) => {
+        (SdoOutcome::Incomplete | SdoOutcome::Unfinished, _) => {
             out.extend_from_slice(b"unfinished at end of capture");
-            Tone::Caution
+            LineTone::Caution
         }
     }
 }
@@ -269,9 +269,9 @@ fn push_details(transfer: &SdoTransfer, out: &mut Vec<u8>) {
     }
     if let Some(mode) = transfer.mode {
         out.extend_from_slice(match mode {
-            Mode::Expedited => b" exp",
-            Mode::Segmented => b" seg",
-            Mode::Block => b" blk",
+            SdoMode::Expedited => b" exp",
+            SdoMode::Segmented => b" seg",
+            SdoMode::Block => b" blk",
         });
     }
     if let Some(crc) = transfer.crc {

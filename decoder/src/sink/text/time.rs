@@ -22,7 +22,7 @@ struct SecondText {
 
 /// Formats timestamps for the time column.
 #[derive(Debug, Clone)]
-pub(super) struct Clock {
+pub(super) struct TimeFormatter {
     style: TimeColumn,
     first: Option<Timestamp>,
     last: Option<Timestamp>,
@@ -32,35 +32,37 @@ pub(super) struct Clock {
     date: String,
 }
 
-impl Clock {
+impl TimeFormatter {
     pub(super) fn new(style: TimeColumn) -> Self {
         Self { style, first: None, last: None, whole: None, second: 0, date: String::new() }
     }
 
     /// Sets the zero of the column at the first timestamp of a frame.
     #[inline]
-    pub(super) fn see(&mut self, time: Option<Timestamp>) {
+    pub(super) fn note_time(&mut self, time: Option<Timestamp>) {
         if self.first.is_none() {
             self.first = time;
         }
     }
 
     /// Appends the column with constant width.
-    pub(super) fn column(&mut self, time: Option<Timestamp>, out: &mut Vec<u8>) {
+    pub(super) fn append_column(&mut self, time: Option<Timestamp>, out: &mut Vec<u8>) {
         let Some(time) = time else { return out.extend_from_slice(UNKNOWN.as_bytes()) };
         let before = self.last.replace(time);
         match self.style {
             TimeColumn::Zero => match self.first {
-                Some(first) => seconds::<3>(time.since(first), 9, &mut self.whole, out),
+                Some(first) => append_seconds::<3>(time.since(first), 9, &mut self.whole, out),
                 None => out.extend_from_slice(UNKNOWN.as_bytes()),
             },
-            TimeColumn::Delta => seconds::<6>(time.since(before.unwrap_or(time)), 11, &mut self.whole, out),
-            TimeColumn::Absolute => seconds::<6>(time.0, 17, &mut self.whole, out),
-            TimeColumn::Date => self.date(time, out),
+            TimeColumn::Delta => {
+                append_seconds::<6>(time.since(before.unwrap_or(time)), 11, &mut self.whole, out)
+            }
+            TimeColumn::Absolute => append_seconds::<6>(time.0, 17, &mut self.whole, out),
+            TimeColumn::Date => self.append_date(time, out),
         }
     }
 
-    fn date(&mut self, time: Timestamp, out: &mut Vec<u8>) {
+    fn append_date(&mut self, time: Timestamp, out: &mut Vec<u8>) {
         let second = time.0.div_euclid(1_000_000_000);
         if second != self.second || self.date.is_empty() {
             self.second = second;
@@ -78,7 +80,7 @@ impl Clock {
 /// Appends nanoseconds as seconds with `DIGITS` decimal places (at most 8), truncated, right-aligned. `whole` is
 /// the text of the last call with the same width.
 #[inline]
-fn seconds<const DIGITS: u32>(
+fn append_seconds<const DIGITS: u32>(
     nanoseconds: i64,
     width: usize,
     whole: &mut Option<SecondText>,
@@ -122,16 +124,16 @@ mod tests {
 
     const START: Timestamp = Timestamp(1_436_516_252_249_713_000);
 
-    fn column(clock: &mut Clock, time: Timestamp) -> String {
+    fn append_column(clock: &mut TimeFormatter, time: Timestamp) -> String {
         let mut out = Vec::new();
-        clock.column(Some(time), &mut out);
+        clock.append_column(Some(time), &mut out);
         String::from_utf8(out).unwrap()
     }
 
     fn columns(style: TimeColumn) -> Vec<String> {
-        let mut clock = Clock::new(style);
-        clock.see(Some(START));
-        [START, START.plus(1_234_567_000)].map(|time| column(&mut clock, time)).to_vec()
+        let mut clock = TimeFormatter::new(style);
+        clock.note_time(Some(START));
+        [START, START.plus(1_234_567_000)].map(|time| append_column(&mut clock, time)).to_vec()
     }
 
     #[test]
@@ -144,31 +146,31 @@ mod tests {
 
     #[test]
     fn the_text_of_a_second_is_used_within_it_only() {
-        let mut clock = Clock::new(TimeColumn::Zero);
-        clock.see(Some(START));
+        let mut clock = TimeFormatter::new(TimeColumn::Zero);
+        clock.note_time(Some(START));
         let times = [0, 999_999_999, 1_000_000_000, 12_345_678_901, 11_999_999_999, 12_000_000_000];
-        let shown = times.map(|after| column(&mut clock, START.plus(after)));
+        let shown = times.map(|after| append_column(&mut clock, START.plus(after)));
         assert_eq!(shown, ["    0.000", "    0.999", "    1.000", "   12.345", "   11.999", "   12.000"]);
-        assert_eq!(column(&mut clock, START.plus(-1)), "   -0.000");
-        assert_eq!(column(&mut clock, START.plus(12_000_000_001)), "   12.000");
-        assert_eq!(column(&mut clock, START.plus(123_456_000_000_000)), "123456.000");
+        assert_eq!(append_column(&mut clock, START.plus(-1)), "   -0.000");
+        assert_eq!(append_column(&mut clock, START.plus(12_000_000_001)), "   12.000");
+        assert_eq!(append_column(&mut clock, START.plus(123_456_000_000_000)), "123456.000");
     }
 
     /// The state of a link is known before the first frame.
     #[test]
     fn without_a_frame_there_is_no_zero() {
-        let mut clock = Clock::new(TimeColumn::Zero);
-        assert_eq!(column(&mut clock, START), UNKNOWN);
-        clock.see(Some(START.plus(1_000_000_000)));
-        assert_eq!(column(&mut clock, START.plus(3_000_000_000)), "    2.000");
+        let mut clock = TimeFormatter::new(TimeColumn::Zero);
+        assert_eq!(append_column(&mut clock, START), UNKNOWN);
+        clock.note_time(Some(START.plus(1_000_000_000)));
+        assert_eq!(append_column(&mut clock, START.plus(3_000_000_000)), "    2.000");
     }
 
     #[test]
     fn a_time_before_the_first_is_negative() {
-        let mut clock = Clock::new(TimeColumn::Zero);
-        clock.see(Some(START));
-        assert_eq!(column(&mut clock, START.plus(-1_500_000_000)), "   -1.500");
-        let mut clock = Clock::new(TimeColumn::Date);
-        assert_eq!(column(&mut clock, Timestamp(-1_500_000_000)), "1969-12-31 23:59:58.500000");
+        let mut clock = TimeFormatter::new(TimeColumn::Zero);
+        clock.note_time(Some(START));
+        assert_eq!(append_column(&mut clock, START.plus(-1_500_000_000)), "   -1.500");
+        let mut clock = TimeFormatter::new(TimeColumn::Date);
+        assert_eq!(append_column(&mut clock, Timestamp(-1_500_000_000)), "1969-12-31 23:59:58.500000");
     }
 }

@@ -2,7 +2,7 @@
 
 /// Emphasis of an event line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Tone {
+pub enum LineTone {
     /// Normal information.
     #[default]
     Plain,
@@ -16,8 +16,8 @@ pub enum Tone {
     Bad,
 }
 
-impl Tone {
-    pub(super) const fn ansi(self) -> &'static str {
+impl LineTone {
+    pub(super) const fn ansi_code(self) -> &'static str {
         match self {
             Self::Plain => "",
             Self::Quiet => "\x1b[2m",

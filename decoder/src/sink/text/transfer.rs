@@ -19,7 +19,7 @@ pub struct TransferWords {
 
 impl TransferWords {
     /// All parts in one text.
-    pub fn news(&self) -> String {
+    pub fn joined_text(&self) -> String {
         let Self { object, name, result } = self;
         let separator = match (name.is_empty(), result.contains(" | ")) {
             (true, _) => "",
@@ -38,7 +38,7 @@ mod tests {
     #[test]
     fn names_follow_the_result() {
         let news = |object: &str, result: &str, name: &str| {
-            TransferWords { object: object.into(), name: name.into(), result: result.into() }.news()
+            TransferWords { object: object.into(), name: name.into(), result: result.into() }.joined_text()
         };
         assert_eq!(news("1003:00", "= 1", "Number of errors"), "1003:00 = 1, Number of errors");
         assert_eq!(news("1017:00", "= 0 ms | active now", "time"), "1017:00 = 0 ms | active now | time");

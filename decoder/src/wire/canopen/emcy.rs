@@ -13,12 +13,12 @@ use nom::bytes::complete::take;
 use nom::combinator::opt;
 use nom::number::complete::u8 as byte;
 
-use crate::wire::Malformed;
+use crate::wire::MalformedPayload;
 use crate::wire::parser::{Parsed, parse_message};
 
 /// Byte order of the error code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum ByteOrder {
+pub enum EmcyByteOrder {
     /// Least significant byte first (CiA 301).
     #[default]
     LsbFirst,
@@ -26,7 +26,7 @@ pub enum ByteOrder {
     MsbFirst,
 }
 
-impl ByteOrder {
+impl EmcyByteOrder {
     /// Name used in all output.
     pub const fn name(self) -> &'static str {
         match self {
@@ -38,7 +38,7 @@ impl ByteOrder {
 
 /// An emergency message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Emcy {
+pub enum EmcyMessage {
     /// No data: boot-up without error (CiA 301 version 3).
     Ready,
     /// An error, or an error reset (code 0).
@@ -58,13 +58,13 @@ pub enum Emcy {
 ///
 /// # Errors
 /// If the message has exactly one byte: half an error code.
-pub fn parse(data: &[u8], order: ByteOrder) -> Result<Emcy, Malformed> {
+pub fn parse(data: &[u8], order: EmcyByteOrder) -> Result<EmcyMessage, MalformedPayload> {
     parse_message("emcy", data, |data| parse_fields(data, order))
 }
 
-fn parse_fields(data: &[u8], order: ByteOrder) -> Parsed<'_, Emcy> {
+fn parse_fields(data: &[u8], order: EmcyByteOrder) -> Parsed<'_, EmcyMessage> {
     if data.is_empty() {
-        return Ok((data, Emcy::Ready));
+        return Ok((data, EmcyMessage::Ready));
     }
     let (rest, (first, second)) = (byte, byte).parse(data)?;
     let (rest, register) = opt(byte).parse(rest)?;
@@ -74,11 +74,11 @@ fn parse_fields(data: &[u8], order: ByteOrder) -> Parsed<'_, Emcy> {
         *target = *source;
     }
     let code = match order {
-        ByteOrder::LsbFirst => u16::from_le_bytes([first, second]),
-        ByteOrder::MsbFirst => u16::from_be_bytes([first, second]),
+        EmcyByteOrder::LsbFirst => u16::from_le_bytes([first, second]),
+        EmcyByteOrder::MsbFirst => u16::from_be_bytes([first, second]),
     };
     let vendor_length = u8::try_from(received.len()).unwrap_or(5);
-    Ok((rest, Emcy::Error { code, register, vendor, vendor_length }))
+    Ok((rest, EmcyMessage::Error { code, register, vendor, vendor_length }))
 }
 
 #[cfg(test)]
@@ -89,12 +89,13 @@ mod tests {
     fn the_code_in_both_orders() {
         // 0x8130, register 0x11, vendor byte 0x20.
         let data = [0x30, 0x81, 0x11, 0x20, 0, 0, 0, 0];
-        let Ok(Emcy::Error { code, register, vendor, vendor_length }) = parse(&data, ByteOrder::LsbFirst)
+        let Ok(EmcyMessage::Error { code, register, vendor, vendor_length }) =
+            parse(&data, EmcyByteOrder::LsbFirst)
         else {
             panic!("expected an error")
         };
         assert_eq!((code, register, vendor, vendor_length), (0x8130, Some(0x11), [0x20, 0, 0, 0, 0], 5));
-        let Ok(Emcy::Error { code, .. }) = parse(&data, ByteOrder::MsbFirst) else {
+        let Ok(EmcyMessage::Error { code, .. }) = parse(&data, EmcyByteOrder::MsbFirst) else {
             panic!("expected an error")
         };
         assert_eq!(code, 0x3081);
@@ -102,13 +103,14 @@ mod tests {
 
     #[test]
     fn empty_is_ready_and_one_byte_is_malformed() {
-        assert_eq!(parse(&[], ByteOrder::LsbFirst), Ok(Emcy::Ready));
-        assert_eq!(parse(&[1], ByteOrder::LsbFirst).unwrap_err().offset, 1);
+        assert_eq!(parse(&[], EmcyByteOrder::LsbFirst), Ok(EmcyMessage::Ready));
+        assert_eq!(parse(&[1], EmcyByteOrder::LsbFirst).unwrap_err().offset, 1);
     }
 
     #[test]
     fn a_short_message_has_no_register() {
-        let Ok(Emcy::Error { register, vendor_length, .. }) = parse(&[0x10, 0x81], ByteOrder::LsbFirst)
+        let Ok(EmcyMessage::Error { register, vendor_length, .. }) =
+            parse(&[0x10, 0x81], EmcyByteOrder::LsbFirst)
         else {
             panic!("expected an error")
         };

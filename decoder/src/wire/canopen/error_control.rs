@@ -8,12 +8,12 @@ use nom::Parser;
 use nom::number::complete::u8 as byte;
 
 use super::NmtState;
-use crate::wire::Malformed;
+use crate::wire::MalformedPayload;
 use crate::wire::parser::{bit_field, parse_message};
 
 /// Byte sent by the NMT slave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ErrorControl {
+pub struct ErrorControlByte {
     /// Bit 7, the toggle bit of guarding.
     pub toggle: bool,
     /// NMT state; `None` if CiA 301 does not define the code.
@@ -26,10 +26,10 @@ pub struct ErrorControl {
 ///
 /// # Errors
 /// If there is no byte.
-pub fn parse(data: &[u8]) -> Result<ErrorControl, Malformed> {
+pub fn parse(data: &[u8]) -> Result<ErrorControlByte, MalformedPayload> {
     let message = byte.map(|byte| {
         let code = bit_field(byte, 0, 7);
-        ErrorControl { toggle: byte & 0x80 != 0, state: NmtState::from_code(code), code }
+        ErrorControlByte { toggle: byte & 0x80 != 0, state: NmtState::from_code(code), code }
     });
     parse_message("error-control", data, message)
 }
@@ -50,7 +50,7 @@ mod tests {
 
     #[test]
     fn an_undefined_state_keeps_its_code() {
-        assert_eq!(parse(&[0x06]).unwrap(), ErrorControl { toggle: false, state: None, code: 6 });
+        assert_eq!(parse(&[0x06]).unwrap(), ErrorControlByte { toggle: false, state: None, code: 6 });
         assert!(parse(&[]).is_err());
     }
 }

@@ -8,21 +8,21 @@
 use nom::Parser;
 use nom::number::complete::{le_u16, le_u32, u8 as byte};
 
-use crate::wire::Malformed;
+use crate::wire::MalformedPayload;
 use crate::wire::parser::{Parsed, field_group, parse_message};
 
 /// One LSS message. Names and result texts are in `standard/cia305.toml`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Lss {
+pub struct LssMessage {
     /// Command specifier.
     pub command: u8,
     /// Decoded fields of the command.
-    pub content: Content,
+    pub content: LssContent,
 }
 
 /// Fields of a message; the command determines the variant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Content {
+pub enum LssContent {
     /// No fields.
     Nothing,
     /// Mode of switch state global: 0 waiting, 1 configuration.
@@ -65,24 +65,24 @@ pub enum Content {
 pub enum LssLayout {
     /// Unused.
     Nothing,
-    /// [`Content::Mode`].
+    /// [`LssContent::Mode`].
     Mode,
-    /// [`Content::NodeId`].
+    /// [`LssContent::NodeId`].
     NodeId,
-    /// [`Content::BitTiming`].
+    /// [`LssContent::BitTiming`].
     BitTiming,
-    /// [`Content::Delay`].
+    /// [`LssContent::Delay`].
     Delay,
-    /// [`Content::Number`].
+    /// [`LssContent::Number`].
     Number,
-    /// [`Content::Result`].
+    /// [`LssContent::Result`].
     Result,
-    /// [`Content::FastScan`].
+    /// [`LssContent::FastScan`].
     FastScan,
 }
 
 /// Layout for a command (CiA 305 §3.8 to §3.11); request and response of one command differ.
-pub const fn shape(command: u8, from_master: bool) -> LssLayout {
+pub const fn message_layout(command: u8, from_master: bool) -> LssLayout {
     match (command, from_master) {
         (0x04, _) => LssLayout::Mode,
         (0x11, true) | (0x5E, false) => LssLayout::NodeId,
@@ -99,31 +99,31 @@ pub const fn shape(command: u8, from_master: bool) -> LssLayout {
 ///
 /// # Errors
 /// If it is shorter than its command needs.
-pub fn parse(data: &[u8], from_master: bool) -> Result<Lss, Malformed> {
+pub fn parse(data: &[u8], from_master: bool) -> Result<LssMessage, MalformedPayload> {
     parse_message("lss", data, |data| parse_fields(data, from_master))
 }
 
-fn parse_fields(data: &[u8], from_master: bool) -> Parsed<'_, Lss> {
+fn parse_fields(data: &[u8], from_master: bool) -> Parsed<'_, LssMessage> {
     let (rest, command) = byte(data)?;
-    let layout = shape(command, from_master);
-    field_group(|rest| content(layout, rest)).map(|content| Lss { command, content }).parse(rest)
+    let layout = message_layout(command, from_master);
+    field_group(|rest| parse_content(layout, rest)).map(|content| LssMessage { command, content }).parse(rest)
 }
 
-fn content(layout: LssLayout, rest: &[u8]) -> Parsed<'_, Content> {
+fn parse_content(layout: LssLayout, rest: &[u8]) -> Parsed<'_, LssContent> {
     match layout {
-        LssLayout::Nothing => Ok((rest, Content::Nothing)),
-        LssLayout::Mode => byte.map(Content::Mode).parse(rest),
-        LssLayout::NodeId => byte.map(Content::NodeId).parse(rest),
+        LssLayout::Nothing => Ok((rest, LssContent::Nothing)),
+        LssLayout::Mode => byte.map(LssContent::Mode).parse(rest),
+        LssLayout::NodeId => byte.map(LssContent::NodeId).parse(rest),
         LssLayout::BitTiming => {
-            (byte, byte).map(|(table, entry)| Content::BitTiming { table, entry }).parse(rest)
+            (byte, byte).map(|(table, entry)| LssContent::BitTiming { table, entry }).parse(rest)
         }
-        LssLayout::Delay => le_u16.map(Content::Delay).parse(rest),
-        LssLayout::Number => le_u32.map(Content::Number).parse(rest),
+        LssLayout::Delay => le_u16.map(LssContent::Delay).parse(rest),
+        LssLayout::Number => le_u32.map(LssContent::Number).parse(rest),
         LssLayout::Result => {
-            (byte, byte).map(|(code, specific)| Content::Result { code, specific }).parse(rest)
+            (byte, byte).map(|(code, specific)| LssContent::Result { code, specific }).parse(rest)
         }
         LssLayout::FastScan => (le_u32, byte, byte, byte)
-            .map(|(number, bit, sub, next)| Content::FastScan { number, bit, sub, next })
+            .map(|(number, bit, sub, next)| LssContent::FastScan { number, bit, sub, next })
             .parse(rest),
     }
 }
@@ -134,10 +134,10 @@ mod tests {
 
     #[test]
     fn configure_node_id_and_its_answer() {
-        assert_eq!(parse(&[0x11, 5, 0, 0, 0, 0, 0, 0], true).unwrap().content, Content::NodeId(5));
+        assert_eq!(parse(&[0x11, 5, 0, 0, 0, 0, 0, 0], true).unwrap().content, LssContent::NodeId(5));
         assert_eq!(
             parse(&[0x11, 1, 0, 0, 0, 0, 0, 0], false).unwrap().content,
-            Content::Result { code: 1, specific: 0 }
+            LssContent::Result { code: 1, specific: 0 }
         );
     }
 
@@ -145,11 +145,11 @@ mod tests {
     fn selective_switch_and_fast_scan() {
         assert_eq!(
             parse(&[0x40, 0x78, 0x56, 0x34, 0x12, 0, 0, 0], true).unwrap(),
-            Lss { command: 0x40, content: Content::Number(0x1234_5678) }
+            LssMessage { command: 0x40, content: LssContent::Number(0x1234_5678) }
         );
         assert_eq!(
             parse(&[0x51, 0x78, 0x56, 0x34, 0x12, 31, 1, 2], true).unwrap().content,
-            Content::FastScan { number: 0x1234_5678, bit: 31, sub: 1, next: 2 }
+            LssContent::FastScan { number: 0x1234_5678, bit: 31, sub: 1, next: 2 }
         );
     }
 

@@ -7,7 +7,7 @@
 use nom::Parser;
 use nom::number::complete::u8 as byte;
 
-use crate::wire::Malformed;
+use crate::wire::MalformedPayload;
 use crate::wire::parser::{field_group, parse_message};
 
 /// Command specifier of the master.
@@ -65,7 +65,7 @@ pub struct NmtCommand {
 ///
 /// # Errors
 /// If there are fewer than two bytes.
-pub fn parse(data: &[u8]) -> Result<NmtCommand, Malformed> {
+pub fn parse(data: &[u8]) -> Result<NmtCommand, MalformedPayload> {
     let command = (byte, byte)
         .map(|(specifier, target)| NmtCommand { service: NmtService::from_specifier(specifier), target });
     parse_message("nmt", data, field_group(command))
@@ -91,6 +91,6 @@ mod tests {
 
     #[test]
     fn one_byte_is_too_short() {
-        assert_eq!(parse(&[1]), Err(Malformed { layer: "nmt", offset: 0, needed: 2, available: 1 }));
+        assert_eq!(parse(&[1]), Err(MalformedPayload { layer: "nmt", offset: 0, needed: 2, available: 1 }));
     }
 }

@@ -8,7 +8,7 @@
 use nom::Parser;
 use nom::number::complete::{le_u16, le_u32};
 
-use crate::wire::Malformed;
+use crate::wire::MalformedPayload;
 use crate::wire::parser::{bit_field, field_group, parse_message};
 
 /// Date and time of day; no time zone is defined.
@@ -24,7 +24,7 @@ pub struct TimeOfDay {
 ///
 /// # Errors
 /// If there are fewer than six bytes.
-pub fn parse(data: &[u8]) -> Result<TimeOfDay, Malformed> {
+pub fn parse(data: &[u8]) -> Result<TimeOfDay, MalformedPayload> {
     let time = (le_u32, le_u16)
         .map(|(milliseconds, days)| TimeOfDay { milliseconds: bit_field(milliseconds, 0, 28), days });
     parse_message("time", data, field_group(time))

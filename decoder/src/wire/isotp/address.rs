@@ -11,7 +11,7 @@ use crate::wire::parser::bit_field;
 
 /// Position of the addresses in an identifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Scheme {
+pub enum AddressScheme {
     /// Source and target of eight bits each; PF distinguishes one receiver from a group.
     NormalFixed,
     /// Source and target of three bits net and eight bits node each; EDP and DP are set.
@@ -20,9 +20,9 @@ pub enum Scheme {
 
 /// Sender and receiver of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Addresses {
+pub struct IsoTpAddresses {
     /// Scheme of the identifier.
-    pub scheme: Scheme,
+    pub scheme: AddressScheme,
     /// Bits 28..26 of the identifier; 0 is the highest priority.
     pub priority: u8,
     /// Type of service, two bits; 0 with normal fixed addresses.
@@ -38,13 +38,13 @@ pub struct Addresses {
 /// EDP and DP: bits 25 and 24.
 const PAGES: u32 = 0x0300_0000;
 
-impl Addresses {
+impl IsoTpAddresses {
     /// Addresses in a 29-bit identifier; `None` if it follows neither scheme.
-    pub fn of(id: u32) -> Option<Self> {
+    pub fn from_identifier(id: u32) -> Option<Self> {
         let priority = bit_field(id, 26, 3);
         match (id & PAGES, bit_field(id, 16, 8)) {
             (0, format @ (0xDA_u8 | 0xDB)) => Some(Self {
-                scheme: Scheme::NormalFixed,
+                scheme: AddressScheme::NormalFixed,
                 priority,
                 service_type: 0,
                 functional: format == 0xDB,
@@ -52,7 +52,7 @@ impl Addresses {
                 target: bit_field(id, 8, 8),
             }),
             (PAGES, _) => Some(Self {
-                scheme: Scheme::Net,
+                scheme: AddressScheme::Net,
                 priority,
                 service_type: bit_field(id, 22, 2),
                 functional: false,
@@ -71,28 +71,28 @@ mod tests {
     #[test]
     fn normal_fixed() {
         // 18DA20F1: priority 6, PF DA, target 20, source F1.
-        let found = Addresses::of(0x18DA_20F1).unwrap();
-        assert_eq!((found.scheme, found.priority, found.functional), (Scheme::NormalFixed, 6, false));
+        let found = IsoTpAddresses::from_identifier(0x18DA_20F1).unwrap();
+        assert_eq!((found.scheme, found.priority, found.functional), (AddressScheme::NormalFixed, 6, false));
         assert_eq!((found.source, found.target), (0xF1, 0x20));
-        let group = Addresses::of(0x18DB_33F1).unwrap();
+        let group = IsoTpAddresses::from_identifier(0x18DB_33F1).unwrap();
         assert_eq!((group.functional, group.source, group.target), (true, 0xF1, 0x33));
         // Another priority is the same pair; with DP or EDP set it is another PGN.
-        assert_eq!(Addresses::of(0x0CDA_20F1).map(|found| found.target), Some(0x20));
+        assert_eq!(IsoTpAddresses::from_identifier(0x0CDA_20F1).map(|found| found.target), Some(0x20));
         for id in [0x19DA_20F1, 0x1ADA_20F1, 0x18EF_20F1, 0x18DC_20F1] {
-            assert_eq!(Addresses::of(id), None, "{id:08X}");
+            assert_eq!(IsoTpAddresses::from_identifier(id), None, "{id:08X}");
         }
     }
 
     #[test]
     fn with_nets() {
         // 1BC78820 = 110 1 1 11 00011110001 00000100000: priority 6, type 3, source F1, target 20, both on net 0.
-        let found = Addresses::of(0x1BC7_8820).unwrap();
-        assert_eq!((found.scheme, found.priority, found.service_type), (Scheme::Net, 6, 3));
+        let found = IsoTpAddresses::from_identifier(0x1BC7_8820).unwrap();
+        assert_eq!((found.scheme, found.priority, found.service_type), (AddressScheme::Net, 6, 3));
         assert_eq!((found.source, found.target), (0xF1, 0x20));
         // Response: 1BC100F1 = 110 1 1 11 00000100000 00011110001.
-        let answer = Addresses::of(0x1BC1_00F1).unwrap();
+        let answer = IsoTpAddresses::from_identifier(0x1BC1_00F1).unwrap();
         assert_eq!((answer.source, answer.target), (0x20, 0xF1));
         // Net 1 of the source is bit 19.
-        assert_eq!(Addresses::of(0x1BCF_8820).map(|found| found.source), Some(0x1F1));
+        assert_eq!(IsoTpAddresses::from_identifier(0x1BCF_8820).map(|found| found.source), Some(0x1F1));
     }
 }

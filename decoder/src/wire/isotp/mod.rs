@@ -14,19 +14,19 @@
 
 mod address;
 
-pub use address::{Addresses, Scheme};
+pub use address::{AddressScheme, IsoTpAddresses};
 
 use nom::Parser;
 use nom::bytes::complete::take;
 use nom::combinator::success;
 use nom::number::complete::{be_u32, u8 as byte};
 
-use super::Malformed;
+use super::MalformedPayload;
 use super::parser::{Parsed, bit_field, field_group, parse_message, remaining_bytes};
 
 /// One ISO-TP frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum IsoTp<'a> {
+pub enum IsoTpFrame<'a> {
     /// A complete message in one frame.
     Single {
         /// The message without padding.
@@ -62,14 +62,14 @@ pub struct FlowControl {
     pub status: FlowStatus,
     /// Max consecutive frames until the next flow control; 0 = no limit.
     pub block_size: u8,
-    /// Min separation time as sent; [`FlowControl::separation`] converts it.
+    /// Min separation time as sent; [`FlowControl::separation_time`] converts it.
     pub separation_time: u8,
 }
 
 impl FlowControl {
     /// Min separation of consecutive frames in ns (§9.6.5.4): 0..=127 ms, or F1..=F9 for 100 to 900 µs. A
     /// reserved value is treated as 127 ms.
-    pub const fn separation(self) -> i64 {
+    pub const fn separation_time(self) -> i64 {
         match self.separation_time {
             milliseconds @ 0..=0x7F => milliseconds as i64 * 1_000_000,
             tenths @ 0xF1..=0xF9 => (tenths & 0x0F) as i64 * 100_000,
@@ -97,25 +97,25 @@ const CLASSICAL: usize = 8;
 ///
 /// # Errors
 /// If the frame is shorter than its control bytes, or shorter than the message of a single frame.
-pub fn parse(data: &[u8], length: usize) -> Result<IsoTp<'_>, Malformed> {
+pub fn parse(data: &[u8], length: usize) -> Result<IsoTpFrame<'_>, MalformedPayload> {
     parse_message("isotp", data, |data| parse_frame(data, length > CLASSICAL))
 }
 
-fn parse_frame(data: &[u8], is_fd: bool) -> Parsed<'_, IsoTp<'_>> {
+fn parse_frame(data: &[u8], is_fd: bool) -> Parsed<'_, IsoTpFrame<'_>> {
     let (rest, control) = byte(data)?;
     match bit_field(control, 4, 4) {
-        0_u8 => single(control, rest, is_fd),
-        1 => first(control, rest),
+        0_u8 => parse_single(control, rest, is_fd),
+        1 => parse_first(control, rest),
         2 => {
             let sequence = bit_field(control, 0, 4);
-            remaining_bytes.map(|data| IsoTp::Consecutive { sequence, data }).parse(rest)
+            remaining_bytes.map(|data| IsoTpFrame::Consecutive { sequence, data }).parse(rest)
         }
         3 => flow_control(control, rest),
-        _ => Ok((rest, IsoTp::Unknown { control })),
+        _ => Ok((rest, IsoTpFrame::Unknown { control })),
     }
 }
 
-fn single(control: u8, rest: &[u8], is_fd: bool) -> Parsed<'_, IsoTp<'_>> {
+fn parse_single(control: u8, rest: &[u8], is_fd: bool) -> Parsed<'_, IsoTpFrame<'_>> {
     // §9.6.2.1: in a frame of more than eight bytes the size is in byte 1, otherwise in byte 0.
     let (rest, size) = match (is_fd, control) {
         (false, size) => (rest, size),
@@ -123,12 +123,12 @@ fn single(control: u8, rest: &[u8], is_fd: bool) -> Parsed<'_, IsoTp<'_>> {
         (true, _) => (rest, 0),
     };
     if size == 0 {
-        return Ok((rest, IsoTp::Unknown { control }));
+        return Ok((rest, IsoTpFrame::Unknown { control }));
     }
-    field_group(take(size)).map(|data| IsoTp::Single { data }).parse(rest)
+    field_group(take(size)).map(|data| IsoTpFrame::Single { data }).parse(rest)
 }
 
-fn first(control: u8, rest: &[u8]) -> Parsed<'_, IsoTp<'_>> {
+fn parse_first(control: u8, rest: &[u8]) -> Parsed<'_, IsoTpFrame<'_>> {
     let (rest, low) = byte(rest)?;
     // §9.6.3.1: 0 means that a 32-bit size follows.
     let (rest, size) = match u16::from_be_bytes([bit_field(control, 0, 4), low]) {
@@ -138,21 +138,21 @@ fn first(control: u8, rest: &[u8]) -> Parsed<'_, IsoTp<'_>> {
     let (rest, data) = remaining_bytes(rest)?;
     // A message that fits into one frame is never sent in two (§9.6.3.1).
     if usize::try_from(size).is_ok_and(|size| size <= data.len()) {
-        return Ok((rest, IsoTp::Unknown { control }));
+        return Ok((rest, IsoTpFrame::Unknown { control }));
     }
-    Ok((rest, IsoTp::First { size, data }))
+    Ok((rest, IsoTpFrame::First { size, data }))
 }
 
-fn flow_control(control: u8, rest: &[u8]) -> Parsed<'_, IsoTp<'_>> {
+fn flow_control(control: u8, rest: &[u8]) -> Parsed<'_, IsoTpFrame<'_>> {
     let status = match bit_field(control, 0, 4) {
         0_u8 => FlowStatus::Continue,
         1 => FlowStatus::Wait,
         2 => FlowStatus::Overflow,
-        _ => return Ok((rest, IsoTp::Unknown { control })),
+        _ => return Ok((rest, IsoTpFrame::Unknown { control })),
     };
     field_group((byte, byte))
         .map(|(block_size, separation_time)| {
-            IsoTp::FlowControl(FlowControl { status, block_size, separation_time })
+            IsoTpFrame::FlowControl(FlowControl { status, block_size, separation_time })
         })
         .parse(rest)
 }
@@ -161,7 +161,7 @@ fn flow_control(control: u8, rest: &[u8]) -> Parsed<'_, IsoTp<'_>> {
 mod tests {
     use super::*;
 
-    fn read(data: &[u8]) -> Result<IsoTp<'_>, Malformed> {
+    fn read(data: &[u8]) -> Result<IsoTpFrame<'_>, MalformedPayload> {
         parse(data, data.len())
     }
 
@@ -169,11 +169,11 @@ mod tests {
     fn a_single_frame_leaves_its_padding_out() {
         // ISO 15765-2 §9.6.2: 03 is a single frame of three bytes.
         let data = [0x03, 0x22, 0xF1, 0x90, 0xCC, 0xCC, 0xCC, 0xCC];
-        assert_eq!(read(&data), Ok(IsoTp::Single { data: &[0x22, 0xF1, 0x90] }));
+        assert_eq!(read(&data), Ok(IsoTpFrame::Single { data: &[0x22, 0xF1, 0x90] }));
         let error = read(&[0x03, 0x22, 0xF1]).unwrap_err();
         assert_eq!((error.layer, error.offset, error.needed, error.available), ("isotp", 1, 3, 2));
         // Size 0, and sizes above 7 in a frame of eight bytes.
-        assert_eq!(read(&[0x00, 1, 2]), Ok(IsoTp::Unknown { control: 0 }));
+        assert_eq!(read(&[0x00, 1, 2]), Ok(IsoTpFrame::Unknown { control: 0 }));
         assert_eq!(read(&[0x08, 1, 2, 3, 4, 5, 6, 7]).unwrap_err().needed, 8);
         assert_eq!(read(&[]).unwrap_err().needed, 1);
     }
@@ -183,33 +183,36 @@ mod tests {
         let mut data = [0xCC; 12];
         data[0] = 0;
         data[1] = 9;
-        assert_eq!(read(&data), Ok(IsoTp::Single { data: &[0xCC; 9] }));
+        assert_eq!(read(&data), Ok(IsoTpFrame::Single { data: &[0xCC; 9] }));
         data[1] = 11;
         let error = read(&data).unwrap_err();
         assert_eq!((error.offset, error.needed, error.available), (2, 11, 10));
         data[1] = 0;
-        assert_eq!(read(&data), Ok(IsoTp::Unknown { control: 0 }));
+        assert_eq!(read(&data), Ok(IsoTpFrame::Unknown { control: 0 }));
         data[0] = 5;
-        assert_eq!(read(&data), Ok(IsoTp::Unknown { control: 5 }));
+        assert_eq!(read(&data), Ok(IsoTpFrame::Unknown { control: 5 }));
         // Eight bytes after an address form a frame of nine.
-        assert_eq!(parse(&[0, 1, 2, 3, 4, 5, 6, 7], 9), Ok(IsoTp::Single { data: &[2] }));
+        assert_eq!(parse(&[0, 1, 2, 3, 4, 5, 6, 7], 9), Ok(IsoTpFrame::Single { data: &[2] }));
     }
 
     #[test]
     fn a_first_frame_has_one_of_two_sizes() {
         let data = [0x10, 0x14, 0x62, 0xF1, 0x90, 0x57, 0x30, 0x4C];
-        assert_eq!(read(&data), Ok(IsoTp::First { size: 20, data: &[0x62, 0xF1, 0x90, 0x57, 0x30, 0x4C] }));
+        assert_eq!(
+            read(&data),
+            Ok(IsoTpFrame::First { size: 20, data: &[0x62, 0xF1, 0x90, 0x57, 0x30, 0x4C] })
+        );
         assert_eq!(
             read(&[0x1F, 0xFF, 1, 2, 3, 4, 5, 6]),
-            Ok(IsoTp::First { size: 4095, data: &[1, 2, 3, 4, 5, 6] })
+            Ok(IsoTpFrame::First { size: 4095, data: &[1, 2, 3, 4, 5, 6] })
         );
         assert_eq!(
             read(&[0x10, 0x00, 0x00, 0x01, 0x00, 0x00, 0xAA, 0xBB]),
-            Ok(IsoTp::First { size: 65_536, data: &[0xAA, 0xBB] })
+            Ok(IsoTpFrame::First { size: 65_536, data: &[0xAA, 0xBB] })
         );
         assert_eq!(
             read(&[0x10, 0x00, 0xFF, 0xFF, 0xFF, 0xFF, 0xAA, 0xBB]),
-            Ok(IsoTp::First { size: u32::MAX, data: &[0xAA, 0xBB] })
+            Ok(IsoTpFrame::First { size: u32::MAX, data: &[0xAA, 0xBB] })
         );
     }
 
@@ -219,33 +222,33 @@ mod tests {
         assert_eq!((error.offset, error.needed, error.available), (2, 4, 2));
         assert_eq!(read(&[0x10]).unwrap_err().offset, 1);
         assert_eq!(read(&[0x10, 0x20]).unwrap_err().offset, 2);
-        assert_eq!(read(&[0x10, 6, 1, 2, 3, 4, 5, 6]), Ok(IsoTp::Unknown { control: 0x10 }));
+        assert_eq!(read(&[0x10, 6, 1, 2, 3, 4, 5, 6]), Ok(IsoTpFrame::Unknown { control: 0x10 }));
     }
 
     #[test]
     fn consecutive_frames_count_from_0_to_15() {
-        assert_eq!(read(&[0x21, 1, 2]), Ok(IsoTp::Consecutive { sequence: 1, data: &[1, 2] }));
-        assert_eq!(read(&[0x20, 1]), Ok(IsoTp::Consecutive { sequence: 0, data: &[1] }));
+        assert_eq!(read(&[0x21, 1, 2]), Ok(IsoTpFrame::Consecutive { sequence: 1, data: &[1, 2] }));
+        assert_eq!(read(&[0x20, 1]), Ok(IsoTpFrame::Consecutive { sequence: 0, data: &[1] }));
         assert_eq!(read(&[0x2F]).unwrap_err().offset, 1);
     }
 
     #[test]
     fn flow_control_and_its_pause() {
-        let Ok(IsoTp::FlowControl(control)) = read(&[0x30, 0x08, 0x14, 0, 0, 0, 0, 0]) else {
+        let Ok(IsoTpFrame::FlowControl(control)) = read(&[0x30, 0x08, 0x14, 0, 0, 0, 0, 0]) else {
             panic!("expected flow control")
         };
         assert_eq!((control.status, control.block_size), (FlowStatus::Continue, 8));
         // §9.6.5.4: 0x14 is 20 ms, 0xF3 is 300 µs, 0x80 is reserved and treated as 127 ms.
-        assert_eq!(control.separation(), 20_000_000);
-        assert_eq!(FlowControl { separation_time: 0xF3, ..control }.separation(), 300_000);
-        assert_eq!(FlowControl { separation_time: 0x80, ..control }.separation(), 127_000_000);
+        assert_eq!(control.separation_time(), 20_000_000);
+        assert_eq!(FlowControl { separation_time: 0xF3, ..control }.separation_time(), 300_000);
+        assert_eq!(FlowControl { separation_time: 0x80, ..control }.separation_time(), 127_000_000);
         for (byte, status) in [(0x31, FlowStatus::Wait), (0x32, FlowStatus::Overflow)] {
             let expected = FlowControl { status, block_size: 0, separation_time: 0 };
-            assert_eq!(read(&[byte, 0, 0]), Ok(IsoTp::FlowControl(expected)));
+            assert_eq!(read(&[byte, 0, 0]), Ok(IsoTpFrame::FlowControl(expected)));
         }
-        assert_eq!(read(&[0x33, 0, 0]), Ok(IsoTp::Unknown { control: 0x33 }));
+        assert_eq!(read(&[0x33, 0, 0]), Ok(IsoTpFrame::Unknown { control: 0x33 }));
         let error = read(&[0x30, 0]).unwrap_err();
         assert_eq!((error.offset, error.needed, error.available), (1, 2, 1));
-        assert_eq!(read(&[0x42, 0]), Ok(IsoTp::Unknown { control: 0x42 }));
+        assert_eq!(read(&[0x42, 0]), Ok(IsoTpFrame::Unknown { control: 0x42 }));
     }
 }

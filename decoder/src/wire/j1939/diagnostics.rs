@@ -10,7 +10,7 @@ use nom::Parser;
 use nom::combinator::{peek, rest};
 use nom::number::complete::u8 as byte;
 
-use crate::wire::Malformed;
+use crate::wire::MalformedPayload;
 use crate::wire::parser::{bit_field, byte_array, field_group, parse_message};
 
 /// Occurrence count "not available" (J1939-73 §5.7.1.13).
@@ -44,7 +44,7 @@ impl TryFrom<u8> for SpnConversion {
 
 /// Lamp status and flashing: four fields of two bits each, from bit 7 down.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Lamps {
+pub struct LampStates {
     /// 0 = off, 1 = on, 2 = lamp error, 3 = not available.
     pub status: u8,
     /// 0 = 1 Hz, 1 = 2 Hz or faster, 3 = no flashing.
@@ -62,9 +62,9 @@ pub enum FlashRate {
     Fast,
 }
 
-impl Lamps {
+impl LampStates {
     /// Flash rate of the lamp whose field starts at bit `shift`; `None` if it is off, faulty or missing.
-    pub fn lit(self, shift: u8) -> Option<FlashRate> {
+    pub fn flash_rate(self, shift: u8) -> Option<FlashRate> {
         let field = |byte: u8| byte.checked_shr(u32::from(shift)).unwrap_or(0) & 3;
         match (field(self.status), field(self.flash)) {
             (1, 0) => Some(FlashRate::Slow),
@@ -113,20 +113,20 @@ impl ReportedDtc {
 
 /// List of trouble codes in DM1, DM2 and similar messages.
 #[derive(Debug, Clone, Copy)]
-pub struct TroubleCodes<'a> {
+pub struct TroubleCodeList<'a> {
     /// Lamps, common to all codes.
-    pub lamps: Lamps,
+    pub lamps: LampStates,
     codes: &'a [u8],
 }
 
-impl<'a> TroubleCodes<'a> {
+impl<'a> TroubleCodeList<'a> {
     /// Reads the payload of one message.
     ///
     /// # Errors
     /// If there are fewer than six bytes: lamps and one code, or "no trouble code".
-    pub fn read(payload: &'a [u8]) -> Result<Self, Malformed> {
+    pub fn read(payload: &'a [u8]) -> Result<Self, MalformedPayload> {
         let message = (field_group((byte, byte, peek(byte_array::<4>))), rest)
-            .map(|((status, flash, _), codes)| Self { lamps: Lamps { status, flash }, codes });
+            .map(|((status, flash, _), codes)| Self { lamps: LampStates { status, flash }, codes });
         parse_message("trouble-codes", payload, message)
     }
 
@@ -142,7 +142,7 @@ mod tests {
     use super::*;
 
     fn codes(payload: &[u8], conversion: Option<SpnConversion>) -> Vec<(u32, u8, Option<u8>, bool)> {
-        let list = TroubleCodes::read(payload).unwrap();
+        let list = TroubleCodeList::read(payload).unwrap();
         list.codes(conversion).map(|it| (it.spn, it.fmi, it.count, it.is_assumed)).collect()
     }
 
@@ -186,22 +186,22 @@ mod tests {
     #[test]
     fn lamps_of_two_bits() {
         // 01 00 01 01: malfunction, amber warning and protect lit; flash 00 11 01 11: slow, none, fast, none.
-        let lamps = Lamps { status: 0b0100_0101, flash: 0b0011_0111 };
+        let lamps = LampStates { status: 0b0100_0101, flash: 0b0011_0111 };
         assert_eq!(
-            [6, 4, 2, 0].map(|shift| lamps.lit(shift)),
+            [6, 4, 2, 0].map(|shift| lamps.flash_rate(shift)),
             [Some(FlashRate::Slow), None, Some(FlashRate::Fast), Some(FlashRate::Steady)]
         );
         // 3 is not available, 2 is a lamp error.
-        assert_eq!(Lamps { status: 0b1110, flash: 0 }.lit(0), None);
-        assert_eq!(Lamps { status: 0b1110, flash: 0 }.lit(2), None);
-        assert_eq!(lamps.lit(8), None);
+        assert_eq!(LampStates { status: 0b1110, flash: 0 }.flash_rate(0), None);
+        assert_eq!(LampStates { status: 0b1110, flash: 0 }.flash_rate(2), None);
+        assert_eq!(lamps.flash_rate(8), None);
     }
 
     #[test]
     fn too_few_bytes() {
-        let error = TroubleCodes::read(&[0, 0xFF, 0, 0, 0]).unwrap_err();
+        let error = TroubleCodeList::read(&[0, 0xFF, 0, 0, 0]).unwrap_err();
         assert_eq!((error.needed, error.available), (6, 5));
-        assert!(TroubleCodes::read(&[]).is_err());
+        assert!(TroubleCodeList::read(&[]).is_err());
         // A remainder shorter than one code is padding.
         assert_eq!(codes(&[0, 0xFF, 0x73, 2, 3, 1, 0x73, 2, 3], None).len(), 1);
     }

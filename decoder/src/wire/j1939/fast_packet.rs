@@ -4,7 +4,7 @@ use nom::Parser;
 use nom::combinator::verify;
 use nom::number::complete::u8 as byte;
 
-use crate::wire::Malformed;
+use crate::wire::MalformedPayload;
 use crate::wire::parser::{Parsed, bit_field, parse_message};
 
 /// Max bytes of a fast packet: 6 in frame 0 and 7 in each of 31 more.
@@ -30,11 +30,11 @@ pub(crate) struct FastFrame<'a> {
 /// # Errors
 /// If the counter or the length is missing, or the length exceeds that of a fast packet (`needed` is 0). The
 /// error counts all bytes from the start of the frame.
-pub(crate) fn fast_frame(payload: &[u8]) -> Result<FastFrame<'_>, Malformed> {
+pub(crate) fn fast_frame(payload: &[u8]) -> Result<FastFrame<'_>, MalformedPayload> {
     parse_message("fast-packet", payload, parse_frame).map_err(
-        |Malformed { layer, offset, needed, available }| {
+        |MalformedPayload { layer, offset, needed, available }| {
             let needed = if needed == 0 { 0 } else { needed.saturating_add(offset) };
-            Malformed { layer, offset, needed, available: available.saturating_add(offset) }
+            MalformedPayload { layer, offset, needed, available: available.saturating_add(offset) }
         },
     )
 }

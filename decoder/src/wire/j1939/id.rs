@@ -101,7 +101,7 @@ pub struct J1939Id {
 impl J1939Id {
     /// Reads 29 bits; `None` if the extended data page bit is set: such a message does not belong to J1939
     /// (J1939-21 §5.2.2).
-    pub const fn of(id: u32) -> Option<Self> {
+    pub const fn from_identifier(id: u32) -> Option<Self> {
         const EXTENDED_DATA_PAGE: u32 = 1 << 25;
         if id & EXTENDED_DATA_PAGE != 0 {
             return None;
@@ -122,7 +122,7 @@ mod tests {
     #[test]
     fn pdu2_belongs_to_the_group() {
         // 18FECA80: priority 6, DM1 (65226) of address 0x80 to all.
-        let id = J1939Id::of(0x18FE_CA80).unwrap();
+        let id = J1939Id::from_identifier(0x18FE_CA80).unwrap();
         assert_eq!(id, J1939Id { priority: 6, pgn: Pgn::DM1, source: 0x80, destination: ALL });
         assert_eq!(id.pgn.to_string(), "65226 (FECA)");
         assert!(!id.pgn.is_addressed());
@@ -131,17 +131,17 @@ mod tests {
     #[test]
     fn pdu1_names_its_destination() {
         // 0CEAFF21: priority 3, request of 0x21 to all.
-        let id = J1939Id::of(0x0CEA_FF21).unwrap();
+        let id = J1939Id::from_identifier(0x0CEA_FF21).unwrap();
         assert_eq!(id, J1939Id { priority: 3, pgn: Pgn::REQUEST, source: 0x21, destination: ALL });
         assert!(id.pgn.is_addressed());
         // 1CEF8055 on data page 1 is 1DEF8055: PGN 0x1EF00.
-        let id = J1939Id::of(0x1DEF_8055).unwrap();
+        let id = J1939Id::from_identifier(0x1DEF_8055).unwrap();
         assert_eq!((id.priority, id.pgn.number(), id.destination), (7, 0x1_EF00, 0x80));
     }
 
     #[test]
     fn the_extended_data_page_is_not_j1939() {
-        assert_eq!(J1939Id::of(0x1BC7_8805), None);
-        assert_eq!(J1939Id::of(0x1AFE_CA80), None);
+        assert_eq!(J1939Id::from_identifier(0x1BC7_8805), None);
+        assert_eq!(J1939Id::from_identifier(0x1AFE_CA80), None);
     }
 }

@@ -15,11 +15,11 @@ mod message;
 mod name;
 mod transport;
 
-pub use diagnostics::{FlashRate, Lamps, ReportedDtc, SpnConversion, TroubleCodes};
+pub use diagnostics::{FlashRate, LampStates, ReportedDtc, SpnConversion, TroubleCodeList};
 pub(crate) use fast_packet::{FastFrame, fast_frame, fast_frames_of};
 pub(crate) use id::NO_ADDRESS;
 pub use id::{ALL, J1939Id, Pgn};
-pub use message::{Acknowledgement, commanded_address, request};
-pub use name::{Name, NameFields};
+pub use message::{Acknowledgement, commanded_address, parse_request};
+pub use name::{J1939Name, NameFields};
+pub use transport::{ConnectionManagement, parse_management, parse_packet};
 pub(crate) use transport::{ETP_SIZES, PACKET_SIZE, TP_SIZES, packets_of};
-pub use transport::{Management, management, packet};

@@ -7,7 +7,7 @@ use crate::wire::parser::{Parsed, bit_field};
 
 /// A NAME (J1939-81 §4.1.1) as a number; the lower one has priority in an address conflict.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Name(pub u64);
+pub struct J1939Name(pub u64);
 
 /// Fields of a NAME, from the least significant bit up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,7 +32,7 @@ pub struct NameFields {
     pub arbitrary_address_capable: bool,
 }
 
-impl Name {
+impl J1939Name {
     /// Reads the eight bytes of an address claim, least significant first; `None` if there are fewer.
     pub fn read(data: &[u8]) -> Option<Self> {
         Self::parse_field(data).ok().map(|(_, name)| name)
@@ -68,13 +68,13 @@ mod tests {
         // Identity number 0x12345 of 21 bits, manufacturer 57 of 11 bits: 57 << 21 | 0x12345 = 0x07212345.
         // Function 129, function instance 1 (<< 3), ECU instance 2: 0x0A. Class 17 << 1 = 0x22. Arbitrary
         // address capable 1, group 2, class instance 3: 1010 0011.
-        let name = Name::read(&[0x45, 0x23, 0x21, 0x07, 0x0A, 0x81, 0x22, 0xA3]).unwrap();
-        assert_eq!(name, Name(0xA322_810A_0721_2345));
+        let name = J1939Name::read(&[0x45, 0x23, 0x21, 0x07, 0x0A, 0x81, 0x22, 0xA3]).unwrap();
+        assert_eq!(name, J1939Name(0xA322_810A_0721_2345));
         let fields = name.fields();
         assert_eq!((fields.identity_number, fields.manufacturer_code), (0x12345, 57));
         assert_eq!((fields.ecu_instance, fields.function_instance, fields.function), (2, 1, 129));
         assert_eq!((fields.device_class, fields.device_class_instance), (17, 3));
         assert_eq!((fields.industry_group, fields.arbitrary_address_capable), (2, true));
-        assert_eq!(Name::read(&[0; 7]), None);
+        assert_eq!(J1939Name::read(&[0; 7]), None);
     }
 }

@@ -23,7 +23,7 @@ use nom::bytes::complete::take;
 use nom::number::complete::{le_u16, le_u24, le_u32, u8 as byte};
 
 use super::id::Pgn;
-use crate::wire::Malformed;
+use crate::wire::MalformedPayload;
 use crate::wire::parser::{Parsed, byte_array, field_group, parse_message};
 
 /// Data bytes per packet.
@@ -37,7 +37,7 @@ pub(crate) const ETP_SIZES: (u32, u32) = (1786, 117_440_505);
 
 /// A connection management message, TP.CM or ETP.CM.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Management {
+pub enum ConnectionManagement {
     /// The originator requests a connection.
     RequestToSend {
         /// Message size in bytes.
@@ -80,7 +80,7 @@ pub enum Management {
     Unknown,
 }
 
-impl Management {
+impl ConnectionManagement {
     /// Message name as in J1939-21, or as in ISO 11783-3 if `is_extended`.
     pub const fn name(self, is_extended: bool) -> &'static str {
         match (self, is_extended) {
@@ -109,40 +109,50 @@ pub(crate) const fn packets_of(size: u32) -> u32 {
 ///
 /// # Errors
 /// If there are fewer than eight bytes.
-pub fn management(data: &[u8], is_extended: bool) -> Result<(Management, Pgn), Malformed> {
+pub fn parse_management(
+    data: &[u8],
+    is_extended: bool,
+) -> Result<(ConnectionManagement, Pgn), MalformedPayload> {
     let layer = if is_extended { "etp.cm" } else { "tp.cm" };
     parse_message(layer, data, field_group((|data| parse_command(data, is_extended), Pgn::parse_field)))
 }
 
 /// Bytes 0..5, all but the parameter group.
-fn parse_command(data: &[u8], is_extended: bool) -> Parsed<'_, Management> {
+fn parse_command(data: &[u8], is_extended: bool) -> Parsed<'_, ConnectionManagement> {
     let (rest, control) = byte(data)?;
     match (control, is_extended) {
         (16, false) => (le_u16, byte, byte)
-            .map(|(size, packets, _)| Management::RequestToSend {
+            .map(|(size, packets, _)| ConnectionManagement::RequestToSend {
                 size: size.into(),
                 packets: packets.into(),
             })
             .parse(rest),
         (17, false) => (byte, byte, take(2_usize))
-            .map(|(count, next, _)| Management::ClearToSend { count, next: next.into() })
+            .map(|(count, next, _)| ConnectionManagement::ClearToSend { count, next: next.into() })
             .parse(rest),
         (19, false) => (le_u16, take(2_usize))
-            .map(|(size, _)| Management::EndOfMessage { size: size.into() })
+            .map(|(size, _)| ConnectionManagement::EndOfMessage { size: size.into() })
             .parse(rest),
         (32, false) => (le_u16, byte, byte)
-            .map(|(size, packets, _)| Management::Announce { size: size.into(), packets: packets.into() })
+            .map(|(size, packets, _)| ConnectionManagement::Announce {
+                size: size.into(),
+                packets: packets.into(),
+            })
             .parse(rest),
-        (20, true) => {
-            le_u32.map(|size| Management::RequestToSend { size, packets: packets_of(size) }).parse(rest)
+        (20, true) => le_u32
+            .map(|size| ConnectionManagement::RequestToSend { size, packets: packets_of(size) })
+            .parse(rest),
+        (21, true) => {
+            (byte, le_u24).map(|(count, next)| ConnectionManagement::ClearToSend { count, next }).parse(rest)
         }
-        (21, true) => (byte, le_u24).map(|(count, next)| Management::ClearToSend { count, next }).parse(rest),
-        (22, true) => {
-            (byte, le_u24).map(|(count, offset)| Management::PacketOffset { count, offset }).parse(rest)
+        (22, true) => (byte, le_u24)
+            .map(|(count, offset)| ConnectionManagement::PacketOffset { count, offset })
+            .parse(rest),
+        (23, true) => le_u32.map(|size| ConnectionManagement::EndOfMessage { size }).parse(rest),
+        (255, _) => {
+            (byte, take(3_usize)).map(|(reason, _)| ConnectionManagement::Abort { reason }).parse(rest)
         }
-        (23, true) => le_u32.map(|size| Management::EndOfMessage { size }).parse(rest),
-        (255, _) => (byte, take(3_usize)).map(|(reason, _)| Management::Abort { reason }).parse(rest),
-        _ => take(4_usize).map(|_| Management::Unknown).parse(rest),
+        _ => take(4_usize).map(|_| ConnectionManagement::Unknown).parse(rest),
     }
 }
 
@@ -151,7 +161,7 @@ fn parse_command(data: &[u8], is_extended: bool) -> Parsed<'_, Management> {
 /// # Errors
 /// If there are fewer than eight bytes.
 #[inline]
-pub fn packet(data: &[u8], is_extended: bool) -> Result<(u8, [u8; 7]), Malformed> {
+pub fn parse_packet(data: &[u8], is_extended: bool) -> Result<(u8, [u8; 7]), MalformedPayload> {
     parse_message(if is_extended { "etp.dt" } else { "tp.dt" }, data, field_group((byte, byte_array)))
 }
 
@@ -162,8 +172,8 @@ mod tests {
     /// DM2 (FECB), least significant byte first.
     const PGN: [u8; 3] = [0xCB, 0xFE, 0x00];
 
-    fn read(head: [u8; 5], is_extended: bool) -> Management {
-        let (message, pgn) = management(&[&head[..], &PGN].concat(), is_extended).unwrap();
+    fn read(head: [u8; 5], is_extended: bool) -> ConnectionManagement {
+        let (message, pgn) = parse_management(&[&head[..], &PGN].concat(), is_extended).unwrap();
         assert_eq!(pgn, Pgn::DM2);
         message
     }
@@ -171,48 +181,57 @@ mod tests {
     #[test]
     fn connection_management() {
         // 20 bytes (0x0014) need 3 packets; 0x06F9 = 1785 bytes need 255.
-        assert_eq!(read([16, 0x14, 0, 3, 255], false), Management::RequestToSend { size: 20, packets: 3 });
+        assert_eq!(
+            read([16, 0x14, 0, 3, 255], false),
+            ConnectionManagement::RequestToSend { size: 20, packets: 3 }
+        );
         assert_eq!(
             read([16, 0xF9, 6, 255, 1], false),
-            Management::RequestToSend { size: 1785, packets: 255 }
+            ConnectionManagement::RequestToSend { size: 1785, packets: 255 }
         );
-        assert_eq!(read([17, 2, 9, 255, 255], false), Management::ClearToSend { count: 2, next: 9 });
-        assert_eq!(read([19, 0x14, 0, 3, 255], false), Management::EndOfMessage { size: 20 });
-        assert_eq!(read([32, 0x14, 0, 3, 255], false), Management::Announce { size: 20, packets: 3 });
-        assert_eq!(read([255, 3, 255, 255, 255], false), Management::Abort { reason: 3 });
+        assert_eq!(
+            read([17, 2, 9, 255, 255], false),
+            ConnectionManagement::ClearToSend { count: 2, next: 9 }
+        );
+        assert_eq!(read([19, 0x14, 0, 3, 255], false), ConnectionManagement::EndOfMessage { size: 20 });
+        assert_eq!(
+            read([32, 0x14, 0, 3, 255], false),
+            ConnectionManagement::Announce { size: 20, packets: 3 }
+        );
+        assert_eq!(read([255, 3, 255, 255, 255], false), ConnectionManagement::Abort { reason: 3 });
         for control in [0, 18, 20, 21, 22, 23, 254] {
-            assert_eq!(read([control, 1, 1, 1, 1], false), Management::Unknown, "{control}");
+            assert_eq!(read([control, 1, 1, 1, 1], false), ConnectionManagement::Unknown, "{control}");
         }
     }
 
     #[test]
     fn extended_connection_management() {
         // 117,440,505 = 0x06FF_FFF9 bytes need 16,777,215 packets.
-        let largest = Management::RequestToSend { size: ETP_SIZES.1, packets: 0xFF_FFFF };
+        let largest = ConnectionManagement::RequestToSend { size: ETP_SIZES.1, packets: 0xFF_FFFF };
         assert_eq!(read([20, 0xF9, 0xFF, 0xFF, 0x06], true), largest);
         assert_eq!(
             read([21, 16, 0x01, 0x02, 0x03], true),
-            Management::ClearToSend { count: 16, next: 0x03_0201 }
+            ConnectionManagement::ClearToSend { count: 16, next: 0x03_0201 }
         );
         assert_eq!(
             read([22, 16, 0x00, 0x02, 0x03], true),
-            Management::PacketOffset { count: 16, offset: 0x03_0200 }
+            ConnectionManagement::PacketOffset { count: 16, offset: 0x03_0200 }
         );
-        assert_eq!(read([23, 0xFA, 6, 0, 0], true), Management::EndOfMessage { size: ETP_SIZES.0 });
-        assert_eq!(read([255, 250, 255, 255, 255], true), Management::Abort { reason: 250 });
+        assert_eq!(read([23, 0xFA, 6, 0, 0], true), ConnectionManagement::EndOfMessage { size: ETP_SIZES.0 });
+        assert_eq!(read([255, 250, 255, 255, 255], true), ConnectionManagement::Abort { reason: 250 });
         for control in [16, 17, 19, 24, 32] {
-            assert_eq!(read([control, 1, 1, 1, 1], true), Management::Unknown, "{control}");
+            assert_eq!(read([control, 1, 1, 1, 1], true), ConnectionManagement::Unknown, "{control}");
         }
-        assert_eq!(Management::PacketOffset { count: 1, offset: 0 }.name(true), "ETP.CM_DPO");
+        assert_eq!(ConnectionManagement::PacketOffset { count: 1, offset: 0 }.name(true), "ETP.CM_DPO");
     }
 
     #[test]
     fn packets() {
-        assert_eq!(packet(&[3, 1, 2, 3, 4, 5, 6, 7], false), Ok((3, [1, 2, 3, 4, 5, 6, 7])));
-        let short = Malformed { layer: "etp.dt", offset: 0, needed: 8, available: 7 };
-        assert_eq!(packet(&[3, 1, 2, 3, 4, 5, 6], true), Err(short));
-        let short = Malformed { layer: "tp.cm", offset: 0, needed: 8, available: 0 };
-        assert_eq!(management(&[], false), Err(short));
+        assert_eq!(parse_packet(&[3, 1, 2, 3, 4, 5, 6, 7], false), Ok((3, [1, 2, 3, 4, 5, 6, 7])));
+        let short = MalformedPayload { layer: "etp.dt", offset: 0, needed: 8, available: 7 };
+        assert_eq!(parse_packet(&[3, 1, 2, 3, 4, 5, 6], true), Err(short));
+        let short = MalformedPayload { layer: "tp.cm", offset: 0, needed: 8, available: 0 };
+        assert_eq!(parse_management(&[], false), Err(short));
         assert_eq!([0, 7, 8, 1785].map(packets_of), [0, 1, 2, 255]);
     }
 }

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::available_parallelism;
 
 use cobscope_decoder::capture::{Batch, is_compressed};
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::{Buses, SessionOptions};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::findings::{CapturePart, CaptureResult};
@@ -19,7 +19,7 @@ use crate::cmd::captures::{SourceSeries, is_no_capture, passed_over};
 use crate::cmd::decoding::{CaptureJob, ReadCapture};
 use crate::cmd::input::read_options;
 use crate::cmd::selected_findings::SelectedFindings;
-use crate::source::{self, Series};
+use crate::source::{self, CaptureSeries};
 use crate::words::absent_choices;
 
 /// Result for one file.
@@ -39,7 +39,7 @@ impl JudgedFile {
     /// A file that cannot be read; in a folder, one without a known format is skipped.
     fn unread(source: &SourceSeries, capture: String, error: &anyhow::Error) -> Self {
         if source.folder.is_some() && is_no_capture(error) {
-            let messages = passed_over(source.series.first(), error).into_iter().collect();
+            let messages = passed_over(source.series.first_path(), error).into_iter().collect();
             return Self { messages, ..Self::default() };
         }
         let failure = format!("{error:#}");
@@ -53,7 +53,7 @@ impl JudgedFile {
 struct JudgeInputs<'a> {
     arguments: &'a CheckArgs,
     options: &'a SessionOptions,
-    setup: &'a Arc<Setup>,
+    setup: &'a Arc<RuleSetup>,
     is_alone: bool,
 }
 
@@ -62,7 +62,7 @@ pub(super) fn judge_all(
     captures: &[SourceSeries],
     arguments: &CheckArgs,
     options: &SessionOptions,
-    setup: &Arc<Setup>,
+    setup: &Arc<RuleSetup>,
 ) -> Vec<JudgedFile> {
     let wanted = arguments.threads.or_else(|| available_parallelism().ok()).map_or(1, usize::from);
     let threads = wanted.min(captures.len()).max(1);
@@ -155,19 +155,19 @@ impl JudgeInputs<'_> {
 }
 
 /// Parts of a series with the numbers of their first frames.
-pub(in crate::cmd) fn parts(series: &Series) -> Vec<CapturePart> {
+pub(in crate::cmd) fn parts(series: &CaptureSeries) -> Vec<CapturePart> {
     let all = series.parts.iter().zip(&series.first_frames);
     all.map(|(path, frame)| CapturePart { file: path.display().to_string(), first_frame: *frame }).collect()
 }
 
 /// Line numbers of frames in a text capture, each in the file of its part.
 pub(in crate::cmd) fn line_numbers(
-    series: &Series,
+    series: &CaptureSeries,
     input: &InputArgs,
     frames: &BTreeSet<u64>,
 ) -> BTreeMap<u64, u64> {
     if !series.is_joined() {
-        return lines_of_file(series.first(), input, frames);
+        return lines_of_file(series.first_path(), input, frames);
     }
     let mut all = BTreeMap::new();
     for (index, (path, first)) in series.parts.iter().zip(&series.first_frames).enumerate() {
@@ -187,12 +187,12 @@ fn lines_of_file(path: &Path, input: &InputArgs, frames: &BTreeSet<u64>) -> BTre
     let mut head = [0; 4];
     let is_plain =
         File::open(path).and_then(|mut file| file.read(&mut head)).is_ok() && !is_compressed(&head);
-    let Some(mut capture) = source::open(path, &read_options(input)).ok().filter(|_| is_plain) else {
+    let Some(mut capture) = source::open_capture(path, &read_options(input)).ok().filter(|_| is_plain) else {
         return lines;
     };
     let mut batch = Batch::of_one();
     while let Ok(true) = capture.reader.read(&mut batch) {
-        let Some(line) = capture.reader.line() else { break };
+        let Some(line) = capture.reader.line_number() else { break };
         let Some(frame) = batch.frames().first() else { continue };
         if frames.contains(&frame.number) {
             lines.insert(frame.number, line);

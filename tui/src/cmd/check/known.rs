@@ -5,17 +5,17 @@ use std::path::Path;
 use anyhow::{Context as _, anyhow, bail, ensure};
 use cobscope_decoder::rules::RuleSelection;
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::sink::findings::Report;
-use cobscope_decoder::sink::findings::baseline::{Baseline, Comparison};
-use cobscope_decoder::words::plural;
+use cobscope_decoder::sink::findings::FindingsReport;
+use cobscope_decoder::sink::findings::baseline::{Baseline, BaselineComparison};
+use cobscope_decoder::words::count_noun;
 
 use crate::cli::{CheckArgs, NodeArg, SelectArgs};
 use crate::cmd::input::limited;
-use crate::cmd::messages::{Refusal, note};
+use crate::cmd::messages::{Refusal, print_note};
 use crate::cmd::output::ensure_folder;
-use crate::exit_code::Exit;
-use crate::output_file::{self, Existing};
-use crate::path_text::shown;
+use crate::exit_code::ExitStatus;
+use crate::output_file::{self, ExistingFile};
+use crate::path_text::path_text;
 
 /// Use of the file of `--baseline`.
 pub(super) enum KnownFindings<'a> {
@@ -35,12 +35,12 @@ impl<'a> KnownFindings<'a> {
     pub(super) fn read(arguments: &'a CheckArgs) -> Result<Self, Refusal> {
         let Some(path) = arguments.baseline.as_deref() else { return Ok(Self::Nothing) };
         if arguments.update_baseline {
-            let before = replaced(path).map_err(|error| (Exit::Usage, error))?;
+            let before = replaced(path).map_err(|error| (ExitStatus::Usage, error))?;
             return Ok(Self::Replaced { path, before });
         }
         compared(path)
             .map(|baseline| Self::Compared(baseline, arguments))
-            .map_err(|error| (Exit::Profile, error))
+            .map_err(|error| (ExitStatus::Profile, error))
     }
 
     /// Compares the findings with the baseline, or updates it unless `exit` states that a capture is
@@ -48,11 +48,11 @@ impl<'a> KnownFindings<'a> {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub(super) fn apply(self, report: &mut Report, exit: Exit) -> anyhow::Result<()> {
+    pub(super) fn apply(self, report: &mut FindingsReport, exit: ExitStatus) -> anyhow::Result<()> {
         match self {
             Self::Nothing => {}
             Self::Compared(baseline, arguments) => {
-                baseline.compare(report);
+                baseline.compare_report(report);
                 for judged in &mut report.captures {
                     keep_selected(&mut judged.comparison, arguments);
                 }
@@ -61,9 +61,9 @@ impl<'a> KnownFindings<'a> {
                     |capture: &String| paths.iter().any(|path| first_file(capture).starts_with(path));
                 report.absent.retain(is_below);
             }
-            Self::Replaced { path, .. } if exit == Exit::Capture => note(&format!(
+            Self::Replaced { path, .. } if exit == ExitStatus::Capture => print_note(&format!(
                 "{}: not updated; a capture is unreadable, and its entries would be lost",
-                shown(path)
+                path_text(path)
             )),
             Self::Replaced { path, before } => replace(path, &before, report)?,
         }
@@ -72,13 +72,13 @@ impl<'a> KnownFindings<'a> {
 }
 
 /// Removes rules that were not run and findings that the options cannot select.
-fn keep_selected(comparison: &mut Comparison, arguments: &CheckArgs) {
+fn keep_selected(comparison: &mut BaselineComparison, arguments: &CheckArgs) {
     let (select, ignore) = (arguments.selected_rules.clone(), arguments.ignored_rules.clone());
     let rules = RuleSelection { select, ignore };
-    comparison.silent.retain(|rule| rules.admits(rule));
+    comparison.silent.retain(|rule| rules.admits_rule(rule));
     comparison.gone.retain(|known| {
         let (rule, place) = known.fingerprint.split_once('|').unwrap_or((&known.fingerprint, ""));
-        rules.admits(rule) && can_select(&arguments.select, place)
+        rules.admits_rule(rule) && can_select(&arguments.select, place)
     });
 }
 
@@ -124,45 +124,47 @@ fn first_file(capture: &str) -> &Path {
 }
 
 fn compared(path: &Path) -> anyhow::Result<Baseline> {
-    let name = shown(path);
+    let name = path_text(path);
     if matches!(path.try_exists(), Ok(false)) {
         bail!("{name}: no such file; --update-baseline creates it");
     }
-    let text = limited::text(path)?;
-    Baseline::parse(&text).map_err(|error| anyhow!("{name}: not a valid baseline: {}", escape(&error)))
+    let text = limited::read_text(path)?;
+    Baseline::parse_baseline(&text)
+        .map_err(|error| anyhow!("{name}: not a valid baseline: {}", escape(&error)))
 }
 
 /// Content of the baseline to update; empty if there is no file or an empty file.
 fn replaced(path: &Path) -> anyhow::Result<Baseline> {
-    let name = shown(path);
+    let name = path_text(path);
     ensure_folder(path)?;
     let is_missing = matches!(path.try_exists(), Ok(false));
-    let bytes = if is_missing { Vec::new() } else { limited::bytes(path)? };
+    let bytes = if is_missing { Vec::new() } else { limited::read_bytes(path)? };
     if bytes.is_empty() {
         return Ok(Baseline::default());
     }
     let expected = "not overwritten; expected a baseline written by --update-baseline, or no file";
     let text = std::str::from_utf8(&bytes).map_err(|error| anyhow!("{name}: {expected}: {error}"))?;
-    Baseline::parse(text).map_err(|error| anyhow!("{name}: {expected}: {}", escape(&error)))
+    Baseline::parse_baseline(text).map_err(|error| anyhow!("{name}: {expected}: {}", escape(&error)))
 }
 
 /// Writes the current findings as the new baseline. Entries of captures that were not checked are kept.
-fn replace(path: &Path, before: &Baseline, report: &mut Report) -> anyhow::Result<()> {
-    let name = shown(path);
-    let mut baseline = Baseline::of(report);
+fn replace(path: &Path, before: &Baseline, report: &mut FindingsReport) -> anyhow::Result<()> {
+    let name = path_text(path);
+    let mut baseline = Baseline::baseline_of(report);
     // Stdin always exists.
-    let others = baseline.keep(before, report, |capture| capture == "-" || first_file(capture).exists());
-    output_file::write(path, Existing::Replace, baseline.text().as_bytes())
+    let others =
+        baseline.keep_entries(before, report, |capture| capture == "-" || first_file(capture).exists());
+    output_file::write_file(path, ExistingFile::Replace, baseline.baseline_text().as_bytes())
         .with_context(|| format!("{name}: cannot be written"))?;
-    baseline.compare(report);
+    baseline.compare_report(report);
     // Kept entries are reported below; they do not fail the run.
     report.absent.clear();
     if others.kept > 0 {
-        let captures = plural(others.kept, "capture");
-        note(&format!("{name}: kept the entries of {captures} not checked in this run"));
+        let captures = count_noun(others.kept, "capture");
+        print_note(&format!("{name}: kept the entries of {captures} not checked in this run"));
     }
     for capture in others.dropped {
-        note(&format!("{name}: dropped the entries of {capture}; the file does not exist"));
+        print_note(&format!("{name}: dropped the entries of {capture}; the file does not exist"));
     }
     Ok(())
 }

@@ -9,11 +9,11 @@ use cobscope_decoder::session::{Bus, BusSnapshot, NoObserver, Observer, SessionO
 
 use crate::cli::{ConvertArgs, NodeArg};
 use crate::cmd::frame_comment::add_event;
-use crate::select::{Bound, BoundSide, Span, ensure_order, plain_event};
+use crate::select::{BoundSide, RangeBound, Span, ensure_order, plain_event};
 
 /// Decision on a frame.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Verdict {
+pub(super) struct FrameDecision {
     /// Whether to write the frame.
     pub(super) takes: bool,
     /// Whether to start a new file with this frame or the next one written.
@@ -21,26 +21,26 @@ pub(super) struct Verdict {
 }
 
 /// Selection of frames by the command line.
-pub(super) struct Choice {
-    from: Option<Bound>,
-    to: Option<Bound>,
+pub(super) struct FrameChoice {
+    from: Option<RangeBound>,
+    to: Option<RangeBound>,
     first: Option<Timestamp>,
     /// Whether no later frame can be selected.
     is_over: bool,
     /// `None` if frames need not be decoded.
-    reading: Option<Reading>,
+    reading: Option<ChoiceReading>,
     /// State before the first frame of the range.
-    start: StartState,
+    start: RangeStart,
 }
 
 /// State before the first frame of the range.
-enum StartState {
+enum RangeStart {
     NotNeeded,
     Pending,
     Known(Box<BusSnapshot>),
 }
 
-struct Reading {
+struct ChoiceReading {
     decoder: Decoder,
     filter: Option<Filter>,
     nodes: Vec<NodeArg>,
@@ -50,16 +50,16 @@ struct Reading {
     comment: Option<String>,
 }
 
-impl Choice {
+impl FrameChoice {
     pub(super) fn new(arguments: &ConvertArgs, options: SessionOptions) -> Self {
         let ConvertArgs { filter, only_node, split_at, comments, from, to, bus_file, .. } = arguments;
-        let start = if bus_file.is_some() { StartState::Pending } else { StartState::NotNeeded };
+        let start = if bus_file.is_some() { RangeStart::Pending } else { RangeStart::NotNeeded };
         let understands = filter.is_some()
             || !only_node.is_empty()
             || split_at.is_some()
             || *comments
             || bus_file.is_some();
-        let reading = understands.then(|| Reading {
+        let reading = understands.then(|| ChoiceReading {
             decoder: Decoder::new(options),
             filter: filter.clone(),
             nodes: only_node.clone(),
@@ -76,8 +76,8 @@ impl Choice {
     /// If a selection by time is requested and the captures have no timestamps.
     pub(super) fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
         self.first = first.time;
-        self.from = self.from.map(|from| from.resolve(BoundSide::From, first, span)).transpose()?;
-        self.to = self.to.map(|to| to.resolve(BoundSide::To, first, span)).transpose()?;
+        self.from = self.from.map(|from| from.resolve_bound(BoundSide::From, first, span)).transpose()?;
+        self.to = self.to.map(|to| to.resolve_bound(BoundSide::To, first, span)).transpose()?;
         ensure_order(self.from, self.to)
     }
 
@@ -87,51 +87,50 @@ impl Choice {
     }
 
     /// Comment on the last frame.
-    pub(super) fn comment(&self) -> &str {
+    pub(super) fn frame_comment(&self) -> &str {
         self.reading.as_ref().and_then(|reading| reading.comment.as_deref()).unwrap_or_default()
     }
 
     /// State before the first frame of the range; `None` before that frame, or if it was not requested.
     pub(super) fn take_start(&mut self) -> Option<BusSnapshot> {
-        match std::mem::replace(&mut self.start, StartState::NotNeeded) {
-            StartState::Known(state) => Some(*state),
-            StartState::NotNeeded | StartState::Pending => None,
+        match std::mem::replace(&mut self.start, RangeStart::NotNeeded) {
+            RangeStart::Known(state) => Some(*state),
+            RangeStart::NotNeeded | RangeStart::Pending => None,
         }
     }
 
-    pub(super) fn notice(&mut self, notice: &Notice, names: &BusNames) {
+    pub(super) fn on_notice(&mut self, notice: &Notice, names: &BusNames) {
         if let Some(reading) = &mut self.reading {
-            reading.decoder.notice(notice, names, &mut NoObserver);
+            reading.decoder.on_notice(notice, names, &mut NoObserver);
         }
     }
 
     #[inline]
-    pub(super) fn judge(&mut self, frame: &Frame, names: &BusNames) -> Verdict {
+    pub(super) fn judge_frame(&mut self, frame: &Frame, names: &BusNames) -> FrameDecision {
         let is_early = self.from.is_some_and(|from| from.is_behind(frame, self.first));
-        if matches!(self.start, StartState::Pending) && !is_early {
+        if matches!(self.start, RangeStart::Pending) && !is_early {
             let buses = self.reading.as_ref().map(|reading| reading.decoder.buses());
-            self.start = StartState::Known(Box::new(BusSnapshot::of(buses.unwrap_or_default())));
+            self.start = RangeStart::Known(Box::new(BusSnapshot::snapshot_of(buses.unwrap_or_default())));
         }
-        let read = self
-            .reading
-            .as_mut()
-            .map_or(Verdict { takes: true, splits: false }, |reading| reading.judge(frame, names));
+        let read = self.reading.as_mut().map_or(FrameDecision { takes: true, splits: false }, |reading| {
+            reading.judge_frame(frame, names)
+        });
         if self.from.is_none() && self.to.is_none() {
             return read;
         }
         let is_late = self.to.is_some_and(|to| to.is_before(frame, self.first));
-        self.is_over = is_late && matches!(self.to, Some(Bound::Frame(_)));
-        Verdict { takes: read.takes && !is_early && !is_late, ..read }
+        self.is_over = is_late && matches!(self.to, Some(RangeBound::Frame(_)));
+        FrameDecision { takes: read.takes && !is_early && !is_late, ..read }
     }
 }
 
-impl Reading {
-    fn judge(&mut self, frame: &Frame, names: &BusNames) -> Verdict {
+impl ChoiceReading {
+    fn judge_frame(&mut self, frame: &Frame, names: &BusNames) -> FrameDecision {
         let Self { decoder, filter, nodes, split_at, own_kinds, comment } = self;
         if let Some(comment) = comment {
             comment.clear();
         }
-        let mut look = Look {
+        let mut look = FrameEvents {
             frame,
             filter: filter.as_ref(),
             split_at: split_at.as_ref(),
@@ -143,23 +142,23 @@ impl Reading {
         decoder.push(frame, names, &mut look);
         let (own, splits) = (look.own, look.splits);
         let Some(bus) = decoder.buses().get(usize::from(frame.bus.0)) else {
-            return Verdict { takes: true, splits };
+            return FrameDecision { takes: true, splits };
         };
         let is_own = |arg: &NodeArg| arg.bus.as_deref().is_none_or(|name| name == bus.name());
         let is_of_node =
-            nodes.is_empty() || nodes.iter().any(|arg| is_own(arg) && bus.concerns(frame, arg.id));
+            nodes.is_empty() || nodes.iter().any(|arg| is_own(arg) && bus.concerns_node(frame, arg.id));
         let passes = filter.as_ref().is_none_or(|filter| {
             own.unwrap_or_else(|| {
                 let plain = plain_event(frame, bus.node_of(frame));
                 filter.matches_frame(&plain, &plain, bus)
             })
         });
-        Verdict { takes: is_of_node && passes, splits }
+        FrameDecision { takes: is_of_node && passes, splits }
     }
 }
 
 /// Observer for the events of one frame.
-struct Look<'a> {
+struct FrameEvents<'a> {
     frame: &'a Frame,
     filter: Option<&'a Filter>,
     split_at: Option<&'a Filter>,
@@ -170,14 +169,14 @@ struct Look<'a> {
     comment: Option<&'a mut String>,
 }
 
-impl Observer for Look<'_> {
-    fn event(&mut self, event: &Event, bus: &Bus) {
+impl Observer for FrameEvents<'_> {
+    fn on_event(&mut self, event: &Event, bus: &Bus) {
         let FrameRange { first, last } = event.frames;
         let is_own = first == self.frame.number && last == first && self.own_kinds.contains(&event.kind);
         if let Some(filter) = self.filter.filter(|_| is_own && self.own.is_none()) {
             self.own = Some(filter.matches_frame(event, &plain_event(self.frame, event.node), bus));
         }
-        self.splits |= self.split_at.is_some_and(|filter| filter.matches(event, bus, None));
+        self.splits |= self.split_at.is_some_and(|filter| filter.matches_event(event, bus, None));
         if let Some(comment) = &mut self.comment {
             add_event(comment, event, bus);
         }

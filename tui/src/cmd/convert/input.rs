@@ -5,18 +5,21 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use cobscope_decoder::capture::{Batch, BusNames, MergedCapture, MergedReader, Reader};
-use cobscope_decoder::series::{CapturePlacement, JoinOptions, arrange};
+use cobscope_decoder::capture::{Batch, BusNames, CaptureReader, MergedCapture, MergedReader};
+use cobscope_decoder::series::{CapturePlacement, JoinOptions, arrange_captures};
 
-use super::said::called;
+use super::said::common_name;
 use crate::cli::InputArgs;
 use crate::cmd::input::{join_options, read_options};
-use crate::cmd::messages::note;
-use crate::source::{CaptureFile, Relations, Series, SeriesFrames, Store, StoreReader, mixed_clocks, relate};
+use crate::cmd::messages::print_note;
+use crate::source::{
+    CaptureFile, CaptureRelations, CaptureSeries, DecompressedBytes, SeriesFrames, StoreReader, mixed_clocks,
+    relate_files,
+};
 
 /// Captures being read.
-pub(super) struct Input {
-    reading: Reading,
+pub(super) struct ConversionInput {
+    reading: InputReading,
     names: Vec<String>,
     /// Name of the capture, if all files are its parts.
     series: Option<String>,
@@ -25,12 +28,12 @@ pub(super) struct Input {
     pub(super) batch: Batch,
 }
 
-enum Reading {
+enum InputReading {
     One(Box<SeriesFrames>),
     Several(MergedReader<Box<dyn Read + Send>>),
 }
 
-impl Input {
+impl ConversionInput {
     /// Opens the captures. A single capture is streamed; for several ones the first frames are read in
     /// advance.
     ///
@@ -40,17 +43,17 @@ impl Input {
         // Unrelated clocks do not continue each other.
         let join = join_options(input);
         let join = JoinOptions { is_off: join.is_off || align, ..join };
-        let relations = relate(&CaptureFile::listed(paths), &read_options(input), join);
+        let relations = relate_files(&CaptureFile::files_named(paths), &read_options(input), join);
         let series = relations.series();
-        let notes = series.iter().filter_map(Series::note);
-        notes.chain(relations.notes()).for_each(|text| note(&text));
+        let notes = series.iter().filter_map(CaptureSeries::parts_note);
+        notes.chain(relations.separation_notes()).for_each(|text| print_note(&text));
         let name = |path: &PathBuf| path.display().to_string();
         let (reading, names) = if let [series] = series.as_slice() {
             let frames = SeriesFrames::open(series, read_options(input), true)?;
-            (Reading::One(Box::new(frames)), series.parts.iter().map(name).collect())
+            (InputReading::One(Box::new(frames)), series.parts.iter().map(name).collect())
         } else {
-            let (captures, names) = several(&relations, input, align)?;
-            (Reading::Several(MergedReader::new(captures)), names)
+            let (captures, names) = open_several(&relations, input, align)?;
+            (InputReading::Several(MergedReader::new(captures)), names)
         };
         let series = match series.as_slice() {
             [series] if series.is_joined() => Some(series.name()),
@@ -65,40 +68,40 @@ impl Input {
     /// Once for each capture that becomes unreadable; the other captures remain readable.
     pub(super) fn read(&mut self) -> anyhow::Result<bool> {
         match &mut self.reading {
-            Reading::One(frames) => frames.read(&mut self.batch),
-            Reading::Several(merged) => {
+            InputReading::One(frames) => frames.read(&mut self.batch),
+            InputReading::Several(merged) => {
                 let read = merged.read(&mut self.batch);
-                read.with_context(|| self.names.get(merged.failed()).cloned().unwrap_or_default())
+                read.with_context(|| self.names.get(merged.failed_capture()).cloned().unwrap_or_default())
             }
         }
     }
 
     /// Updates the progress.
-    pub(super) fn tick(&mut self) {
-        if let Reading::One(frames) = &mut self.reading {
-            frames.tick();
+    pub(super) fn update_progress(&mut self) {
+        if let InputReading::One(frames) = &mut self.reading {
+            frames.update_progress();
         }
     }
 
     /// Removes the progress.
     pub(super) fn finish_progress(&mut self) {
-        if let Reading::One(frames) = &mut self.reading {
+        if let InputReading::One(frames) = &mut self.reading {
             frames.finish_progress();
         }
     }
 
     pub(super) fn buses(&self) -> &BusNames {
         match &self.reading {
-            Reading::One(frames) => frames.buses(),
-            Reading::Several(merged) => merged.buses(),
+            InputReading::One(frames) => frames.buses(),
+            InputReading::Several(merged) => merged.buses(),
         }
     }
 
     /// Index of the capture of a notice in the last batch.
-    pub(super) fn teller(&self, notice: usize) -> usize {
+    pub(super) fn notice_capture(&self, notice: usize) -> usize {
         match &self.reading {
-            Reading::One(frames) => frames.part(),
-            Reading::Several(merged) => merged.teller(notice),
+            InputReading::One(frames) => frames.part_index(),
+            InputReading::Several(merged) => merged.notice_capture(notice),
         }
     }
 
@@ -123,11 +126,11 @@ impl Input {
     }
 
     /// Common name of all captures.
-    pub(super) fn called(&self) -> String {
+    pub(super) fn common_name(&self) -> String {
         if let Some(name) = &self.series {
             return name.clone();
         }
-        called(&self.names, &(0..self.names.len()).collect())
+        common_name(&self.names, &(0..self.names.len()).collect())
     }
 }
 
@@ -135,8 +138,8 @@ impl Input {
 type Merged = MergedCapture<Box<dyn Read + Send>>;
 
 /// Captures in the order of reading, with their names.
-fn several(
-    relations: &Relations,
+fn open_several(
+    relations: &CaptureRelations,
     input: &InputArgs,
     align: bool,
 ) -> anyhow::Result<(Vec<Merged>, Vec<String>)> {
@@ -145,22 +148,22 @@ fn several(
     let names: Vec<String> = paths().map(|path| path.display().to_string()).collect();
     let (mut stores, mut firsts) = (Vec::new(), Vec::new());
     for (index, (path, name)) in paths().zip(&names).enumerate() {
-        let store = Store::open(path)?;
-        let mut reader = Reader::open(CompleteStore(store.reader(0), Arc::clone(&store)), &options)
+        let store = DecompressedBytes::open(path)?;
+        let mut reader = CaptureReader::open(CompleteStore(store.reader_at(0), Arc::clone(&store)), &options)
             .with_context(|| name.clone())?;
         let mut batch = Batch::new();
         while batch.frames().is_empty() && reader.read(&mut batch).with_context(|| name.clone())? {}
         let first = batch.frames().first().and_then(|frame| frame.time);
-        firsts.push(first.map(|time| time.plus(relations.shift(index))));
+        firsts.push(first.map(|time| time.plus(relations.time_shift(index))));
         stores.push(store);
     }
     let (mut captures, mut ordered) = (Vec::new(), Vec::new());
-    for place in arrange(&names, &firsts, relations.of(), align).map_err(mixed_clocks)? {
+    for place in arrange_captures(&names, &firsts, relations.all_relations(), align).map_err(mixed_clocks)? {
         let CapturePlacement { index, group, shift, continues } = place;
         let (Some(store), Some(name)) = (stores.get(index), names.get(index)) else { continue };
-        let source: Box<dyn Read + Send> = Box::new(CompleteStore(store.reader(0), Arc::clone(store)));
-        let reader = Reader::open(source, &options).with_context(|| name.clone())?;
-        let shift = shift.saturating_add(relations.shift(index));
+        let source: Box<dyn Read + Send> = Box::new(CompleteStore(store.reader_at(0), Arc::clone(store)));
+        let reader = CaptureReader::open(source, &options).with_context(|| name.clone())?;
+        let shift = shift.saturating_add(relations.time_shift(index));
         captures.push(MergedCapture { reader, group, shift, continues });
         ordered.push(name.clone());
     }
@@ -168,12 +171,12 @@ fn several(
 }
 
 /// Reader that returns the error of an incomplete store, because the last line or record may be incomplete.
-struct CompleteStore(StoreReader, Arc<Store>);
+struct CompleteStore(StoreReader, Arc<DecompressedBytes>);
 
 impl Read for CompleteStore {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         match self.0.read(buffer)? {
-            0 => self.1.error().map_or(Ok(0), Err),
+            0 => self.1.end_error().map_or(Ok(0), Err),
             count => Ok(count),
         }
     }

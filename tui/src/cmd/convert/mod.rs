@@ -16,27 +16,27 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail, ensure};
-use cobscope_decoder::capture::{BusNames, Item, Notice, WRITABLE, WritableFormat};
+use cobscope_decoder::capture::{BatchItem, BusNames, Notice, WRITABLE, WritableFormat};
 use cobscope_decoder::event::KindSet;
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
 use super::cut;
 use super::input::{read_options, session_options, unknown_buses};
-use super::messages::{complain, note};
-use super::output::{ensure_folder, ensure_not_read, files_known, refused};
+use super::messages::{print_error, print_note};
+use super::output::{creation_error, ensure_folder, ensure_not_read, files_known};
 use crate::cli::ConvertArgs;
-use crate::exit_code::Exit;
-use crate::output_file::{self, Existing};
-use crate::path_text::shown;
+use crate::exit_code::ExitStatus;
+use crate::output_file::{self, ExistingFile};
+use crate::path_text::path_text;
 use crate::record::format;
 use crate::select::ensure_order;
 use crate::source::time_span;
-use crate::words::{unknown_bus, unreadable};
-use choice::Choice;
-use input::Input;
-use output::Output;
-use said::{CaptureNotes, called};
+use crate::words::{unknown_bus, unreadable_text};
+use choice::FrameChoice;
+use input::ConversionInput;
+use output::ConversionOutput;
+use said::{CaptureNotes, common_name};
 
 /// Maximum number of unreadable lines reported individually.
 const NAMED: u64 = 10;
@@ -45,26 +45,26 @@ const NAMED: u64 = 10;
 const MAX_UNWRITTEN: usize = 2_000;
 
 /// Runs the command.
-pub fn run(arguments: &ConvertArgs) -> Exit {
-    let Plan { captures, out, format } = match plan(arguments) {
+pub fn run(arguments: &ConvertArgs) -> ExitStatus {
+    let ConversionPlan { captures, out, format } = match plan_conversion(arguments) {
         Ok(plan) => plan,
-        Err(error) => return refuse(&error, Exit::Usage),
+        Err(error) => return print_refusal(&error, ExitStatus::Usage),
     };
     let options = match session_options(&arguments.input) {
         Ok(options) => options,
-        Err(error) => return refuse(&error, Exit::Profile),
+        Err(error) => return print_refusal(&error, ExitStatus::Profile),
     };
-    let choice = Choice::new(arguments, options.clone());
-    let input = match Input::open(captures, &arguments.input, arguments.align) {
+    let choice = FrameChoice::new(arguments, options.clone());
+    let input = match ConversionInput::open(captures, &arguments.input, arguments.align) {
         Ok(input) => input,
-        Err(error) => return refuse(&error, Exit::Capture),
+        Err(error) => return print_refusal(&error, ExitStatus::Capture),
     };
     let output = match open_outputs(captures, out, format, arguments) {
         Ok(output) => output,
-        Err(error) => return refuse(&error, Exit::Usage),
+        Err(error) => return print_refusal(&error, ExitStatus::Usage),
     };
     let (unreadable_in, assumed) = (BTreeSet::new(), CaptureNotes::default());
-    Conversion {
+    CaptureConversion {
         arguments,
         options,
         choice,
@@ -74,7 +74,7 @@ pub fn run(arguments: &ConvertArgs) -> Exit {
         assumed,
         is_first: true,
         unwritten: String::new(),
-        exit: Exit::Clean,
+        exit: ExitStatus::Clean,
     }
     .run(input)
 }
@@ -86,9 +86,9 @@ fn open_outputs(
     out: &Path,
     format: &'static WritableFormat,
     arguments: &ConvertArgs,
-) -> anyhow::Result<Output> {
+) -> anyhow::Result<ConversionOutput> {
     if let Some(path) = &arguments.bus_file {
-        let shown = shown(path);
+        let shown = path_text(path);
         ensure!(path.as_path() != out, "--bus-file {shown}: is also the output; choose another file");
         let read: Vec<PathBuf> = captures.iter().cloned().chain(files_known(&arguments.input)).collect();
         ensure_not_read(path, &read)?;
@@ -96,16 +96,16 @@ fn open_outputs(
         let is_free = arguments.force || path.symlink_metadata().is_err();
         ensure!(is_free, "{shown}: file exists; use --force to overwrite it");
     }
-    Output::open(captures, out, format, arguments)
+    ConversionOutput::open(captures, out, format, arguments)
 }
 
-fn refuse(error: &anyhow::Error, exit: Exit) -> Exit {
-    complain(error);
+fn print_refusal(error: &anyhow::Error, exit: ExitStatus) -> ExitStatus {
+    print_error(error);
     exit
 }
 
 /// Input and output of the conversion.
-struct Plan<'a> {
+struct ConversionPlan<'a> {
     captures: &'a [PathBuf],
     out: &'a Path,
     format: &'static WritableFormat,
@@ -113,7 +113,7 @@ struct Plan<'a> {
 
 /// # Errors
 /// If the command line is inconsistent.
-fn plan(arguments: &ConvertArgs) -> anyhow::Result<Plan<'_>> {
+fn plan_conversion(arguments: &ConvertArgs) -> anyhow::Result<ConversionPlan<'_>> {
     let named = arguments.input.captures.as_slice();
     let ends = match &arguments.output {
         Some(out) => Some((out, named)),
@@ -143,15 +143,15 @@ fn plan(arguments: &ConvertArgs) -> anyhow::Result<Plan<'_>> {
     let is_stdout = out.as_os_str() == "-";
     let splits = arguments.split_size.is_some() || arguments.split_at.is_some();
     ensure!(!(is_stdout && splits), "stdout cannot be split; give a file");
-    Ok(Plan { captures, out, format })
+    Ok(ConversionPlan { captures, out, format })
 }
 
 fn format_of(arguments: &ConvertArgs, out: &Path) -> anyhow::Result<&'static WritableFormat> {
     let Some(name) = &arguments.format else {
-        let found = format::of(out);
-        let shown = shown(out);
+        let found = format::format_of(out);
+        let shown = path_text(out);
         return found.with_context(|| {
-            let known = format::unknown(format::suffixes());
+            let known = format::unknown_suffix(format::all_suffixes());
             format!("{shown}: {known}; or use -f")
         });
     };
@@ -159,11 +159,11 @@ fn format_of(arguments: &ConvertArgs, out: &Path) -> anyhow::Result<&'static Wri
     WRITABLE.iter().find(|format| format.name == name.as_str()).context("-f: unknown format")
 }
 
-struct Conversion<'a> {
+struct CaptureConversion<'a> {
     arguments: &'a ConvertArgs,
     options: SessionOptions,
-    choice: Choice,
-    output: Output,
+    choice: FrameChoice,
+    output: ConversionOutput,
     unreadable: u64,
     /// Captures with unreadable lines or records.
     unreadable_in: BTreeSet<usize>,
@@ -172,99 +172,103 @@ struct Conversion<'a> {
     is_first: bool,
     /// Unreadable lines since the last written frame, for its comment.
     unwritten: String,
-    exit: Exit,
+    exit: ExitStatus,
 }
 
-impl Conversion<'_> {
-    fn run(mut self, mut input: Input) -> Exit {
+impl CaptureConversion<'_> {
+    fn run(mut self, mut input: ConversionInput) -> ExitStatus {
         let mut has_frames = false;
         loop {
             match input.read() {
                 Ok(true) => {}
                 Ok(false) => break,
                 Err(error) => {
-                    complain(&error);
-                    self.exit = Exit::Capture;
+                    print_error(&error);
+                    self.exit = ExitStatus::Capture;
                     continue;
                 }
             }
             has_frames |= !input.batch.frames().is_empty();
-            if let Err(error) = self.take(&input) {
-                return end(&error);
+            if let Err(error) = self.take_batch(&input) {
+                return output_exit(&error);
             }
             if self.choice.is_over() {
                 break;
             }
-            input.tick();
+            input.update_progress();
         }
         input.finish_progress();
         self.report_unknown_buses(&input);
         self.assumed.print_all(input.names());
         if self.unreadable > NAMED {
-            let captures = called(input.names(), &self.unreadable_in);
-            note(&format!("{captures}: {} unreadable", unreadable(self.unreadable)));
+            let captures = common_name(input.names(), &self.unreadable_in);
+            print_note(&format!("{captures}: {} unreadable", unreadable_text(self.unreadable)));
         }
         if !has_frames {
-            complain(&anyhow::anyhow!("{}: contains no frames", input.called()));
-            self.exit = Exit::Capture;
+            print_error(&anyhow::anyhow!("{}: contains no frames", input.common_name()));
+            self.exit = ExitStatus::Capture;
         }
         if let Err(error) = self.write_bus_file(&input) {
-            return end(&error);
+            return output_exit(&error);
         }
         match self.output.finish(input.buses(), has_frames) {
-            Ok(notes) => notes.iter().for_each(|text| note(text)),
-            Err(error) => return end(&error),
+            Ok(notes) => notes.iter().for_each(|text| print_note(text)),
+            Err(error) => return output_exit(&error),
         }
         self.exit
     }
 
     /// Writes the bus file with the state before the first frame of the range.
-    fn write_bus_file(&mut self, input: &Input) -> anyhow::Result<()> {
+    fn write_bus_file(&mut self, input: &ConversionInput) -> anyhow::Result<()> {
         let Some(path) = &self.arguments.bus_file else { return Ok(()) };
         // Without a frame in the range there is no capture that it could belong to.
         let Some(state) = self.choice.take_start() else { return Ok(()) };
-        let title = format!("State before the first frame of a part of {}", escape(&input.called()));
-        let text = cut::text(state, &self.arguments.input, path, &title)?;
-        let existing = if self.arguments.force { Existing::Replace } else { Existing::Keep };
-        output_file::write(path, existing, text.as_bytes()).map_err(|error| refused(path, &error))
+        let title = format!("State before the first frame of a part of {}", escape(&input.common_name()));
+        let text = cut::snapshot_text(state, &self.arguments.input, path, &title)?;
+        let existing = if self.arguments.force { ExistingFile::Replace } else { ExistingFile::Keep };
+        output_file::write_file(path, existing, text.as_bytes()).map_err(|error| creation_error(path, &error))
     }
 
     /// After an incomplete read not all buses are known.
-    fn report_unknown_buses(&self, input: &Input) {
+    fn report_unknown_buses(&self, input: &ConversionInput) {
         if self.choice.is_over() {
             return;
         }
-        let name = input.called();
+        let name = input.common_name();
         let names: Vec<&str> = input.buses().names().iter().map(String::as_str).collect();
         let chosen = self.arguments.only_node.iter().filter_map(|node| node.bus.as_deref());
         let chosen = chosen.filter_map(|bus| unknown_bus(&name, bus, "--only-node", &names));
         let known = unknown_buses(&name, &self.arguments.input, &self.options, input.buses());
-        known.into_iter().chain(chosen).for_each(|text| note(&text));
+        known.into_iter().chain(chosen).for_each(|text| print_note(&text));
     }
 
-    fn take(&mut self, input: &Input) -> anyhow::Result<()> {
+    fn take_batch(&mut self, input: &ConversionInput) -> anyhow::Result<()> {
         let names = input.buses();
         if let Some(first) = input.batch.frames().first().filter(|_| self.is_first) {
             let mut span = || time_span(input.paths(), &read_options(&self.arguments.input));
-            self.choice.begin(first, &mut span).with_context(|| input.called())?;
+            self.choice.begin(first, &mut span).with_context(|| input.common_name())?;
             self.is_first = false;
         }
         let mut notices = 0;
         for item in input.batch.items() {
             match item {
-                Item::Frame(frame) => {
-                    let verdict = self.choice.judge(frame, names);
+                BatchItem::Frame(frame) => {
+                    let verdict = self.choice.judge_frame(frame, names);
                     if verdict.splits {
-                        self.output.split();
+                        self.output.split_output();
                     }
                     if verdict.takes {
                         let bus = name_of(names, frame.bus.0);
-                        self.output.write(frame, bus, comment(&mut self.unwritten, self.choice.comment()))?;
+                        self.output.write_frame(
+                            frame,
+                            bus,
+                            frame_comment(&mut self.unwritten, self.choice.frame_comment()),
+                        )?;
                         self.unwritten.clear();
                     }
                 }
-                Item::Notice(notice) => {
-                    self.notice(notice, input.teller(notices), input)?;
+                BatchItem::Notice(notice) => {
+                    self.on_notice(notice, input.notice_capture(notices), input)?;
                     notices += 1;
                 }
             }
@@ -273,14 +277,14 @@ impl Conversion<'_> {
     }
 
     /// Processes a notice of a capture.
-    fn notice(&mut self, notice: &Notice, capture: usize, input: &Input) -> anyhow::Result<()> {
+    fn on_notice(&mut self, notice: &Notice, capture: usize, input: &ConversionInput) -> anyhow::Result<()> {
         let (names, name) = (input.buses(), input.name(capture));
         match notice {
             Notice::Unreadable { .. } => {
                 self.unreadable += 1;
                 self.unreadable_in.insert(capture);
                 if self.unreadable <= NAMED {
-                    note(&format!("{name}: {notice}"));
+                    print_note(&format!("{name}: {notice}"));
                 }
                 if self.output.holds_comments() && self.unwritten.len() < MAX_UNWRITTEN {
                     let _ = writeln!(self.unwritten, "unreadable in {name}: {notice}");
@@ -290,31 +294,31 @@ impl Conversion<'_> {
             Notice::CutOff { .. } => {
                 // If later frames are not needed, a truncated end is irrelevant.
                 if !self.choice.is_over() {
-                    note(&format!("{name}: {notice}"));
-                    self.exit = Exit::Capture;
+                    print_note(&format!("{name}: {notice}"));
+                    self.exit = ExitStatus::Capture;
                 }
                 Ok(())
             }
             Notice::Assumption(text) => {
                 if let Some(series) = input.series() {
-                    note(&format!("{series}: {text}"));
+                    print_note(&format!("{series}: {text}"));
                 } else if input.names().len() > 1 {
-                    self.assumed.add(text, capture);
+                    self.assumed.add_note(text, capture);
                 } else {
-                    note(&format!("{name}: {text}"));
+                    print_note(&format!("{name}: {text}"));
                 }
                 Ok(())
             }
             _ => {
-                self.choice.notice(notice, names);
-                self.output.notice(notice, name_of(names, notice.bus().0))
+                self.choice.on_notice(notice, names);
+                self.output.write_notice(notice, name_of(names, notice.bus().0))
             }
         }
     }
 }
 
 /// Comment on a frame: unreadable lines before it, and its meaning.
-fn comment<'a>(unwritten: &'a mut String, meaning: &'a str) -> &'a str {
+fn frame_comment<'a>(unwritten: &'a mut String, meaning: &'a str) -> &'a str {
     if unwritten.is_empty() {
         return meaning;
     }
@@ -328,10 +332,10 @@ fn name_of(names: &BusNames, bus: u8) -> &str {
 }
 
 /// Exit status for an output error; a closed pipe is not an error.
-fn end(error: &anyhow::Error) -> Exit {
+fn output_exit(error: &anyhow::Error) -> ExitStatus {
     let cause = error.downcast_ref::<std::io::Error>();
     if cause.is_some_and(|cause| cause.kind() == ErrorKind::BrokenPipe) {
-        return Exit::Clean;
+        return ExitStatus::Clean;
     }
-    refuse(error, Exit::Capture)
+    print_refusal(error, ExitStatus::Capture)
 }

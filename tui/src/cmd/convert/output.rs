@@ -6,16 +6,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Context as _, ensure};
-use cobscope_decoder::capture::{BusNames, FrameWriter, Losses, Notice, WritableFormat, WriteOptions};
+use cobscope_decoder::capture::{BusNames, FrameWriter, LossCounter, Notice, WritableFormat, WriteOptions};
 use cobscope_decoder::frame::{CanId, Frame, Timestamp};
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::words::plural;
+use cobscope_decoder::words::count_noun;
 
 use crate::cli::ConvertArgs;
-use crate::cmd::output::{ensure_not_read, files_known, refused};
-use crate::output_file::{self, Existing, FinalName};
-use crate::path_text::shown;
-use crate::record::Names;
+use crate::cmd::output::{creation_error, ensure_not_read, files_known};
+use crate::output_file::{self, ExistingFile, FinalName};
+use crate::path_text::path_text;
+use crate::record::RecordNames;
 
 /// Size of the output buffer, in bytes.
 const BUFFER: usize = 256 * 1024;
@@ -27,12 +27,12 @@ const LARGEST_FRAME: u64 = 512;
 const COMMENT_FACTOR: u64 = 2;
 
 /// Output of a conversion.
-pub(super) struct Output {
+pub(super) struct ConversionOutput {
     format: &'static WritableFormat,
     options: WriteOptions,
-    losses: Losses,
+    losses: LossCounter,
     /// `None` for stdout.
-    names: Option<Names>,
+    names: Option<RecordNames>,
     splits: bool,
     most: Option<u64>,
     force: bool,
@@ -59,7 +59,7 @@ struct OutputPart {
     buses: Vec<String>,
 }
 
-impl Output {
+impl ConversionOutput {
     /// Creates the first file.
     ///
     /// # Errors
@@ -75,14 +75,14 @@ impl Output {
             ensure_room(most, format, arguments)?;
         }
         let is_stdout = out.as_os_str() == "-";
-        let names = if is_stdout { None } else { Some(Names::of(out, splits)?) };
+        let names = if is_stdout { None } else { Some(RecordNames::names_for(out, splits)?) };
         if let Some(names) = names.as_ref().filter(|_| !arguments.force) {
             names.ensure_free()?;
         }
         let mut output = Self {
             format,
             options: WriteOptions { packing: arguments.packing.into(), ..WriteOptions::default() },
-            losses: Losses::new(format.holds),
+            losses: LossCounter::new(format.holds),
             names,
             splits,
             most: arguments.split_size,
@@ -96,12 +96,12 @@ impl Output {
             is_numbered_anew: false,
             is_split: false,
         };
-        output.begin()?;
+        output.begin_file()?;
         Ok(output)
     }
 
     /// Starts the next file.
-    fn begin(&mut self) -> anyhow::Result<()> {
+    fn begin_file(&mut self) -> anyhow::Result<()> {
         let mut name = FinalName::at_once();
         let output: Box<dyn Write + Send> = match &mut self.names {
             None => Box::new(io::stdout()),
@@ -111,9 +111,9 @@ impl Output {
                 ensure_not_read(&self.path, &self.read)?;
                 ensure_not_read(&output_file::part_of(&self.path), &self.read)?;
                 // Files of the user are overwritten only with `--force`.
-                let existing = if self.force { Existing::Replace } else { Existing::Keep };
-                let created = output_file::create(&self.path, existing);
-                let (file, final_name) = created.map_err(|error| refused(&self.path, &error))?;
+                let existing = if self.force { ExistingFile::Replace } else { ExistingFile::Keep };
+                let created = output_file::create_output(&self.path, existing);
+                let (file, final_name) = created.map_err(|error| creation_error(&self.path, &error))?;
                 name = final_name;
                 Box::new(file)
             }
@@ -125,12 +125,12 @@ impl Output {
         self.part = Some(OutputPart { writer, name, written, frames: 0, buses: Vec::new() });
         self.parts += 1;
         // The precision of the time of the first frame differs between files.
-        self.losses.begin();
+        self.losses.begin_file();
         Ok(())
     }
 
     /// Starts a new file with the next frame, if the output can be split.
-    pub(super) fn split(&mut self) {
+    pub(super) fn split_output(&mut self) {
         self.is_split = true;
     }
 
@@ -139,13 +139,13 @@ impl Output {
     /// # Errors
     /// If the file cannot be written.
     #[inline]
-    pub(super) fn write(&mut self, frame: &Frame, bus: &str, comment: &str) -> anyhow::Result<()> {
+    pub(super) fn write_frame(&mut self, frame: &Frame, bus: &str, comment: &str) -> anyhow::Result<()> {
         if self.splits && self.is_full(comment) {
-            self.end()?;
-            self.begin()?;
+            self.end_file()?;
+            self.begin_file()?;
         }
         self.is_split = false;
-        self.losses.see(frame);
+        self.losses.count_frame(frame);
         let Some(part) = &mut self.part else { return Ok(()) };
         part.frames += 1;
         self.frames += 1;
@@ -157,7 +157,7 @@ impl Output {
         } else {
             part.writer.write_commented(frame, bus, comment)
         };
-        written.with_context(|| failed(&self.path))
+        written.with_context(|| write_failure(&self.path))
     }
 
     /// Whether a new file must be started for a frame.
@@ -178,9 +178,9 @@ impl Output {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub(super) fn notice(&mut self, notice: &Notice, bus: &str) -> anyhow::Result<()> {
+    pub(super) fn write_notice(&mut self, notice: &Notice, bus: &str) -> anyhow::Result<()> {
         let Some(part) = &mut self.part else { return Ok(()) };
-        let has_place = part.writer.notice(notice, bus).with_context(|| failed(&self.path))?;
+        let has_place = part.writer.notice(notice, bus).with_context(|| write_failure(&self.path))?;
         if !has_place {
             self.losses.miss_notice();
         }
@@ -188,22 +188,22 @@ impl Output {
     }
 
     /// Ends a file. One without frames would look like a capture, and is removed.
-    fn end(&mut self) -> anyhow::Result<()> {
+    fn end_file(&mut self) -> anyhow::Result<()> {
         let Some(mut part) = self.part.take() else { return Ok(()) };
         self.is_numbered_anew |= part.buses.iter().zip(&self.numbered).any(|(one, other)| one != other);
         if part.buses.len() > self.numbered.len() {
             self.numbered = part.buses;
         }
-        part.writer.finish().with_context(|| failed(&self.path))?;
+        part.writer.finish().with_context(|| write_failure(&self.path))?;
         if part.frames == 0 {
-            part.name.discard();
+            part.name.discard_file();
             return Ok(());
         }
-        part.name.finish().with_context(|| failed(&self.path))
+        part.name.finish_file().with_context(|| write_failure(&self.path))
     }
 
     /// Note on bus numbers, unless they equal the names; `buses` are all buses of the input.
-    fn numbers(&self, buses: &BusNames) -> Option<String> {
+    fn bus_numbers(&self, buses: &BusNames) -> Option<String> {
         let title = self.format.title;
         let are_plain = (1..).zip(&self.numbered).all(|(number, name)| *name == u32::to_string(&number));
         if buses.names().len() < 2 || are_plain {
@@ -224,18 +224,18 @@ impl Output {
     /// # Errors
     /// If the file cannot be written.
     pub(super) fn finish(mut self, buses: &BusNames, has_frames: bool) -> anyhow::Result<Vec<String>> {
-        self.end()?;
+        self.end_file()?;
         let mut notes = Vec::new();
         if self.frames == 0 && has_frames {
-            notes.push(format!("{}: no frames selected", shown(&self.path)));
+            notes.push(format!("{}: no frames selected", path_text(&self.path)));
         }
-        let lost = self.losses.texts();
+        let lost = self.losses.loss_texts();
         if !lost.is_empty() {
             notes.push(format!("{} cannot store all data: {}", self.format.title, lost.join("; ")));
         }
-        notes.extend(self.numbers(buses));
+        notes.extend(self.bus_numbers(buses));
         if self.splits {
-            notes.push(format!("{} in {}", plural(self.frames, "frame"), plural(self.parts, "file")));
+            notes.push(format!("{} in {}", count_noun(self.frames, "frame"), count_noun(self.parts, "file")));
         }
         Ok(notes)
     }
@@ -247,7 +247,7 @@ fn ensure_room(most: u64, format: &'static WritableFormat, arguments: &ConvertAr
     let counted = CountedOutput { output: io::sink(), written: Arc::clone(&written) };
     let options = WriteOptions { packing: arguments.packing.into(), ..WriteOptions::default() };
     let mut writer = (format.writer)(Box::new(counted), &options);
-    let frame = Frame::data_frame(CanId::standard(0), &[]);
+    let frame = Frame::data_frame(CanId::from_standard(0), &[]);
     let frame = Frame { number: 1, time: Some(Timestamp(0)), ..frame };
     writer.write(&frame, "can0").and_then(|()| writer.finish()).context("--split-size")?;
     let least = written.load(Ordering::Relaxed).saturating_add(LARGEST_FRAME);
@@ -259,8 +259,8 @@ fn ensure_room(most: u64, format: &'static WritableFormat, arguments: &ConvertAr
     Ok(())
 }
 
-fn failed(path: &Path) -> String {
-    format!("{}: cannot be written", shown(path))
+fn write_failure(path: &Path) -> String {
+    format!("{}: cannot be written", path_text(path))
 }
 
 /// Writer that counts bytes.

@@ -1,12 +1,12 @@
 //! Text on J1939 in a profile: addresses, messages, faults.
 
-use cobscope_decoder::profile::Device;
-use cobscope_decoder::profile::device::{Direction, MessageSpec, TroubleCode};
+use cobscope_decoder::profile::DeviceProfile;
+use cobscope_decoder::profile::device::{DeviceTroubleCode, MessageDirection, MessageSpec};
 
-use super::object::named;
+use super::object::object_title;
 
 /// `addresses 80 to 8F; DM1 every 1000 ms, with the most urgent fault only`.
-pub(in crate::cmd) fn facts(device: &Device) -> String {
+pub(in crate::cmd) fn j1939_facts(device: &DeviceProfile) -> String {
     let spec = &device.j1939;
     let addresses = spec.addresses.map(|[first, last]| format!("addresses {first:02X} to {last:02X}"));
     let period = (spec.dm1_period > 0).then(|| format!(" every {} ms", spec.dm1_period));
@@ -26,8 +26,8 @@ pub(in crate::cmd) fn message_name(message: &MessageSpec) -> String {
         format!("{:04X}", message.pgn)
     };
     let way = match message.direction {
-        Direction::Transmit => "sent",
-        Direction::Receive => "received",
+        MessageDirection::Transmit => "sent",
+        MessageDirection::Receive => "received",
     };
     let number = message.number.as_ref().map_or(String::new(), |number| {
         format!(", n = {}", number.replace("$NODEID", "address ").replace('-', "− "))
@@ -36,24 +36,24 @@ pub(in crate::cmd) fn message_name(message: &MessageSpec) -> String {
 }
 
 /// `every 100 ms; timeout 250 ms; FE30:01 Port flow command (8 bit), …`.
-pub(in crate::cmd) fn message_contents(device: &Device, message: &MessageSpec) -> String {
+pub(in crate::cmd) fn message_contents(device: &DeviceProfile, message: &MessageSpec) -> String {
     let period = message.period.map(|period| format!("every {period} ms"));
     let timeout = message.timeout.map(|timeout| format!("timeout {timeout} ms"));
     let fields = message.fields.iter().filter_map(|field| {
         let object = field.object?;
-        Some(format!("{} ({} bit)", named(device, object.object), field.bits))
+        Some(format!("{} ({} bit)", object_title(device, object.object), field.bits))
     });
     let fields = fields.collect::<Vec<_>>().join(", ");
     period.into_iter().chain(timeout).chain([fields]).collect::<Vec<_>>().join("; ")
 }
 
 /// `298985/19`.
-pub(in crate::cmd) fn dtc_code(dtc: &TroubleCode) -> String {
+pub(in crate::cmd) fn dtc_code(dtc: &DeviceTroubleCode) -> String {
     format!("{}/{}", dtc.spn, dtc.fmi)
 }
 
 /// `time guarding, warning, external → BLOCKED; needs 2 neutral AVC and spool neutral`.
-pub(in crate::cmd) fn dtc_text(dtc: &TroubleCode) -> String {
+pub(in crate::cmd) fn dtc_text(dtc: &DeviceTroubleCode) -> String {
     let words = [&dtc.text, &dtc.severity, &dtc.origin].map(String::as_str);
     let mut text = words.into_iter().filter(|word| !word.is_empty()).collect::<Vec<_>>().join(", ");
     if !dtc.reaction.is_empty() {

@@ -18,7 +18,7 @@ pub(super) const FIRM: &str = "\u{a0}";
 const KEY: usize = 12;
 
 /// Appends `first` and `text`, wrapped at spaces; further lines are indented by `indent` columns.
-pub(super) fn fold(out: &mut String, first: &str, text: &str, indent: usize) {
+pub(super) fn fold_text(out: &mut String, first: &str, text: &str, indent: usize) {
     let first = escape(first);
     out.push_str(&first);
     let mut column = first.chars().count();
@@ -42,52 +42,52 @@ pub(super) fn fold(out: &mut String, first: &str, text: &str, indent: usize) {
 }
 
 /// A heading with rows of key and text.
-pub(super) struct Block {
+pub(super) struct TextBlock {
     text: String,
     indent: usize,
 }
 
-impl Block {
+impl TextBlock {
     /// Starts a block `thing  what`; rows are aligned with `what`.
     pub fn new(thing: &str, what: &str) -> Self {
         let first = format!("{thing}  ");
         let indent = first.chars().count();
         let mut text = String::new();
-        fold(&mut text, &first, what, indent);
+        fold_text(&mut text, &first, what, indent);
         Self { text, indent }
     }
 
     /// Appends a row; omitted if `text` is empty.
-    pub fn row(&mut self, key: &str, text: &str) {
+    pub fn push_row(&mut self, key: &str, text: &str) {
         if !text.is_empty() {
             let first = format!("{:indent$}{key:<KEY$} ", "", indent = self.indent);
-            fold(&mut self.text, &first, text, self.indent + KEY + 1);
+            fold_text(&mut self.text, &first, text, self.indent + KEY + 1);
         }
     }
 
     /// Appends several rows with one key.
-    pub fn rows<T: AsRef<str>>(&mut self, key: &str, lines: &[T]) {
+    pub fn push_rows<T: AsRef<str>>(&mut self, key: &str, lines: &[T]) {
         for (place, line) in lines.iter().enumerate() {
-            self.row(if place == 0 { key } else { "" }, line.as_ref());
+            self.push_row(if place == 0 { key } else { "" }, line.as_ref());
         }
     }
 
     /// Appends a line without a key; omitted if `text` is empty.
-    pub fn line(&mut self, text: &str) {
+    pub fn push_line(&mut self, text: &str) {
         if text.is_empty() {
             return;
         }
         let indent = self.indent + text.len() - text.trim_start().len();
-        fold(&mut self.text, &" ".repeat(indent), text, indent + 2);
+        fold_text(&mut self.text, &" ".repeat(indent), text, indent + 2);
     }
 
     /// Appends lines without a key, and the line `below` if there are any.
-    pub fn list(&mut self, lines: &[String], below: &str) {
+    pub fn push_list(&mut self, lines: &[String], below: &str) {
         for line in lines {
-            self.line(line);
+            self.push_line(line);
         }
         if !lines.is_empty() {
-            self.line(below);
+            self.push_line(below);
         }
     }
 
@@ -98,17 +98,17 @@ impl Block {
 }
 
 /// Text without line breaks, unless it is long.
-pub(super) fn firm(text: &str) -> String {
+pub(super) fn unbroken_text(text: &str) -> String {
     if text.chars().count() > WIDTH / 2 { text.to_owned() } else { text.replace(' ', FIRM) }
 }
 
 /// `[14.3.1]`; empty without a section.
-pub(super) fn section(source: &str) -> String {
-    if source.is_empty() { String::new() } else { firm(&format!("[{source}]")) }
+pub(super) fn section_text(source: &str) -> String {
+    if source.is_empty() { String::new() } else { unbroken_text(&format!("[{source}]")) }
 }
 
 /// A name with blanks instead of hyphens: `set-point` becomes "set point".
-pub(super) fn spaced(name: &str) -> String {
+pub(super) fn spaced_name(name: &str) -> String {
     name.replace('-', " ")
 }
 
@@ -118,9 +118,9 @@ mod tests {
 
     #[test]
     fn long_lines_are_folded_below_their_text() {
-        let mut block = Block::new("8102", "what");
-        block.row("check", &"word ".repeat(40));
-        block.row("nothing", "");
+        let mut block = TextBlock::new("8102", "what");
+        block.push_row("check", &"word ".repeat(40));
+        block.push_row("nothing", "");
         let text = block.finish();
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines[0], "8102  what");

@@ -2,45 +2,48 @@
 
 use std::fmt::Write as _;
 
-use cobscope_decoder::profile::Device;
-use cobscope_decoder::profile::device::{AtBoot, Boot, ClearMeaning, Identity, Monitoring, Order, OrderName};
+use cobscope_decoder::profile::DeviceProfile;
+use cobscope_decoder::profile::device::{
+    AtBoot, BootSign, ClearMeaning, DeviceIdentity, ErrorCodeOrder, Monitoring, OrderName,
+};
 
-use super::object::named;
-use super::{behaviour, j1939, spaced, uds};
+use super::object::object_title;
+use super::{behaviour, j1939, spaced_name, uds};
 
 /// A property with its heading and section.
-pub(in crate::cmd) struct Fact {
+pub(in crate::cmd) struct NetworkProperty {
     pub heading: &'static str,
     pub text: String,
     pub source: String,
 }
 
 /// All properties in a fixed order.
-pub(in crate::cmd) fn facts(device: &Device) -> Vec<Fact> {
-    let fact = |heading, text: String, source: &str| Fact { heading, text, source: source.to_owned() };
-    let mut facts = vec![fact("recognised by", recognised(device), "")];
+pub(in crate::cmd) fn network_facts(device: &DeviceProfile) -> Vec<NetworkProperty> {
+    let fact =
+        |heading, text: String, source: &str| NetworkProperty { heading, text, source: source.to_owned() };
+    let mut facts = vec![fact("recognised by", recognition_text(device), "")];
     facts.extend(device.hints.iter().map(|hint| fact("suggested by", hint.text.clone(), "")));
-    facts.push(fact("starts with", start(device), &device.nmt.source));
-    facts.push(fact("NMT", nmt(device), &device.nmt.source));
-    facts.push(fact("monitoring", watched(&device.monitoring), &device.monitoring.source));
-    facts.push(fact("EMCY", emcy(device), &device.emcy.source));
-    facts.push(fact("J1939", j1939::facts(device), &device.j1939.source));
+    facts.push(fact("starts with", start_text(device), &device.nmt.source));
+    facts.push(fact("NMT", nmt_text(device), &device.nmt.source));
+    facts.push(fact("monitoring", monitoring_text(&device.monitoring), &device.monitoring.source));
+    facts.push(fact("EMCY", emcy_text(device), &device.emcy.source));
+    facts.push(fact("J1939", j1939::j1939_facts(device), &device.j1939.source));
     if !device.uds.is_empty() {
         let note = if device.uds.note.is_empty() { String::new() } else { format!("; {}", device.uds.note) };
-        facts.push(fact("UDS", format!("{}{note}", uds::order(device)), &device.uds.source));
+        facts.push(fact("UDS", format!("{}{note}", uds::byte_order(device)), &device.uds.source));
     }
     facts.push(fact("new node-ID", node_id(device), &device.identity_change.source));
     facts.retain(|fact| !fact.text.is_empty());
     facts
 }
 
-fn recognised(device: &Device) -> String {
-    let all: Vec<_> = device.identities.iter().map(identity).collect();
+fn recognition_text(device: &DeviceProfile) -> String {
+    let all: Vec<_> = device.identities.iter().map(identity_text).collect();
     if all.is_empty() { "none; assign it in the bus file or with --node".into() } else { all.join("; or ") }
 }
 
 /// `1018:01 = 01000019, 1018:02 = 53360000`.
-fn identity(identity: &Identity) -> String {
+fn identity_text(identity: &DeviceIdentity) -> String {
     let numbers = [
         ("1018:01", identity.vendor_id),
         ("1018:02", identity.product_code),
@@ -54,18 +57,18 @@ fn identity(identity: &Identity) -> String {
     numbers.chain(name).chain(variant).collect::<Vec<_>>().join(", ")
 }
 
-fn start(device: &Device) -> String {
+fn start_text(device: &DeviceProfile) -> String {
     let boot = match device.nmt.boot {
-        Boot::BootUp => "a boot-up message",
-        Boot::BootUpAfterPowerOn => "a boot-up message, specified after power-on only",
-        Boot::ReadyTelegram => "an EMCY message: empty without error, else with the error code",
+        BootSign::BootUp => "a boot-up message",
+        BootSign::BootUpAfterPowerOn => "a boot-up message, specified after power-on only",
+        BootSign::ReadyTelegram => "an EMCY message: empty without error, else with the error code",
     };
     let zero = if device.emcy.at_boot == AtBoot::NoError { ", and EMCY 0000" } else { "" };
     format!("{boot}{zero}")
 }
 
-fn nmt(device: &Device) -> String {
-    let states: Vec<_> = device.nmt.states.iter().map(|state| behaviour::nmt(*state)).collect();
+fn nmt_text(device: &DeviceProfile) -> String {
+    let states: Vec<_> = device.nmt.states.iter().map(|state| behaviour::nmt_name(*state)).collect();
     let mut parts = Vec::new();
     if !states.is_empty() {
         parts.push(format!("states {}", states.join(", ")));
@@ -77,7 +80,7 @@ fn nmt(device: &Device) -> String {
     parts.join("; ")
 }
 
-fn watched(monitoring: &Monitoring) -> String {
+fn monitoring_text(monitoring: &Monitoring) -> String {
     let mut parts = Vec::new();
     if let Some(guarding) = monitoring.guarding {
         parts.push(match guarding.time {
@@ -108,7 +111,7 @@ fn watched(monitoring: &Monitoring) -> String {
     parts.join("; ")
 }
 
-fn emcy(device: &Device) -> String {
+fn emcy_text(device: &DeviceProfile) -> String {
     let order = |order: OrderName| match order {
         OrderName::LsbFirst => "least significant byte first",
         OrderName::MsbFirst => "most significant byte first",
@@ -116,11 +119,11 @@ fn emcy(device: &Device) -> String {
     let mut parts = Vec::new();
     match &device.emcy.byte_order {
         None => {}
-        Some(Order::Fixed(name)) => parts.push(format!("code {}", order(*name))),
-        Some(Order::ByObject { object, equals, default }) => {
+        Some(ErrorCodeOrder::Fixed(name)) => parts.push(format!("code {}", order(*name))),
+        Some(ErrorCodeOrder::ByObject { object, equals, default }) => {
             let list: Vec<_> =
                 equals.iter().map(|(value, name)| format!("{value} = {}", order(*name))).collect();
-            let by = named(device, object.object);
+            let by = object_title(device, object.object);
             parts.push(format!("code {} as delivered ({by}: {})", order(*default), list.join(", ")));
         }
     }
@@ -131,13 +134,13 @@ fn emcy(device: &Device) -> String {
     let fields = device.emcy.vendor.iter().map(|field| {
         let last = field.byte.saturating_add(field.bytes.saturating_sub(1));
         let bytes = if last == field.byte { last.to_string() } else { format!("{}-{last}", field.byte) };
-        format!("byte {bytes} {}", spaced(&field.name))
+        format!("byte {bytes} {}", spaced_name(&field.name))
     });
     parts.extend(fields);
     if device.emcy.code.is_empty() { String::new() } else { parts.join("; ") }
 }
 
-fn node_id(device: &Device) -> String {
+fn node_id(device: &DeviceProfile) -> String {
     let change = &device.identity_change;
     let mut parts = Vec::new();
     if !change.cob_ids_stay.is_empty() {

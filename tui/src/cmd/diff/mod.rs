@@ -13,73 +13,75 @@ use cobscope_decoder::Summary;
 use cobscope_decoder::answers::comparison::ComparisonAnswer;
 use cobscope_decoder::answers::format_line;
 use cobscope_decoder::capture::BusNames;
-use cobscope_decoder::comparison::{self, CaptureRecord, Comparison, Ending, Recorder};
+use cobscope_decoder::comparison::{
+    self, BehaviourRecorder, CaptureComparison, CaptureEnding, CaptureRecord,
+};
 use cobscope_decoder::event::Event;
-use cobscope_decoder::finding::Group;
+use cobscope_decoder::finding::FindingGroup;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::reading::{self, FrameDemand, ReadingPart};
 use cobscope_decoder::report::html::{self, ComparisonPage};
 use cobscope_decoder::report::{HashedFile, Provenance};
-use cobscope_decoder::rules::Setup;
-use cobscope_decoder::session::{Bus, Buses, Preview, SessionOptions};
+use cobscope_decoder::rules::RuleSetup;
+use cobscope_decoder::session::{Bus, Buses, MessagePreview, SessionOptions};
 
 use super::decoding::CaptureJob;
-use super::input::{session_options, setup};
-use super::messages::{Refusal, complain, warn};
+use super::input::{build_setup, session_options};
+use super::messages::{Refusal, print_error, print_warning};
 use super::output;
-use super::replaced::{OwnFile, ensure_replaceable, replacing};
+use super::replaced::{OwnFile, ensure_replaceable, open_replacing};
 use super::report::provenance;
 use super::selected_findings::SelectedFindings;
 use crate::cli::{DiffArgs, DiffFormat};
-use crate::exit_code::Exit;
+use crate::exit_code::ExitStatus;
 use crate::select::{Selection, Span};
-use crate::source::Series;
+use crate::source::CaptureSeries;
 
 /// Runs the command.
-pub fn run(arguments: &DiffArgs) -> Exit {
+pub fn run(arguments: &DiffArgs) -> ExitStatus {
     let ([good, bad], options, setup) = match ready(arguments) {
         Ok(ready) => ready,
         Err((exit, error)) => {
-            complain(&error);
+            print_error(&error);
             return exit;
         }
     };
     let read = output::files_read(&arguments.input);
-    let mut exit = Exit::Clean;
+    let mut exit = ExitStatus::Clean;
     let mut records = Vec::new();
     for series in [good, bad] {
         match record(&series, arguments, (&options, &setup), false) {
             Ok((recorded, failure)) => {
                 if let Some(error) = failure {
-                    complain(&error);
-                    exit = Exit::Capture;
+                    print_error(&error);
+                    exit = ExitStatus::Capture;
                 }
                 records.push(recorded);
             }
             Err(error) => {
-                complain(&error);
-                return Exit::Capture;
+                print_error(&error);
+                return ExitStatus::Capture;
             }
         }
     }
-    let [good, bad] = records.as_slice() else { return Exit::Capture };
-    let mut compared = comparison::compare(&good.record, &bad.record, &options.bus_file.diff);
+    let [good, bad] = records.as_slice() else { return ExitStatus::Capture };
+    let mut compared = comparison::compare_captures(&good.record, &bad.record, &options.bus_file.diff);
     if !arguments.only.is_empty() {
-        compared.keep(&arguments.only);
+        compared.keep_sections(&arguments.only);
     }
     let text = text_of(&compared, (good, bad), arguments, &options);
     if compared.is_void() {
-        exit = Exit::Capture;
+        exit = ExitStatus::Capture;
     } else if !compared.is_equal() {
-        exit = exit.max(Exit::Findings);
+        exit = exit.max(ExitStatus::Findings);
     }
-    match replacing(arguments.output.as_deref(), OwnFile::Comparison, &read) {
+    match open_replacing(arguments.output.as_deref(), OwnFile::Comparison, &read) {
         Ok(mut output) => {
             exit.max(output::write_result(output.write_all(text.as_bytes()).and_then(|()| output.finish())))
         }
         Err(error) => {
-            complain(&error);
-            Exit::Usage
+            print_error(&error);
+            ExitStatus::Usage
         }
     }
 }
@@ -88,13 +90,13 @@ pub fn run(arguments: &DiffArgs) -> Exit {
 ///
 /// # Errors
 /// If an option, the bus file or a profile is not valid, or the output is refused.
-fn ready(arguments: &DiffArgs) -> Result<([Series; 2], SessionOptions, Arc<Setup>), Refusal> {
-    let (usage, profile) = (|error| (Exit::Usage, error), |error| (Exit::Profile, error));
+fn ready(arguments: &DiffArgs) -> Result<([CaptureSeries; 2], SessionOptions, Arc<RuleSetup>), Refusal> {
+    let (usage, profile) = (|error| (ExitStatus::Usage, error), |error| (ExitStatus::Profile, error));
     let pair = pair(&arguments.input).map_err(usage)?;
     ensure_start(arguments).map_err(usage)?;
     selection(arguments).map_err(usage)?;
     let options = session_options(&arguments.input).map_err(profile)?;
-    let setup = setup(&arguments.input, &options.catalogue, None).map_err(profile)?;
+    let setup = build_setup(&arguments.input, &options.catalogue, None).map_err(profile)?;
     let read = output::files_read(&arguments.input);
     ensure_replaceable(arguments.output.as_deref(), OwnFile::Comparison, &read).map_err(usage)?;
     Ok((pair, options, Arc::new(setup)))
@@ -102,7 +104,7 @@ fn ready(arguments: &DiffArgs) -> Result<([Series; 2], SessionOptions, Arc<Setup
 
 /// The comparison in its format.
 fn text_of(
-    compared: &Comparison,
+    compared: &CaptureComparison,
     (good, bad): (&RecordedCapture, &RecordedCapture),
     arguments: &DiffArgs,
     options: &SessionOptions,
@@ -110,7 +112,9 @@ fn text_of(
     let (records, tolerances) = ((&good.record, &bad.record), &options.bus_file.diff);
     let mut text = String::new();
     match arguments.format {
-        DiffFormat::Text => comparison::text::write(compared, records, arguments.verbose, &mut text),
+        DiffFormat::Text => {
+            comparison::text::write_comparison(compared, records, arguments.verbose, &mut text)
+        }
         DiffFormat::Json => text = format_line(&ComparisonAnswer::new(compared, records, tolerances)),
         DiffFormat::Html => {
             let provenance = joined(&good.provenance, &bad.provenance);
@@ -145,13 +149,13 @@ fn selection(arguments: &DiffArgs) -> anyhow::Result<Selection> {
 
 /// Record of one capture, and the error that ended reading early.
 fn record(
-    series: &Series,
+    series: &CaptureSeries,
     arguments: &DiffArgs,
-    (options, setup): (&SessionOptions, &Arc<Setup>),
+    (options, setup): (&SessionOptions, &Arc<RuleSetup>),
     is_quiet: bool,
 ) -> anyhow::Result<(RecordedCapture, Option<anyhow::Error>)> {
     let part = SelectedRecord {
-        recorder: Recorder::new(arguments.at_event.clone()),
+        recorder: BehaviourRecorder::new(arguments.at_event.clone()),
         selection: selection(arguments)?,
         is_limited: true,
         findings: SelectedFindings::new(selection(arguments)?),
@@ -159,10 +163,10 @@ fn record(
     let name = series.name();
     let job = CaptureJob::new(series, &arguments.input, options, Some(setup)).quiet(is_quiet);
     let read = job.read_from(part, SelectedRecord::begin)?;
-    let missed = read.summary.part.selection.missed(read.summary.frames(), read.summary.last_time());
+    let missed = read.summary.part.selection.missed_text(read.summary.frames(), read.summary.last_time());
     if !is_quiet {
         read.report();
-        missed.iter().for_each(|missed| warn(&format!("{name}: {missed}")));
+        missed.iter().for_each(|missed| print_warning(&format!("{name}: {missed}")));
     }
     let first = read.summary.first_time();
     let Summary { mut findings, part, decoder, .. } = read.summary;
@@ -170,20 +174,20 @@ fn record(
     let buses = decoder.buses();
     let numbers = selected.numbers(&findings.groups);
     findings.groups.retain(|group| numbers.contains(&group.id));
-    let counting = findings.groups.iter().filter(|group| Group::counts(group));
+    let counting = findings.groups.iter().filter(|group| FindingGroup::is_reported(group));
     let diagnosis = reading::diagnosis_of(&findings, counting, first);
-    let ending = Ending { name: &name, buses, findings: &findings, diagnosis: &diagnosis };
+    let ending = CaptureEnding { name: &name, buses, findings: &findings, diagnosis: &diagnosis };
     // Hashes read the files again; only the page contains them.
     let provenance = match arguments.format {
         DiffFormat::Html => provenance(series, &arguments.input, (&options.catalogue, buses)),
         DiffFormat::Text | DiffFormat::Json => Provenance::default(),
     };
-    Ok((RecordedCapture { record: recorder.finish(&ending), provenance }, read.failure))
+    Ok((RecordedCapture { record: recorder.finish_record(&ending), provenance }, read.failure))
 }
 
 /// Record of the events, and findings, within the selection.
 struct SelectedRecord {
-    recorder: Recorder,
+    recorder: BehaviourRecorder,
     selection: Selection,
     /// The selection has a limit.
     is_limited: bool,
@@ -193,7 +197,7 @@ struct SelectedRecord {
 impl SelectedRecord {
     fn begin(&mut self, first: &Frame, span: Span<'_>) -> anyhow::Result<()> {
         self.recorder.set_zero(first.time);
-        self.selection.begin(first, span)?;
+        self.selection.begin_capture(first, span)?;
         self.is_limited = self.selection.is_limited();
         self.findings.begin(first, span)
     }
@@ -201,7 +205,7 @@ impl SelectedRecord {
 
 impl ReadingPart for SelectedRecord {
     fn event(&mut self, event: &Event, bus: &Bus) {
-        if !self.is_limited || self.selection.admits(event, bus) {
+        if !self.is_limited || self.selection.admits_event(event, bus) {
             self.recorder.event(event, bus);
         }
     }
@@ -210,11 +214,11 @@ impl ReadingPart for SelectedRecord {
         self.findings.finding(event, bus);
     }
 
-    fn need(&self, preview: &Preview, bus: &Bus) -> bool {
+    fn need(&self, preview: &MessagePreview, bus: &Bus) -> bool {
         self.is_limited || self.recorder.needs(preview, bus)
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) {
+    fn skip(&mut self, preview: &MessagePreview, bus: &Bus) {
         self.recorder.skip(preview, bus);
     }
 
@@ -229,7 +233,7 @@ impl ReadingPart for SelectedRecord {
 
     fn frame(&mut self, frame: &Frame, _names: &BusNames) {
         if !self.is_limited || self.selection.admits_frame(frame) {
-            self.recorder.frame(frame);
+            self.recorder.count_frame(frame);
         }
     }
 

@@ -8,16 +8,16 @@ use cobscope_decoder::session::SessionOptions;
 
 use super::{ensure_start, record};
 use crate::cli::{DiffArgs, DiffFormat, InputArgs};
-use crate::cmd::input::setup;
-use crate::source::Series;
+use crate::cmd::input::build_setup;
+use crate::source::CaptureSeries;
 
 /// Two captures to compare.
 #[derive(Clone)]
 pub(in crate::cmd) struct ComparisonJob {
     /// The first capture.
-    pub(in crate::cmd) good: Series,
+    pub(in crate::cmd) good: CaptureSeries,
     /// The second capture, which is shown.
-    pub(in crate::cmd) bad: Series,
+    pub(in crate::cmd) bad: CaptureSeries,
     /// Options for reading, and the bus file with the tolerances.
     pub(in crate::cmd) input: InputArgs,
     /// Options of the decoder.
@@ -29,15 +29,15 @@ pub(in crate::cmd) struct ComparisonJob {
 /// # Errors
 /// If a capture cannot be read to its end, or a sequence has no event to start from.
 pub(in crate::cmd) fn compared(
-    [good, bad]: [&Series; 2],
+    [good, bad]: [&CaptureSeries; 2],
     arguments: &DiffArgs,
     options: &SessionOptions,
 ) -> anyhow::Result<ComparisonAnswer> {
     ensure_start(arguments)?;
     let [good, bad] = records([good, bad], arguments, options)?;
-    let mut compared = comparison::compare(&good, &bad, &options.bus_file.diff);
+    let mut compared = comparison::compare_captures(&good, &bad, &options.bus_file.diff);
     if !arguments.only.is_empty() {
-        compared.keep(&arguments.only);
+        compared.keep_sections(&arguments.only);
     }
     Ok(ComparisonAnswer::new(&compared, (&good, &bad), &options.bus_file.diff))
 }
@@ -45,12 +45,12 @@ pub(in crate::cmd) fn compared(
 /// # Errors
 /// If a capture cannot be read to its end, or the rules of the bus file are not valid.
 fn records(
-    [good, bad]: [&Series; 2],
+    [good, bad]: [&CaptureSeries; 2],
     arguments: &DiffArgs,
     options: &SessionOptions,
 ) -> anyhow::Result<[CaptureRecord; 2]> {
-    let setup = Arc::new(setup(&arguments.input, &options.catalogue, None)?);
-    let read = |series: &Series| {
+    let setup = Arc::new(build_setup(&arguments.input, &options.catalogue, None)?);
+    let read = |series: &CaptureSeries| {
         let (recorded, failure) = record(series, arguments, (options, &setup), true)?;
         failure.map_or(Ok(recorded.record), Err)
     };
@@ -75,7 +75,7 @@ impl ComparisonJob {
             output: None,
         };
         let [good, bad] = records([&good, &bad], &arguments, &options)?;
-        let compared = comparison::compare(&good, &bad, &options.bus_file.diff);
+        let compared = comparison::compare_captures(&good, &bad, &options.bus_file.diff);
         Ok(DifferenceMarks::new(&compared, &good, &bad))
     }
 }

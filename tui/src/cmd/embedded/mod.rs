@@ -10,17 +10,17 @@ use std::sync::Arc;
 
 use anyhow::anyhow;
 use cobscope_decoder::answers::format_line;
-use cobscope_decoder::finding::Findings;
-use cobscope_decoder::profile::{Device, ProfileError};
+use cobscope_decoder::finding::CaptureFindings;
+use cobscope_decoder::profile::{DeviceProfile, ProfileError};
 use cobscope_decoder::sink::findings::CaptureResult;
 use serde_json::Value;
 
 use super::input::{common_catalogue, options_of};
 use super::results::findings_of;
 use super::{check, diff, explain};
-use crate::cli::Command;
-use crate::exit_code::Exit;
-pub use answer::{Answer, CommandError};
+use crate::cli::CliCommand;
+use crate::exit_code::ExitStatus;
+pub use answer::{CommandError, EmbeddedAnswer};
 use answer::{answered, check_arguments, parsed};
 pub use source::{CaptureEnd, CaptureResults, CaptureSource};
 
@@ -28,7 +28,9 @@ pub use source::{CaptureEnd, CaptureResults, CaptureSource};
 ///
 /// # Errors
 /// Those of the command; a capture that cannot be read is a line.
-pub fn check(arguments: &[OsString]) -> Result<Answer<(String, Vec<Value>, Exit)>, CommandError> {
+pub fn check(
+    arguments: &[OsString],
+) -> Result<EmbeddedAnswer<(String, Vec<Value>, ExitStatus)>, CommandError> {
     answered(|| {
         let format = ["--format", "jsonl"].map(OsString::from);
         let arguments = check_arguments(&[&format[..], arguments].concat())?;
@@ -41,19 +43,20 @@ pub fn check(arguments: &[OsString]) -> Result<Answer<(String, Vec<Value>, Exit)
 ///
 /// # Errors
 /// Those of the command, and a capture that cannot be read to its end.
-pub fn diff(arguments: &[OsString]) -> Result<Answer<String>, CommandError> {
+pub fn diff(arguments: &[OsString]) -> Result<EmbeddedAnswer<String>, CommandError> {
     answered(|| {
-        let Command::Diff(arguments) = parsed("diff", arguments)? else {
-            return Err((Exit::Usage, anyhow!("expected the options of diff")));
+        let CliCommand::Diff(arguments) = parsed("diff", arguments)? else {
+            return Err((ExitStatus::Usage, anyhow!("expected the options of diff")));
         };
-        let usage = |error| (Exit::Usage, error);
+        let usage = |error| (ExitStatus::Usage, error);
         let pair = diff::pair(&arguments.input).map_err(usage)?;
         diff::ensure_start(&arguments).map_err(usage)?;
         let catalogue = common_catalogue(&arguments.input.profiles);
-        let options = options_of(&arguments.input, catalogue).map_err(|error| (Exit::Profile, error))?;
+        let options =
+            options_of(&arguments.input, catalogue).map_err(|error| (ExitStatus::Profile, error))?;
         let [good, bad] = &pair;
         let compared = diff::quiet::compared([good, bad], &arguments, &options);
-        compared.map(|answer| format_line(&answer)).map_err(|error| (Exit::Capture, error))
+        compared.map(|answer| format_line(&answer)).map_err(|error| (ExitStatus::Capture, error))
     })
 }
 
@@ -61,18 +64,19 @@ pub fn diff(arguments: &[OsString]) -> Result<Answer<String>, CommandError> {
 ///
 /// # Errors
 /// If the text has no meaning, or the profile is unknown.
-pub fn explain(arguments: &[OsString]) -> Result<Answer<String>, CommandError> {
+pub fn explain(arguments: &[OsString]) -> Result<EmbeddedAnswer<String>, CommandError> {
     answered(|| {
-        let Command::Explain { thing, device, profiles } = parsed("explain", arguments)? else {
-            return Err((Exit::Usage, anyhow!("expected the options of explain")));
+        let CliCommand::Explain { thing, device, profiles } = parsed("explain", arguments)? else {
+            return Err((ExitStatus::Usage, anyhow!("expected the options of explain")));
         };
         let catalogue = common_catalogue(&profiles);
-        let device: Option<Arc<Device>> =
+        let device: Option<Arc<DeviceProfile>> =
             device.map(|device| catalogue.device(&device)).transpose().map_err(|error| {
                 let is_broken = matches!(error, ProfileError::Broken { .. });
-                (if is_broken { Exit::Profile } else { Exit::Usage }, error.into())
+                (if is_broken { ExitStatus::Profile } else { ExitStatus::Usage }, error.into())
             })?;
-        explain::meaning(&thing, catalogue, device).map_err(|text| (Exit::Usage, anyhow::Error::msg(text)))
+        explain::find_meanings(&thing, catalogue, device)
+            .map_err(|text| (ExitStatus::Usage, anyhow::Error::msg(text)))
     })
 }
 
@@ -80,7 +84,12 @@ pub fn explain(arguments: &[OsString]) -> Result<Answer<String>, CommandError> {
 ///
 /// # Errors
 /// If they cannot be written.
-pub fn finding_lines(capture: &str, frames: u64, findings: Findings) -> Result<Vec<Value>, CommandError> {
+pub fn finding_lines(
+    capture: &str,
+    frames: u64,
+    findings: CaptureFindings,
+) -> Result<Vec<Value>, CommandError> {
     let judged = CaptureResult { capture: capture.to_owned(), frames, findings, ..CaptureResult::default() };
-    findings_of(judged).map_err(|error| CommandError { exit: Exit::Capture, text: format!("{error:#}") })
+    findings_of(judged)
+        .map_err(|error| CommandError { exit: ExitStatus::Capture, text: format!("{error:#}") })
 }

@@ -7,26 +7,26 @@ use anyhow::{Context as _, ensure};
 use cobscope_decoder::Reading;
 use cobscope_decoder::answers::objects::ObjectRecord;
 use cobscope_decoder::reading::{Borrowed, ReadingPart};
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::SessionOptions;
 use serde_json::Value;
 
-use super::answer::{Answer, CommandError, answered, check_arguments};
+use super::answer::{CommandError, EmbeddedAnswer, answered, check_arguments};
 use crate::cli::{CheckArgs, InputArgs};
 use crate::cmd::decoding::{CaptureJob, ReadCapture};
-use crate::cmd::input::{read_options, series};
+use crate::cmd::input::{capture_series, read_options};
 use crate::cmd::messages::Refusal;
-use crate::cmd::results::Results;
+use crate::cmd::results::PassResults;
 use crate::cmd::{check, diff};
-use crate::exit_code::Exit;
-use crate::source::{self, Series};
+use crate::exit_code::ExitStatus;
+use crate::source::{self, CaptureSeries};
 
 /// A capture and the options to decode it.
 pub struct CaptureSource {
-    series: Series,
+    series: CaptureSeries,
     input: InputArgs,
     options: SessionOptions,
-    setup: Arc<Setup>,
+    setup: Arc<RuleSetup>,
 }
 
 /// End of a pass.
@@ -57,10 +57,10 @@ impl CaptureSource {
     ///
     /// # Errors
     /// An option, bus file, profile, device file or database is invalid, or the capture cannot be opened.
-    pub fn open(arguments: &[OsString]) -> Result<Answer<Self>, CommandError> {
+    pub fn open(arguments: &[OsString]) -> Result<EmbeddedAnswer<Self>, CommandError> {
         answered(|| {
             let source = Self::of(check_arguments(arguments)?)?;
-            source.probe().map_err(|error| (Exit::Capture, error))?;
+            source.probe().map_err(|error| (ExitStatus::Capture, error))?;
             Ok(source)
         })
     }
@@ -69,7 +69,10 @@ impl CaptureSource {
     ///
     /// # Errors
     /// As for [`Self::open`].
-    pub fn live<P: ReadingPart>(arguments: &[OsString], part: P) -> Result<Answer<Reading<P>>, CommandError> {
+    pub fn live<P: ReadingPart>(
+        arguments: &[OsString],
+        part: P,
+    ) -> Result<EmbeddedAnswer<Reading<P>>, CommandError> {
         answered(|| {
             let (options, setup) = check::ready(&check_arguments(arguments)?)?;
             Ok(Reading::of_options(options, Some(setup), part))
@@ -78,7 +81,7 @@ impl CaptureSource {
 
     fn of(arguments: CheckArgs) -> Result<Self, Refusal> {
         let (options, setup) = check::ready(&arguments)?;
-        let series = one_capture(&arguments).map_err(|error| (Exit::Usage, error))?;
+        let series = one_capture(&arguments).map_err(|error| (ExitStatus::Usage, error))?;
         Ok(Self { series, input: arguments.input, options, setup })
     }
 
@@ -95,8 +98,8 @@ impl CaptureSource {
     /// Opens the first part, so that a wrong path is an error before the first pass.
     fn probe(&self) -> anyhow::Result<()> {
         // A pipe can be read only once.
-        if self.series.first().is_file() || !self.series.first().exists() {
-            source::open(self.series.first(), &read_options(&self.input))?;
+        if self.series.first_path().is_file() || !self.series.first_path().exists() {
+            source::open_capture(self.series.first_path(), &read_options(&self.input))?;
         }
         Ok(())
     }
@@ -120,7 +123,7 @@ impl CaptureSource {
     /// # Errors
     /// As for [`Self::read`].
     pub fn results(&self) -> Result<CaptureResults, CommandError> {
-        let results = Results::of(&self.series, &self.input, &self.options, &self.setup)
+        let results = PassResults::of(&self.series, &self.input, &self.options, &self.setup)
             .map_err(|error| failed(&error))?;
         let name = self.name();
         let mut objects = Vec::new();
@@ -142,12 +145,12 @@ impl CaptureSource {
 }
 
 /// The capture of the arguments: a file, several parts, or a folder with the parts of one capture.
-fn one_capture(arguments: &CheckArgs) -> anyhow::Result<Series> {
+fn one_capture(arguments: &CheckArgs) -> anyhow::Result<CaptureSeries> {
     let input = &arguments.input;
     if let [path] = input.captures.as_slice() {
         return diff::one(path, input);
     }
-    let mut all = series(input);
+    let mut all = capture_series(input);
     ensure!(
         all.len() == 1,
         "the {} files are {} captures, expected the parts of one (join=True)",
@@ -158,5 +161,5 @@ fn one_capture(arguments: &CheckArgs) -> anyhow::Result<Series> {
 }
 
 fn failed(error: &anyhow::Error) -> CommandError {
-    CommandError { exit: Exit::Capture, text: format!("{error:#}") }
+    CommandError { exit: ExitStatus::Capture, text: format!("{error:#}") }
 }

@@ -2,25 +2,25 @@
 
 use std::sync::Arc;
 
-use cobscope_decoder::profile::{self, Catalogue, Device};
+use cobscope_decoder::profile::{self, Catalogue, DeviceProfile};
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
 /// All profiles, and the device of `--device`.
 pub(super) struct LookupScope {
     pub catalogue: Catalogue,
-    pub device: Option<Arc<Device>>,
+    pub device: Option<Arc<DeviceProfile>>,
 }
 
 impl LookupScope {
     /// Whether the device, or CiA 301 without `--device`, defines an object with this index.
     pub fn knows_index(&self, index: u16) -> bool {
         let device = self.device.as_ref().unwrap_or_else(|| profile::plain_device());
-        let is_own = device.dictionary.own().iter().any(|object| object.nth(index).is_some());
-        is_own || device.dictionary.find(ObjectAddress::new(index, 0)).is_some()
+        let is_own = device.dictionary.own_objects().iter().any(|object| object.repeat_of(index).is_some());
+        is_own || device.dictionary.find_object(ObjectAddress::new(index, 0)).is_some()
     }
 
     /// Results of all devices, as `rexroth-sydfec: result`; variants with equal results are merged.
-    pub fn every_device(&self, ask: impl Fn(&Device) -> Option<String>) -> Vec<String> {
+    pub fn every_device(&self, ask: impl Fn(&DeviceProfile) -> Option<String>) -> Vec<String> {
         let mut lines = Vec::new();
         for id in self.catalogue.ids() {
             // Invalid profiles were reported when they were read.

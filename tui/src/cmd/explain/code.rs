@@ -1,16 +1,16 @@
 //! Explains EMCY error codes and SDO abort codes, from CiA 301 and from device profiles.
 
-use cobscope_decoder::profile::device::{AbortText, ErrorCode, Order, OrderName};
-use cobscope_decoder::profile::{self, Device};
+use cobscope_decoder::profile::device::{AbortText, DeviceErrorCode, ErrorCodeOrder, OrderName};
+use cobscope_decoder::profile::{self, DeviceProfile};
 
 use super::asked::LookupScope;
-use crate::cmd::describe::{Block, behaviour, object::named, section};
+use crate::cmd::describe::{TextBlock, behaviour, object::object_title, section_text};
 
 /// Note below a list of entries from profiles.
 const MORE: &str = "(details: --device NAME)";
 
 /// Section and document of an entry.
-pub(super) fn section_of(device: &Device, section: &str) -> String {
+pub(super) fn section_of(device: &DeviceProfile, section: &str) -> String {
     if section.is_empty() || device.source.is_empty() {
         return section.to_owned();
     }
@@ -18,70 +18,72 @@ pub(super) fn section_of(device: &Device, section: &str) -> String {
 }
 
 /// Explains an EMCY error code; `None` if it is unknown, or if only its class is known and `sure` is set.
-pub(super) fn emcy(asked: &LookupScope, code: u16, sure: bool) -> Option<String> {
-    let standard = profile::emcy_codes().find(u32::from(code));
+pub(super) fn explain_emcy(asked: &LookupScope, code: u16, sure: bool) -> Option<String> {
+    let standard = profile::emcy_codes().find_code(u32::from(code));
     let shown = format!("{code:04X}");
     let Some(device) = &asked.device else {
         let mut entries = asked.every_device(|device| {
-            let error = device.error(code)?;
-            Some(format!("{}  {}", error.text, section(&error.source)))
+            let error = device.error_entry(code)?;
+            Some(format!("{}  {}", error.text, section_text(&error.source)))
         });
-        entries.extend(asked.every_device(|device| Some(format!("swapped, {}", swapped(device, code)?))));
+        entries
+            .extend(asked.every_device(|device| Some(format!("swapped, {}", swapped_code(device, code)?))));
         if standard.is_none() && entries.is_empty() {
             return None;
         }
         let text = standard.map_or("undefined in CiA 301", |entry| &entry.text);
-        let mut block = Block::new(&shown, &format!("EMCY error code: {text}"));
+        let mut block = TextBlock::new(&shown, &format!("EMCY error code: {text}"));
         standard_lines(&mut block, standard);
-        block.list(&entries, MORE);
+        block.push_list(&entries, MORE);
         return Some(block.finish());
     };
-    if let Some(error) = device.error(code) {
+    if let Some(error) = device.error_entry(code) {
         return Some(error_block(device, error));
     }
-    let swapped = swapped(device, code);
+    let swapped = swapped_code(device, code);
     let is_exact = standard.is_some_and(|entry| entry.number == u32::from(code));
     if swapped.is_none() && (standard.is_none() || sure && !is_exact) {
         return None;
     }
-    let mut block = Block::new(&shown, &format!("EMCY error code: not in the manual of {}", device.title));
-    block.row("swapped", &swapped.unwrap_or_default());
+    let mut block =
+        TextBlock::new(&shown, &format!("EMCY error code: not in the manual of {}", device.title));
+    block.push_row("swapped", &swapped.unwrap_or_default());
     standard_rows(&mut block, standard);
     Some(block.finish())
 }
 
 /// Writes the entry of CiA 301 as rows.
-fn standard_rows(block: &mut Block, entry: Option<&profile::Code>) {
+fn standard_rows(block: &mut TextBlock, entry: Option<&profile::CodeEntry>) {
     if let Some(entry) = entry {
-        block.row("CiA 301", &entry.standard);
-        block.row("hint", &entry.hint);
+        block.push_row("CiA 301", &entry.standard);
+        block.push_row("hint", &entry.hint);
     }
 }
 
 /// Writes the entry of CiA 301 as lines without keys.
-fn standard_lines(block: &mut Block, entry: Option<&profile::Code>) {
+fn standard_lines(block: &mut TextBlock, entry: Option<&profile::CodeEntry>) {
     if let Some(entry) = entry {
-        block.line(&format!("CiA 301: {}", entry.standard));
-        block.line(&entry.hint);
+        block.push_line(&format!("CiA 301: {}", entry.standard));
+        block.push_line(&entry.hint);
     }
 }
 
-fn error_block(device: &Device, error: &ErrorCode) -> String {
+fn error_block(device: &DeviceProfile, error: &DeviceErrorCode) -> String {
     let what = format!("EMCY error code of {}: {}", device.title, error.text);
-    let mut block = Block::new(&format!("{:04X}", error.code), &what);
-    block.row("register", &error.register.map_or(String::new(), behaviour::register));
-    let reaction = behaviour::reaction(error);
-    block.row("reaction", &if reaction.is_empty() { reaction } else { format!("to {reaction}") });
-    block.rows("check", &error.causes);
-    block.row("sent as", &sent_as(device, error.code));
-    block.row("note", &error.note);
-    standard_rows(&mut block, profile::emcy_codes().find(u32::from(error.code)));
-    block.row("section", &section_of(device, &error.source));
+    let mut block = TextBlock::new(&format!("{:04X}", error.code), &what);
+    block.push_row("register", &error.register.map_or(String::new(), behaviour::register_text));
+    let reaction = behaviour::reaction_text(error);
+    block.push_row("reaction", &if reaction.is_empty() { reaction } else { format!("to {reaction}") });
+    block.push_rows("check", &error.causes);
+    block.push_row("sent as", &sent_as(device, error.code));
+    block.push_row("note", &error.note);
+    standard_rows(&mut block, profile::emcy_codes().find_code(u32::from(error.code)));
+    block.push_row("section", &section_of(device, &error.source));
     block.finish()
 }
 
 /// Byte order of the code on the bus, if it differs from CiA 301.
-fn sent_as(device: &Device, code: u16) -> String {
+fn sent_as(device: &DeviceProfile, code: u16) -> String {
     let [high, low] = code.to_be_bytes();
     if high == low {
         return String::new();
@@ -96,67 +98,67 @@ fn sent_as(device: &Device, code: u16) -> String {
 }
 
 /// Condition under which the device sends the most significant byte first; `None` if it never does.
-fn msb_first(device: &Device) -> Option<String> {
+fn msb_first(device: &DeviceProfile) -> Option<String> {
     match device.emcy.byte_order.as_ref()? {
-        Order::Fixed(OrderName::LsbFirst) => None,
-        Order::Fixed(OrderName::MsbFirst) => Some("always".into()),
-        Order::ByObject { object, equals, default } => {
+        ErrorCodeOrder::Fixed(OrderName::LsbFirst) => None,
+        ErrorCodeOrder::Fixed(OrderName::MsbFirst) => Some("always".into()),
+        ErrorCodeOrder::ByObject { object, equals, default } => {
             let (value, _) = equals.iter().find(|(_, order)| **order == OrderName::MsbFirst)?;
             let as_delivered = if *default == OrderName::MsbFirst { ", as delivered" } else { "" };
-            Some(format!("{} = {value}{as_delivered}", named(device, object.object)))
+            Some(format!("{} = {value}{as_delivered}", object_title(device, object.object)))
         }
     }
 }
 
 /// The code with swapped bytes, if the device may send it in that order.
-fn swapped(device: &Device, code: u16) -> Option<String> {
-    let other = device.error(code.swap_bytes()).filter(|_| device.error(code).is_none())?;
+fn swapped_code(device: &DeviceProfile, code: u16) -> Option<String> {
+    let other = device.error_entry(code.swap_bytes()).filter(|_| device.error_entry(code).is_none())?;
     let why = msb_first(device)?;
     Some(format!("{:04X} {}: sent most significant byte first ({why})", other.code, other.text))
 }
 
 /// Explains an SDO abort code.
-pub(super) fn abort(asked: &LookupScope, code: u32) -> String {
-    let standard = profile::abort_codes().find(code);
+pub(super) fn explain_abort(asked: &LookupScope, code: u32) -> String {
+    let standard = profile::abort_codes().find_code(code);
     let shown = format!("{code:08X}");
     let Some(device) = &asked.device else {
         let text = standard.map_or("undefined in CiA 301; see the manual of the device", |entry| &entry.text);
-        let mut block = Block::new(&shown, &format!("SDO abort code: {text}"));
+        let mut block = TextBlock::new(&shown, &format!("SDO abort code: {text}"));
         standard_lines(&mut block, standard);
         let entries = asked.every_device(|device| {
-            let texts: Vec<_> = aborts(device, code).map(abort_text).collect();
+            let texts: Vec<_> = abort_texts(device, code).map(abort_text).collect();
             (!texts.is_empty()).then(|| texts.join("; "))
         });
-        block.list(&entries, MORE);
+        block.push_list(&entries, MORE);
         return block.finish();
     };
-    let general = device.abort(code, None);
-    let what = match (general, aborts(device, code).next()) {
+    let general = device.abort_entry(code, None);
+    let what = match (general, abort_texts(device, code).next()) {
         (Some(abort), _) => format!(" of {}: {}", device.title, abort.text),
         (None, Some(_)) => format!(" of {}: depends on the object", device.title),
         (None, None) => format!(": not in the manual of {}", device.title),
     };
-    let mut block = Block::new(&shown, &format!("SDO abort code{what}"));
-    let by_object = aborts(device, code).filter(|abort| !abort.objects.is_empty());
-    block.rows("of objects", &by_object.map(abort_text).collect::<Vec<_>>());
-    for abort in aborts(device, code) {
-        block.row("note", &abort.note);
+    let mut block = TextBlock::new(&shown, &format!("SDO abort code{what}"));
+    let by_object = abort_texts(device, code).filter(|abort| !abort.objects.is_empty());
+    block.push_rows("of objects", &by_object.map(abort_text).collect::<Vec<_>>());
+    for abort in abort_texts(device, code) {
+        block.push_row("note", &abort.note);
     }
     standard_rows(&mut block, standard);
-    block.row("section", &general.map_or(String::new(), |abort| section_of(device, &abort.source)));
+    block.push_row("section", &general.map_or(String::new(), |abort| section_of(device, &abort.source)));
     block.finish()
 }
 
 /// Whether a number can be an SDO abort code: it is in a class of CiA 301, or a profile defines it.
 pub(super) fn may_be_abort(asked: &LookupScope, code: u32) -> bool {
     const CLASSES: [u32; 3] = [0x05, 0x06, 0x08];
-    let has = |device: &Device| aborts(device, code).next().is_some();
+    let has = |device: &DeviceProfile| abort_texts(device, code).next().is_some();
     CLASSES.contains(&(code >> 24))
         || asked.device.as_deref().is_some_and(has)
         || !asked.every_device(|device| has(device).then(String::new)).is_empty()
 }
 
-fn aborts(device: &Device, code: u32) -> impl Iterator<Item = &AbortText> {
+fn abort_texts(device: &DeviceProfile, code: u32) -> impl Iterator<Item = &AbortText> {
     device.aborts.iter().filter(move |abort| abort.code == code)
 }
 
@@ -164,5 +166,5 @@ fn aborts(device: &Device, code: u32) -> impl Iterator<Item = &AbortText> {
 fn abort_text(abort: &AbortText) -> String {
     let objects: Vec<_> = abort.objects.iter().map(ToString::to_string).collect();
     let of = if objects.is_empty() { String::new() } else { format!("{}: ", objects.join(", ")) };
-    format!("{of}{}  {}", abort.text, section(&abort.source))
+    format!("{of}{}  {}", abort.text, section_text(&abort.source))
 }

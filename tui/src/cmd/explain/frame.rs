@@ -4,44 +4,49 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use cobscope_decoder::bus_file::{InitialValue, ObjectValue};
-use cobscope_decoder::capture::{Batch, BusNames, Item, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, BatchItem, BusNames, CaptureReader, ReadOptions};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{Event, EventKind};
 use cobscope_decoder::frame::{CanId, Frame};
-use cobscope_decoder::profile::device::Direction;
-use cobscope_decoder::profile::object::Numbers;
-use cobscope_decoder::profile::{self, Device, NoValues, Owner, Resolver, Value};
+use cobscope_decoder::profile::device::MessageDirection;
+use cobscope_decoder::profile::object::NumberList;
+use cobscope_decoder::profile::{
+    self, DecodedValue, DeviceProfile, EntryResolver, IdentifierOwner, NoValues,
+};
 use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, SessionOptions};
 use cobscope_decoder::sink::EventSink as _;
-use cobscope_decoder::sink::text::{PdoLines, Text, TextOptions};
+use cobscope_decoder::sink::text::{PdoLines, TextOptions, TextSink};
 use cobscope_decoder::wire::NodeId;
-use cobscope_decoder::wire::canopen::sdo::{self, Payload, Phase, Sdo};
-use cobscope_decoder::wire::isotp::Addresses;
+use cobscope_decoder::wire::canopen::sdo::{self, InitiateData, SdoMessage, TransferPhase};
+use cobscope_decoder::wire::isotp::IsoTpAddresses;
 use cobscope_decoder::wire::j1939::J1939Id;
-use cobscope_decoder::words::plural;
+use cobscope_decoder::words::count_noun;
 
 use super::asked::LookupScope;
 use super::{code, identifier, j1939, uds};
-use crate::cmd::describe::{FIRM, object::equals};
+use crate::cmd::describe::{FIRM, object::equality_text};
 
 /// Explains a frame; `None` if the text is not a frame.
-pub(super) fn frame(thing: &str, asked: &LookupScope) -> Option<String> {
+pub(super) fn explain_frame(thing: &str, asked: &LookupScope) -> Option<String> {
     let line = format!("can0 {thing}\n");
-    let mut reader = Reader::open(line.as_bytes(), &ReadOptions::default()).ok()?;
+    let mut reader = CaptureReader::open(line.as_bytes(), &ReadOptions::default()).ok()?;
     let mut batch = Batch::new();
     let mut readings = Vec::new();
     while reader.read(&mut batch).ok()? {
         for item in batch.items() {
-            let Item::Frame(frame) = item else { continue };
-            let head = match (uds::frame(frame, asked), frame.id) {
+            let BatchItem::Frame(frame) = item else { continue };
+            let head = match (uds::explain_frame(frame, asked), frame.id) {
                 (Some(isotp), _) => isotp,
-                (None, CanId::Standard(id)) => identifier::identifier(id) + &command(frame, asked),
-                (None, CanId::Extended(id)) => j1939::identifier(id).unwrap_or_default(),
+                (None, CanId::Standard(id)) => {
+                    identifier::explain_identifier(id) + &explain_command(frame, asked)
+                }
+                (None, CanId::Extended(id)) => j1939::explain_identifier(id).unwrap_or_default(),
             };
             let mut codes = Vec::new();
-            let options = options(frame.id, asked);
-            let lines =
-                decoded(frame, reader.buses(), options, true, |event| codes.extend(explained(event, asked)));
+            let options = session_options(frame.id, asked);
+            let lines = decode_lines(frame, reader.buses(), options, true, |event| {
+                codes.extend(explain_event(event, asked))
+            });
             readings.push(format!("{head}{lines}"));
             readings.extend(by_mode(frame, reader.buses(), asked));
             readings.extend(codes);
@@ -51,7 +56,7 @@ pub(super) fn frame(thing: &str, asked: &LookupScope) -> Option<String> {
 }
 
 /// Defect of a wrong frame with `#`: the part with other characters than hexadecimal digits, or its length.
-pub(super) fn defect(thing: &str) -> Option<String> {
+pub(super) fn frame_defect(thing: &str) -> Option<String> {
     let (id, data) = thing.split_once('#')?;
     let quoted = |text: &str| text.escape_debug().to_string();
     let is_hex = |text: &str| text.bytes().all(|byte| byte.is_ascii_hexdigit());
@@ -75,7 +80,7 @@ pub(super) fn defect(thing: &str) -> Option<String> {
 }
 
 /// Event lines of the frame.
-fn decoded(
+fn decode_lines(
     frame: &Frame,
     names: &BusNames,
     options: SessionOptions,
@@ -86,16 +91,16 @@ fn decoded(
     let mut decoder = Decoder::new(options);
     let options =
         TextOptions { pdo: PdoLines::All, all: true, frames: true, verbose, ..TextOptions::default() };
-    let mut text = Text::new(&mut lines, options);
+    let mut text = TextSink::new(&mut lines, options);
     // Without `finish`: a single frame of a transfer is not an unfinished transfer.
     decoder.push(frame, names, &mut |event: &Event, bus: &Bus| {
         if verbose || matches!(event.kind, EventKind::Pdo(_) | EventKind::J1939Message(_)) {
-            text.write(event, bus);
+            text.write_event(event, bus);
         }
         see(event);
     });
     // Writing to memory cannot fail.
-    let _ = text.finish();
+    let _ = text.finish_output();
     drop(text);
     String::from_utf8_lossy(&lines).into_owned()
 }
@@ -104,24 +109,24 @@ fn decoded(
 fn by_mode(frame: &Frame, names: &BusNames, asked: &LookupScope) -> Option<String> {
     let device = asked.device.as_ref()?;
     let CanId::Standard(id) = frame.id else { return None };
-    let Owner::Pdo(name, node) = profile::connection_set().owner(id) else { return None };
+    let IdentifierOwner::Pdo(name, node) = profile::connection_set().owner_of(id) else { return None };
     let mut text = String::new();
     for pdo in device.pdos.iter().filter(|pdo| pdo.pdo == name && !pdo.fields.is_empty()) {
         let Some(when) = &pdo.when else { continue };
         let values = match &when.equals {
-            Numbers::One(one) => std::slice::from_ref(one),
-            Numbers::Any(any) => any.as_slice(),
+            NumberList::One(one) => std::slice::from_ref(one),
+            NumberList::Any(any) => any.as_slice(),
         };
         for value in values {
             let object = when.object.object;
-            let mut options = options(frame.id, asked);
+            let mut options = session_options(frame.id, asked);
             options.bus_file.everywhere.objects.push(InitialValue::new(
                 node.into(),
                 object,
                 ObjectValue::Number(*value),
             ));
-            let heading = equals(device, object, &Numbers::One(*value), "=");
-            let lines = decoded(frame, names, options, false, |_| {});
+            let heading = equality_text(device, object, &NumberList::One(*value), "=");
+            let lines = decode_lines(frame, names, options, false, |_| {});
             let _ = write!(text, "if {}:\n{lines}", heading.replace(FIRM, " "));
         }
     }
@@ -129,11 +134,11 @@ fn by_mode(frame: &Frame, names: &BusNames, asked: &LookupScope) -> Option<Strin
 }
 
 /// Session options that assign the device to the nodes of the frame.
-fn options(id: CanId, asked: &LookupScope) -> SessionOptions {
-    let assign = |device: &Arc<Device>| {
+fn session_options(id: CanId, asked: &LookupScope) -> SessionOptions {
+    let assign = |device: &Arc<DeviceProfile>| {
         let one =
             |node: NodeId| Assignment { bus: None, node, device: Arc::clone(device), by: AssignedBy::Option };
-        nodes(id, device).into_iter().map(one).collect()
+        frame_nodes(id, device).into_iter().map(one).collect()
     };
     SessionOptions {
         protocol: match id {
@@ -146,16 +151,19 @@ fn options(id: CanId, asked: &LookupScope) -> SessionOptions {
 }
 
 /// Nodes of a frame; all nodes if the device has its own identifiers.
-fn nodes(id: CanId, device: &Device) -> Vec<NodeId> {
+fn frame_nodes(id: CanId, device: &DeviceProfile) -> Vec<NodeId> {
     let id = match id {
-        CanId::Extended(id) => return addresses(id, device),
+        CanId::Extended(id) => return frame_addresses(id, device),
         CanId::Standard(_) if device.pdos.iter().any(|pdo| pdo.cob_id.is_some()) => {
             return (1..=127).map(NodeId::Canopen).collect();
         }
         CanId::Standard(id) => id,
     };
-    match profile::connection_set().owner(id) {
-        Owner::Emcy(node) | Owner::Pdo(_, node) | Owner::Sdo(_, node) | Owner::ErrorControl(node) => {
+    match profile::connection_set().owner_of(id) {
+        IdentifierOwner::Emcy(node)
+        | IdentifierOwner::Pdo(_, node)
+        | IdentifierOwner::Sdo(_, node)
+        | IdentifierOwner::ErrorControl(node) => {
             vec![node.into()]
         }
         _ => Vec::new(),
@@ -163,52 +171,56 @@ fn nodes(id: CanId, device: &Device) -> Vec<NodeId> {
 }
 
 /// Source and destination address of a J1939 message.
-fn addresses(id: u32, device: &Device) -> Vec<NodeId> {
-    if let Some(found) = Addresses::of(id) {
+fn frame_addresses(id: u32, device: &DeviceProfile) -> Vec<NodeId> {
+    if let Some(found) = IsoTpAddresses::from_identifier(id) {
         let ends = [found.source, found.target].into_iter().filter_map(|address| u8::try_from(address).ok());
         return ends.map(NodeId::Canopen).filter(|node| node.is_valid()).collect();
     }
-    let Some(id) = J1939Id::of(id) else { return Vec::new() };
+    let Some(id) = J1939Id::from_identifier(id) else { return Vec::new() };
     let [first, last] = device.j1939.addresses.unwrap_or([0, 253]);
     let takes = |address: &u8| {
         let mut messages = device.messages.iter();
-        messages.any(|it| it.direction == Direction::Receive && it.concerns(id.pgn, *address))
+        messages.any(|it| it.direction == MessageDirection::Receive && it.is_for(id.pgn, *address))
     };
     let receiver = (first..=last).find(takes).filter(|_| !device.messages.is_empty());
     receiver.into_iter().chain([id.source]).map(NodeId::J1939).filter(|node| node.is_valid()).collect()
 }
 
 /// Explanation of the error code in an event.
-fn explained(event: &Event, asked: &LookupScope) -> Option<String> {
+fn explain_event(event: &Event, asked: &LookupScope) -> Option<String> {
     match &event.kind {
         EventKind::Emcy(emergency) => {
             let code = emergency.code.filter(|code| *code != 0)?;
-            code::emcy(asked, code, false)
+            code::explain_emcy(asked, code, false)
         }
-        EventKind::Dtc(dtc) => j1939::fault(asked, &format!("{}/{}", dtc.spn, dtc.fmi)),
-        EventKind::SdoTransfer(transfer) => Some(code::abort(asked, transfer.abort?.code)),
+        EventKind::Dtc(dtc) => j1939::explain_fault(asked, &format!("{}/{}", dtc.spn, dtc.fmi)),
+        EventKind::SdoTransfer(transfer) => Some(code::explain_abort(asked, transfer.abort?.code)),
         _ => None,
     }
 }
 
 /// The SDO command in a frame; the decoder reports only complete transfers.
-fn command(frame: &Frame, asked: &LookupScope) -> String {
+fn explain_command(frame: &Frame, asked: &LookupScope) -> String {
     let CanId::Standard(id) = frame.id else { return String::new() };
-    let Owner::Sdo(side, _) = profile::connection_set().owner(id) else { return String::new() };
-    let parsed = sdo::parse(frame.data(), side, Phase::Commands);
+    let IdentifierOwner::Sdo(side, _) = profile::connection_set().owner_of(id) else { return String::new() };
+    let parsed = sdo::parse(frame.data(), side, TransferPhase::Commands);
     let mut text = match parsed {
-        Ok(message) => format!("     {}\n{}", message.describe(), carried(&message, asked)),
+        Ok(message) => format!("     {}\n{}", message.message_text(), carried_value(&message, asked)),
         Err(missing) => {
             let (needed, offset, available) = (missing.needed, missing.offset, missing.available);
             format!(
                 "     too short for its command: needs {} from byte {offset}, found {available}\n",
-                plural(needed, "byte")
+                count_noun(needed, "byte")
             )
         }
     };
-    if let Ok(Sdo::BlockSegment { sequence, last, .. }) = sdo::parse(frame.data(), side, Phase::BlockSegments)
+    if let Ok(SdoMessage::BlockSegment { sequence, last, .. }) =
+        sdo::parse(frame.data(), side, TransferPhase::BlockSegments)
         && sequence > 0
-        && matches!(parsed, Ok(Sdo::DownloadSegment(_) | Sdo::UploadSegment(_) | Sdo::Unknown { .. }))
+        && matches!(
+            parsed,
+            Ok(SdoMessage::DownloadSegment(_) | SdoMessage::UploadSegment(_) | SdoMessage::Unknown { .. })
+        )
     {
         let last = if last { " (last)" } else { "" };
         let _ = writeln!(text, "     within a block transfer: segment {sequence}{last}");
@@ -218,25 +230,24 @@ fn command(frame: &Frame, asked: &LookupScope) -> String {
 
 /// `     1017:00 Producer heartbeat time = 1000 ms`: object and value of a message; the value only if
 /// complete.
-fn carried(message: &Sdo<'_>, asked: &LookupScope) -> String {
+fn carried_value(message: &SdoMessage<'_>, asked: &LookupScope) -> String {
     let (object, payload) = match message {
-        Sdo::InitiateDownload { object, payload } | Sdo::UploadInitiated { object, payload } => {
-            (*object, Some(payload))
-        }
-        Sdo::DownloadInitiated { object }
-        | Sdo::InitiateUpload { object }
-        | Sdo::InitiateBlockDownload { object, .. }
-        | Sdo::InitiateBlockUpload { object, .. } => (*object, None),
+        SdoMessage::InitiateDownload { object, payload }
+        | SdoMessage::UploadInitiated { object, payload } => (*object, Some(payload)),
+        SdoMessage::DownloadInitiated { object }
+        | SdoMessage::InitiateUpload { object }
+        | SdoMessage::InitiateBlockDownload { object, .. }
+        | SdoMessage::InitiateBlockUpload { object, .. } => (*object, None),
         _ => return String::new(),
     };
     let device = asked.device.as_ref().unwrap_or_else(|| profile::plain_device());
-    let Some(meaning) = Resolver::new(&device.dictionary, &NoValues).meaning(object) else {
+    let Some(meaning) = EntryResolver::new(&device.dictionary, &NoValues).resolve_meaning(object) else {
         return String::new();
     };
     let value = match payload {
-        Some(Payload::Expedited { data, sized: true }) => match meaning.decode(data) {
-            Value::Bytes(_) => String::new(),
-            value => format!(" = {}", meaning.show(&value)),
+        Some(InitiateData::Expedited { data, sized: true }) => match meaning.decode(data) {
+            DecodedValue::Bytes(_) => String::new(),
+            value => format!(" = {}", meaning.format_value(&value)),
         },
         _ => String::new(),
     };

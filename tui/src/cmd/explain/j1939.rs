@@ -1,29 +1,29 @@
 //! Explains J1939 identifiers, parameter groups and faults.
 
-use cobscope_decoder::profile::device::TroubleCode;
-use cobscope_decoder::profile::{self, Device};
+use cobscope_decoder::profile::device::DeviceTroubleCode;
+use cobscope_decoder::profile::{self, DeviceProfile};
 use cobscope_decoder::wire::j1939::{ALL, J1939Id, Pgn};
 
 use super::asked::LookupScope;
 use super::code::section_of;
-use crate::cmd::describe::{Block, j1939, section};
+use crate::cmd::describe::{TextBlock, j1939, section_text};
 
 /// `65226 (FECA) DM1 active faults`.
-fn group(pgn: Pgn) -> String {
+fn group_text(pgn: Pgn) -> String {
     profile::pgn_name(pgn).map_or_else(|| pgn.to_string(), |name| format!("{pgn} {name}"))
 }
 
 /// A 29-bit identifier; `None` if its extended data page is set.
-pub(super) fn identifier(id: u32) -> Option<String> {
-    let parts = J1939Id::of(id)?;
+pub(super) fn explain_identifier(id: u32) -> Option<String> {
+    let parts = J1939Id::from_identifier(id)?;
     let to = if parts.destination == ALL { "all".into() } else { format!("{:02X}", parts.destination) };
     let what = format!(
         "J1939: priority {}, PGN {}, from {:02X} to {to}",
         parts.priority,
-        group(parts.pgn),
+        group_text(parts.pgn),
         parts.source
     );
-    Some(Block::new(&format!("{id:08X}"), &what).finish())
+    Some(TextBlock::new(&format!("{id:08X}"), &what).finish())
 }
 
 /// Explains `pgn:65226`, `pgn:0xFECA` or `pgn:FECA`; `None` for other text and for invalid numbers.
@@ -41,43 +41,46 @@ pub(super) fn parameter_group(asked: &LookupScope, text: &str) -> Option<String>
     }
     let name =
         profile::pgn_name(pgn).unwrap_or_else(|| "not defined in the protocol; decode it with --dbc".into());
-    let mut block = Block::new(&pgn.to_string(), &format!("parameter group: {name}"));
-    block.row("destination", if pgn.is_addressed() { "one address, or all (PDU1)" } else { "all (PDU2)" });
+    let mut block = TextBlock::new(&pgn.to_string(), &format!("parameter group: {name}"));
+    block.push_row(
+        "destination",
+        if pgn.is_addressed() { "one address, or all (PDU1)" } else { "all (PDU2)" },
+    );
     let devices = asked.device.iter().cloned().chain([profile::isobus().clone()]);
     for device in devices {
         for message in device.messages.iter().filter(|message| message.number_of(pgn).is_some()) {
-            block.row(&device.title, &j1939::message_contents(&device, message));
+            block.push_row(&device.title, &j1939::message_contents(&device, message));
         }
     }
     Some(block.finish())
 }
 
 /// Explains `298985/19` (SPN/FMI); `None` for other text.
-pub(super) fn fault(asked: &LookupScope, text: &str) -> Option<String> {
+pub(super) fn explain_fault(asked: &LookupScope, text: &str) -> Option<String> {
     let (spn, fmi) = text.split_once('/')?;
     let (spn, fmi): (u32, u8) = (spn.parse().ok()?, fmi.parse().ok()?);
     if spn >= 1 << 19 || fmi >= 1 << 5 {
         return None;
     }
-    let mode = profile::failure_modes().find(u32::from(fmi)).map_or("reserved", |mode| &mode.text);
+    let mode = profile::failure_modes().find_code(u32::from(fmi)).map_or("reserved", |mode| &mode.text);
     let title = format!("SPN {spn} FMI {fmi}");
     let Some(device) = &asked.device else {
-        let mut block = Block::new(&title, &format!("J1939 fault: {mode}"));
+        let mut block = TextBlock::new(&title, &format!("J1939 fault: {mode}"));
         let entries = asked.every_device(|device| {
-            let own = device.dtc(spn, fmi)?;
-            Some(format!("{}  {}", j1939::dtc_text(own), section(&own.source)))
+            let own = device.trouble_code_entry(spn, fmi)?;
+            Some(format!("{}  {}", j1939::dtc_text(own), section_text(&own.source)))
         });
-        block.row("sent as", &sent_as(spn, fmi));
-        block.list(&entries, "(details: --device NAME)");
+        block.push_row("sent as", &sent_as(spn, fmi));
+        block.push_list(&entries, "(details: --device NAME)");
         return Some(block.finish());
     };
-    if let Some(own) = device.dtc(spn, fmi) {
+    if let Some(own) = device.trouble_code_entry(spn, fmi) {
         return Some(of_device(device, own, mode));
     }
     let what = format!("J1939 fault: not in the manual of {}", device.title);
-    let mut block = Block::new(&title, &what);
-    block.row("FMI", mode);
-    block.row("sent as", &sent_as(spn, fmi));
+    let mut block = TextBlock::new(&title, &what);
+    block.push_row("FMI", mode);
+    block.push_row("sent as", &sent_as(spn, fmi));
     Some(block.finish())
 }
 
@@ -92,15 +95,17 @@ pub(super) fn trouble_code(asked: &LookupScope, digits: &str) -> Vec<String> {
         _ => return Vec::new(),
     };
     let is_known = |(spn, fmi): &(u32, u8)| match &asked.device {
-        Some(device) => device.dtc(*spn, *fmi).is_some(),
-        None => !asked.every_device(|device| device.dtc(*spn, *fmi).map(|_| String::new())).is_empty(),
+        Some(device) => device.trouble_code_entry(*spn, *fmi).is_some(),
+        None => !asked
+            .every_device(|device| device.trouble_code_entry(*spn, *fmi).map(|_| String::new()))
+            .is_empty(),
     };
     let mut readings = vec![fault_of(as_number), fault_of(as_sent)];
     readings.dedup();
     if digits.len() == 8 || readings.iter().any(is_known) {
         readings.retain(is_known);
     }
-    readings.into_iter().filter_map(|(spn, fmi)| fault(asked, &format!("{spn}/{fmi}"))).collect()
+    readings.into_iter().filter_map(|(spn, fmi)| explain_fault(asked, &format!("{spn}/{fmi}"))).collect()
 }
 
 /// SPN and FMI of the first three bytes of a fault in DM1.
@@ -108,20 +113,20 @@ fn fault_of([low, middle, high]: [u8; 3]) -> (u32, u8) {
     (u32::from_le_bytes([low, middle, high >> 5, 0]), high & 0x1F)
 }
 
-fn of_device(device: &Device, own: &TroubleCode, mode: &str) -> String {
+fn of_device(device: &DeviceProfile, own: &DeviceTroubleCode, mode: &str) -> String {
     let title = format!("SPN {} FMI {}", own.spn, own.fmi);
-    let mut block = Block::new(&title, &format!("J1939 fault of {}: {}", device.title, own.text));
-    block.row("severity", &own.severity);
-    block.row("source", &own.origin);
-    block.row("reaction", &own.reaction);
-    block.row("recovery", &own.recovery);
+    let mut block = TextBlock::new(&title, &format!("J1939 fault of {}: {}", device.title, own.text));
+    block.push_row("severity", &own.severity);
+    block.push_row("source", &own.origin);
+    block.push_row("reaction", &own.reaction);
+    block.push_row("recovery", &own.recovery);
     let priority = own.priority.map_or(String::new(), |priority| format!("{priority} (1 is shown first)"));
-    block.row("priority", &priority);
-    block.rows("check", &own.causes);
-    block.row("sent as", &sent_as(own.spn, own.fmi));
-    block.row("note", &own.note);
-    block.row("FMI", mode);
-    block.row("section", &section_of(device, &own.source));
+    block.push_row("priority", &priority);
+    block.push_rows("check", &own.causes);
+    block.push_row("sent as", &sent_as(own.spn, own.fmi));
+    block.push_row("note", &own.note);
+    block.push_row("FMI", mode);
+    block.push_row("section", &section_of(device, &own.source));
     block.finish()
 }
 

@@ -11,13 +11,13 @@ mod uds;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use cobscope_decoder::profile::{self, Catalogue, Device, ProfileError};
+use cobscope_decoder::profile::{self, Catalogue, DeviceProfile, ProfileError};
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
-use super::messages::{note, warn};
-use super::output::print;
+use super::messages::{print_note, print_warning};
+use super::output::print_text;
 use super::rules;
-use crate::exit_code::Exit;
+use crate::exit_code::ExitStatus;
 use asked::LookupScope;
 
 /// Largest 29-bit identifier.
@@ -29,17 +29,17 @@ const FORMS: &str = "expected a rule (node-lost; see cobscope rules), an SDO abo
                      (298985/19: SPN/FMI, or 938FE9: its three bytes in either order), a UDS response code (nrc:31) or identifier (did:F190), or a frame (701#05)";
 
 /// Runs the command. Prints all possible meanings, most likely first.
-pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> Exit {
-    let catalogue = super::input::catalogue(profiles);
-    let device: Option<Arc<Device>> = match device.map(|device| catalogue.device(device)).transpose() {
+pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> ExitStatus {
+    let catalogue = super::input::load_catalogue(profiles);
+    let device: Option<Arc<DeviceProfile>> = match device.map(|device| catalogue.device(device)).transpose() {
         Ok(device) => device,
-        Err(error) => return refuse(&error),
+        Err(error) => return report_refusal(&error),
     };
-    match meaning(thing, catalogue, device) {
-        Ok(text) => print(text.as_bytes()),
+    match find_meanings(thing, catalogue, device) {
+        Ok(text) => print_text(text.as_bytes()),
         Err(text) => {
-            note(&format!("explain: {text}"));
-            Exit::Usage
+            print_note(&format!("explain: {text}"));
+            ExitStatus::Usage
         }
     }
 }
@@ -48,28 +48,28 @@ pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> Exit {
 ///
 /// # Errors
 /// The text has none.
-pub(super) fn meaning(
+pub(super) fn find_meanings(
     thing: &str,
     catalogue: Catalogue,
-    device: Option<Arc<Device>>,
+    device: Option<Arc<DeviceProfile>>,
 ) -> Result<String, String> {
     let asked = LookupScope { catalogue, device };
     let thing = thing.trim();
-    if let Some(rule) = rules::find(&asked.catalogue, thing) {
-        return Ok(rules::page(&rule));
+    if let Some(rule) = rules::find_rule(&asked.catalogue, thing) {
+        return Ok(rules::rule_page(&rule));
     }
     let readings = if thing.contains('#') {
-        frame::frame(thing, &asked).into_iter().collect()
+        frame::explain_frame(thing, &asked).into_iter().collect()
     } else {
-        code(thing, &asked)
+        explain_code(thing, &asked)
     };
     if !readings.is_empty() {
         return Ok(readings.join("\n"));
     }
     let shown = thing.escape_debug();
-    Err(match rules::meant(&asked.catalogue, thing) {
+    Err(match rules::nearest_name(&asked.catalogue, thing) {
         Some(rule) => format!("unknown rule '{shown}'; did you mean '{rule}'?"),
-        None => match frame::defect(thing) {
+        None => match frame::frame_defect(thing) {
             Some(defect) => format!("found \"{shown}\": {defect}"),
             None => format!("found \"{shown}\"; {FORMS}"),
         },
@@ -77,44 +77,45 @@ pub(super) fn meaning(
 }
 
 /// Reports a profile error: an unknown profile is a usage error, an invalid one a profile error.
-fn refuse(error: &ProfileError) -> Exit {
+fn report_refusal(error: &ProfileError) -> ExitStatus {
     let is_broken = matches!(error, ProfileError::Broken { .. });
     let list = if is_broken { "" } else { " (cobscope profiles list)" };
-    warn(&format!("{error}{list}"));
-    if is_broken { Exit::Profile } else { Exit::Usage }
+    print_warning(&format!("{error}{list}"));
+    if is_broken { ExitStatus::Profile } else { ExitStatus::Usage }
 }
 
 /// Explanations of a text without `#`.
-fn code(thing: &str, asked: &LookupScope) -> Vec<String> {
-    if let Some(reading) = uds::named(thing, asked) {
+fn explain_code(thing: &str, asked: &LookupScope) -> Vec<String> {
+    if let Some(reading) = uds::explain_named(thing, asked) {
         return vec![reading];
     }
     if let Ok(address) = thing.parse::<ObjectAddress>()
         && (thing.contains(':') || thing.contains("sub"))
     {
-        return vec![object::entry(asked, address)];
+        return vec![object::explain_entry(asked, address)];
     }
-    if let Some(reading) = j1939::fault(asked, thing).or_else(|| j1939::parameter_group(asked, thing)) {
+    if let Some(reading) = j1939::explain_fault(asked, thing).or_else(|| j1939::parameter_group(asked, thing))
+    {
         return vec![reading];
     }
     let digits = thing.strip_prefix("0x").or_else(|| thing.strip_prefix("0X")).unwrap_or(thing);
     let digits = digits.strip_suffix(['h', 'H']).unwrap_or(digits);
     let Ok(number) = u32::from_str_radix(digits, 16) else { return Vec::new() };
     match (u16::try_from(number), digits.len()) {
-        (Ok(id), ..=3) if id <= 0x7FF => vec![identifier::identifier(id)],
+        (Ok(id), ..=3) if id <= 0x7FF => vec![identifier::explain_identifier(id)],
         (Ok(number), 4) => four_digits(number, asked),
         // Six digits are too short for an abort code or a 29-bit identifier.
         (_, 6) => j1939::trouble_code(asked, digits),
         // A number outside the abort codes of the standard is more likely an identifier.
-        (_, 8) if profile::abort_codes().find(number).is_none() && number <= LAST_IDENTIFIER => {
+        (_, 8) if profile::abort_codes().find_code(number).is_none() && number <= LAST_IDENTIFIER => {
             let is_abort = code::may_be_abort(asked, number);
-            let abort = is_abort.then(|| code::abort(asked, number));
+            let abort = is_abort.then(|| code::explain_abort(asked, number));
             let faults = j1939::trouble_code(asked, digits);
-            faults.into_iter().chain(j1939::identifier(number)).chain(abort).collect()
+            faults.into_iter().chain(j1939::explain_identifier(number)).chain(abort).collect()
         }
         _ => {
             let faults = j1939::trouble_code(asked, digits);
-            if faults.is_empty() { vec![code::abort(asked, number)] } else { faults }
+            if faults.is_empty() { vec![code::explain_abort(asked, number)] } else { faults }
         }
     }
 }
@@ -123,10 +124,10 @@ fn code(thing: &str, asked: &LookupScope) -> Vec<String> {
 fn four_digits(number: u16, asked: &LookupScope) -> Vec<String> {
     let is_object = asked.knows_index(number);
     let of_standard = (0x1000..0x2000).contains(&number);
-    let object = object::index(asked, number);
-    let identifier = (number <= 0x7FF).then(|| identifier::identifier(number));
+    let object = object::explain_index(asked, number);
+    let identifier = (number <= 0x7FF).then(|| identifier::explain_identifier(number));
     // The class of an EMCY error code is irrelevant if the device has an object with this index.
-    let Some(code) = code::emcy(asked, number, is_object) else {
+    let Some(code) = code::explain_emcy(asked, number, is_object) else {
         return [Some(object), identifier].into_iter().flatten().collect();
     };
     let readings = match (is_object || of_standard, asked.device.is_some()) {

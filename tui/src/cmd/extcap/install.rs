@@ -5,10 +5,10 @@ use std::sync::OnceLock;
 
 use anyhow::{Context as _, bail, ensure};
 
-use crate::cmd::messages::note;
+use crate::cmd::messages::print_note;
 use crate::cmd::output::ensure_folder;
-use crate::exit_code::Exit;
-use crate::path_text::shown;
+use crate::exit_code::ExitStatus;
+use crate::path_text::path_text;
 
 /// Name of the link. Wireshark calls every program in the folder.
 const NAME: &str = if cfg!(windows) { "cobscope.exe" } else { "cobscope" };
@@ -26,7 +26,7 @@ pub fn set_program(path: PathBuf) {
 ///
 /// # Errors
 /// If the folder is unknown or cannot be written, or a file that is no link has the name.
-pub(super) fn install(folder: Option<&Path>) -> anyhow::Result<Exit> {
+pub(super) fn install_link(folder: Option<&Path>) -> anyhow::Result<ExitStatus> {
     let folders = match folder {
         Some(folder) => {
             ensure_folder(&folder.join(NAME))?;
@@ -39,25 +39,26 @@ pub(super) fn install(folder: Option<&Path>) -> anyhow::Result<Exit> {
     let program = PROGRAM.get().map_or_else(own, |program| Ok(program.clone()))?;
     for folder in folders {
         let link = link_in(&folder, &program)?;
-        note(&format!("{}: linked", shown(&link)));
+        print_note(&format!("{}: linked", path_text(&link)));
     }
-    note(
+    print_note(
         "Wireshark lists the interfaces after a restart, tshark with -D; else use --dir with the folder of Help, About, Folders",
     );
-    Ok(Exit::Clean)
+    Ok(ExitStatus::Clean)
 }
 
 fn link_in(folder: &Path, program: &Path) -> anyhow::Result<PathBuf> {
-    std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot be created", shown(folder)))?;
+    std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot be created", path_text(folder)))?;
     let link = folder.join(NAME);
     match link.symlink_metadata() {
         Ok(found) if found.is_symlink() => {
-            std::fs::remove_file(&link).with_context(|| format!("{}: cannot be replaced", shown(&link)))?;
+            std::fs::remove_file(&link)
+                .with_context(|| format!("{}: cannot be replaced", path_text(&link)))?;
         }
-        Ok(_) => bail!("{}: file exists; remove it first", shown(&link)),
+        Ok(_) => bail!("{}: file exists; remove it first", path_text(&link)),
         Err(_) => {}
     }
-    place(program, &link).with_context(|| format!("{}: cannot be created", shown(&link)))?;
+    place(program, &link).with_context(|| format!("{}: cannot be created", path_text(&link)))?;
     Ok(link)
 }
 

@@ -15,86 +15,90 @@ use anyhow::{Context as _, bail};
 use clap::Parser as _;
 use cobscope_decoder::query::Filter;
 
-use super::messages::{Refusal, complain};
-use super::output::print;
+use super::messages::{Refusal, print_error};
+use super::output::print_text;
 use super::{convert, live};
-use crate::cli::{Cli, Command, ExtcapArgs, ExtcapCall};
-use crate::exit_code::Exit;
+use crate::cli::{Cli, CliCommand, ExtcapArgs, ExtcapCall};
+use crate::exit_code::ExitStatus;
 pub use install::set_program;
-use sentences::Interface;
+use sentences::ExtcapInterface;
 
 /// Runs the command.
-pub fn run(arguments: &ExtcapArgs) -> Exit {
-    install::install(arguments.dir.as_deref()).unwrap_or_else(|error| {
-        complain(&error);
-        Exit::Usage
+pub fn run(arguments: &ExtcapArgs) -> ExitStatus {
+    install::install_link(arguments.dir.as_deref()).unwrap_or_else(|error| {
+        print_error(&error);
+        ExitStatus::Usage
     })
 }
 
 /// Answers a call by Wireshark.
-pub fn answer(call: &ExtcapCall) -> Exit {
-    answered(call).unwrap_or_else(|(exit, error)| {
-        complain(&error);
+pub fn answer_call(call: &ExtcapCall) -> ExitStatus {
+    try_answer(call).unwrap_or_else(|(exit, error)| {
+        print_error(&error);
         exit
     })
 }
 
-fn answered(call: &ExtcapCall) -> Result<Exit, Refusal> {
+fn try_answer(call: &ExtcapCall) -> Result<ExitStatus, Refusal> {
     if call.extcap_interfaces {
-        return Ok(print(sentences::interfaces().as_bytes()));
+        return Ok(print_text(sentences::interface_sentences().as_bytes()));
     }
-    let interface = interface(call).map_err(|error| (Exit::Usage, error))?;
+    let interface = call_interface(call).map_err(|error| (ExitStatus::Usage, error))?;
     if call.extcap_dlts {
-        return Ok(print(sentences::LINK_TYPES.as_bytes()));
+        return Ok(print_text(sentences::LINK_TYPES.as_bytes()));
     }
     if call.extcap_config {
-        return Ok(print(interface.options().as_bytes()));
+        return Ok(print_text(interface.option_sentences().as_bytes()));
     }
     if call.capture {
-        return capture(call, &interface);
+        return write_frames(call, &interface);
     }
     // Wireshark asks whether a filter is valid: no output means that it is.
     let filter = call.extcap_capture_filter.as_deref().unwrap_or_default();
     Ok(match filter.parse::<Filter>() {
-        Err(error) if !filter.is_empty() => print(format!("{error}\n").as_bytes()),
-        _ => Exit::Clean,
+        Err(error) if !filter.is_empty() => print_text(format!("{error}\n").as_bytes()),
+        _ => ExitStatus::Clean,
     })
 }
 
-fn interface(call: &ExtcapCall) -> anyhow::Result<Interface> {
+fn call_interface(call: &ExtcapCall) -> anyhow::Result<ExtcapInterface> {
     let name = call.extcap_interface.as_deref().context("--extcap-interface is missing")?;
-    Interface::of(name)
+    ExtcapInterface::find_interface(name)
         .with_context(|| format!("--extcap-interface {name}: unknown; see --extcap-interfaces"))
 }
 
 /// Writes frames to the pipe until it is closed or the capture ends.
-fn capture(call: &ExtcapCall, interface: &Interface) -> Result<Exit, Refusal> {
-    let usage = |error| (Exit::Usage, error);
+fn write_frames(call: &ExtcapCall, interface: &ExtcapInterface) -> Result<ExitStatus, Refusal> {
+    let usage = |error| (ExitStatus::Usage, error);
     let pipe = call.fifo.as_deref().context("--capture: --fifo is missing").map_err(usage)?;
-    let command = command(call, interface, pipe.as_os_str().to_owned()).map_err(usage)?;
+    let command = command_line(call, interface, pipe.as_os_str().to_owned()).map_err(usage)?;
     match command {
-        Command::Live(arguments) => live::commented(&arguments, pipe),
-        Command::Convert(arguments) => Ok(convert::run(&arguments)),
+        CliCommand::Live(arguments) => live::commented(&arguments, pipe),
+        CliCommand::Convert(arguments) => Ok(convert::run(&arguments)),
         _ => Err(usage(anyhow::anyhow!("expected a capture or a live source"))),
     }
 }
 
 /// The command that does the same on the command line.
-fn command(call: &ExtcapCall, interface: &Interface, pipe: OsString) -> anyhow::Result<Command> {
+fn command_line(
+    call: &ExtcapCall,
+    interface: &ExtcapInterface,
+    pipe: OsString,
+) -> anyhow::Result<CliCommand> {
     let mut words: Vec<OsString> = vec!["cobscope".into()];
     let source = match interface {
-        Interface::File => {
+        ExtcapInterface::File => {
             let file = call.file.as_ref().context("no capture selected in the options of the interface")?;
             words.extend(["convert", "--comments", "-f", "pcapng", "-o"].map(OsString::from));
             words.push(pipe);
             file.as_os_str().to_owned()
         }
-        Interface::Source => {
+        ExtcapInterface::Source => {
             let source = call.source.as_ref().context("no source given in the options of the interface")?;
             words.extend(["live", "--follow"].map(OsString::from));
             source.into()
         }
-        Interface::Can(name) => {
+        ExtcapInterface::Can(name) => {
             words.push("live".into());
             name.into()
         }
@@ -109,8 +113,8 @@ fn command(call: &ExtcapCall, interface: &Interface, pipe: OsString) -> anyhow::
     }
     if let Some(filter) = call.extcap_capture_filter.as_ref().filter(|filter| !filter.is_empty()) {
         match interface {
-            Interface::File => words.extend(["--filter".into(), filter.into()]),
-            Interface::Can(_) | Interface::Source => {
+            ExtcapInterface::File => words.extend(["--filter".into(), filter.into()]),
+            ExtcapInterface::Can(_) | ExtcapInterface::Source => {
                 bail!(
                     "capture filter {filter}: only for a capture; use the filters of the source: can0,123:7FF"
                 )

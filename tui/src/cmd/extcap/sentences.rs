@@ -25,7 +25,7 @@ const COMMON: [&str; 3] = [
 
 /// An interface in Wireshark's list.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Interface {
+pub(super) enum ExtcapInterface {
     /// A capture in any format.
     File,
     /// Any live source.
@@ -34,9 +34,9 @@ pub(super) enum Interface {
     Can(String),
 }
 
-impl Interface {
+impl ExtcapInterface {
     /// The interface with a name.
-    pub(super) fn of(name: &str) -> Option<Self> {
+    pub(super) fn find_interface(name: &str) -> Option<Self> {
         Some(match name.strip_prefix(PREFIX)? {
             FILE => Self::File,
             SOURCE => Self::Source,
@@ -45,7 +45,7 @@ impl Interface {
     }
 
     /// Sentences of its options.
-    pub(super) fn options(&self) -> String {
+    pub(super) fn option_sentences(&self) -> String {
         let own = match self {
             Self::File => {
                 "{call=--file}{display=Capture}{type=fileselect}{mustexist=true}{required=true}{tooltip=candump, BLF, \
@@ -67,7 +67,7 @@ impl Interface {
 }
 
 /// Sentences of the program and its interfaces.
-pub(super) fn interfaces() -> String {
+pub(super) fn interface_sentences() -> String {
     let mut text = format!(
         "extcap {{version={}}}{{help=https://crates.io/crates/cobscope}}{{display=cobscope}}\n\
          interface {{value={PREFIX}{FILE}}}{{display=cobscope: a capture in any format}}\n\
@@ -75,14 +75,14 @@ pub(super) fn interfaces() -> String {
         env!("CARGO_PKG_VERSION")
     );
     for interface in socketcan::all() {
-        let name = plain(&interface.name);
+        let name = plain_name(&interface.name);
         let _ = writeln!(text, "interface {{value={PREFIX}can:{name}}}{{display=cobscope: {name}, decoded}}");
     }
     text
 }
 
 /// A name without the characters that end a sentence.
-fn plain(name: &str) -> String {
+fn plain_name(name: &str) -> String {
     name.chars().filter(|letter| !letter.is_control() && !"{}".contains(*letter)).collect()
 }
 
@@ -92,19 +92,27 @@ mod tests {
 
     #[test]
     fn names_of_interfaces() {
-        assert_eq!(Interface::of("cobscope-file"), Some(Interface::File));
-        assert_eq!(Interface::of("cobscope-source"), Some(Interface::Source));
-        assert_eq!(Interface::of("cobscope-can:can0"), Some(Interface::Can("can0".into())));
-        assert_eq!([Interface::of("can0"), Interface::of("cobscope-x")], [None, None]);
+        assert_eq!(ExtcapInterface::find_interface("cobscope-file"), Some(ExtcapInterface::File));
+        assert_eq!(ExtcapInterface::find_interface("cobscope-source"), Some(ExtcapInterface::Source));
+        assert_eq!(
+            ExtcapInterface::find_interface("cobscope-can:can0"),
+            Some(ExtcapInterface::Can("can0".into()))
+        );
+        assert_eq!(
+            [ExtcapInterface::find_interface("can0"), ExtcapInterface::find_interface("cobscope-x")],
+            [None, None]
+        );
     }
 
     #[test]
     fn options_are_numbered() {
-        let options = Interface::File.options();
+        let options = ExtcapInterface::File.option_sentences();
         assert!(
             options.starts_with("arg {number=0}{call=--file}")
                 && options.contains("\narg {number=3}{call=--dbc}")
         );
-        assert!(Interface::Can("can0".into()).options().starts_with("arg {number=0}{call=--node}"));
+        assert!(
+            ExtcapInterface::Can("can0".into()).option_sentences().starts_with("arg {number=0}{call=--node}")
+        );
     }
 }

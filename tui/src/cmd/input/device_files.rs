@@ -7,15 +7,15 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use cobscope_decoder::bus_file::BusFile;
 use cobscope_decoder::profile::device_file::{self, DeviceFile};
-use cobscope_decoder::profile::{Catalogue, Device, imported};
+use cobscope_decoder::profile::{Catalogue, DeviceProfile, imported};
 use cobscope_decoder::session::{AssignedBy, Assignment};
 use cobscope_decoder::wire::NodeId;
-use cobscope_decoder::words::plural;
+use cobscope_decoder::words::count_noun;
 
-use super::limited::bytes;
+use super::limited::read_bytes;
 use crate::cli::{EdsArg, InputArgs};
-use crate::cmd::messages::warn;
-use crate::path_text::shown;
+use crate::cmd::messages::print_warning;
+use crate::path_text::path_text;
 
 /// Maximum number of problems printed per file.
 const TOLD: usize = 5;
@@ -27,7 +27,7 @@ pub(in crate::cmd) fn is_device_file(path: &Path) -> bool {
 }
 
 /// File name without the folder.
-pub(in crate::cmd) fn name(path: &Path) -> String {
+pub(in crate::cmd) fn file_name(path: &Path) -> String {
     path.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned())
 }
 
@@ -35,15 +35,15 @@ pub(in crate::cmd) fn name(path: &Path) -> String {
 ///
 /// # Errors
 /// If the file is unreadable or not a device file.
-pub(in crate::cmd) fn read(path: &Path) -> anyhow::Result<Arc<DeviceFile>> {
-    let file = device_file::parse(&bytes(path)?).with_context(|| shown(path))?;
+pub(in crate::cmd) fn read_device_file(path: &Path) -> anyhow::Result<Arc<DeviceFile>> {
+    let file = device_file::parse_device_file(&read_bytes(path)?).with_context(|| path_text(path))?;
     Ok(Arc::new(file))
 }
 
 /// Problems of a file, one line each: `pump.eds:12: reason`.
 pub(in crate::cmd) fn problem_lines(path: &Path, file: &DeviceFile) -> Vec<String> {
-    let shown = shown(path);
-    let line = |problem: &device_file::Problem| match problem.line {
+    let shown = path_text(path);
+    let line = |problem: &device_file::DescriptionProblem| match problem.line {
         0 => format!("{shown}: {}", problem.reason),
         line => format!("{shown}:{line}: {}", problem.reason),
     };
@@ -54,45 +54,45 @@ pub(in crate::cmd) fn problem_lines(path: &Path, file: &DeviceFile) -> Vec<Strin
 ///
 /// # Errors
 /// If a file is unreadable or not a device file; errors inside a readable file are added to `problems`.
-pub(super) fn assignments(
+pub(super) fn device_assignments(
     input: &InputArgs,
     bus_file: &BusFile,
     problems: &mut Vec<String>,
 ) -> anyhow::Result<Vec<Assignment>> {
     let folder = input.bus.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
-    let mut reader = Reader { devices: BTreeMap::new(), problems };
+    let mut reader = DescriptionReader { devices: BTreeMap::new(), problems };
     let mut all = Vec::new();
     for (bus, node, file) in bus_file.device_files() {
-        let device = reader.device(&folder.join(file), node)?;
+        let device = reader.read_device(&folder.join(file), node)?;
         all.push(Assignment { bus: bus.map(Into::into), node, device, by: AssignedBy::DeviceFile });
     }
     for EdsArg { node, file } in &input.eds {
-        let device = reader.device(file, node.id)?;
+        let device = reader.read_device(file, node.id)?;
         all.push(Assignment { bus: node.bus.clone(), node: node.id, device, by: AssignedBy::DeviceFile });
     }
     Ok(all)
 }
 
 /// Reads each file once and reports its problems once.
-struct Reader<'a> {
-    devices: BTreeMap<PathBuf, Arc<Device>>,
+struct DescriptionReader<'a> {
+    devices: BTreeMap<PathBuf, Arc<DeviceProfile>>,
     problems: &'a mut Vec<String>,
 }
 
-impl Reader<'_> {
-    fn device(&mut self, path: &Path, node: NodeId) -> anyhow::Result<Arc<Device>> {
+impl DescriptionReader<'_> {
+    fn read_device(&mut self, path: &Path, node: NodeId) -> anyhow::Result<Arc<DeviceProfile>> {
         let device = if let Some(device) = self.devices.get(path) {
             Arc::clone(device)
         } else {
-            let file = read(path)?;
+            let file = read_device_file(path)?;
             self.problems.extend(first_problems(path, &file));
-            let device = Arc::new(imported::device(&file, &name(path)));
+            let device = Arc::new(imported::describe_device(&file, &file_name(path)));
             self.devices.insert(path.to_owned(), Arc::clone(&device));
             device
         };
         let own = device.file.as_ref().and_then(|import| import.file.node_id);
         if let Some(own) = own.filter(|own| node != NodeId::Canopen(*own)) {
-            self.problems.push(format!("{}: for node {own}; used for node {node}", shown(path)));
+            self.problems.push(format!("{}: for node {own}; used for node {node}", path_text(path)));
         }
         Ok(device)
     }
@@ -102,21 +102,22 @@ impl Reader<'_> {
 fn first_problems(path: &Path, file: &DeviceFile) -> Vec<String> {
     let mut lines = problem_lines(path, file);
     if let Some(more) = lines.len().checked_sub(TOLD).filter(|more| *more > 0) {
-        let shown = shown(path);
+        let shown = path_text(path);
         lines.truncate(TOLD);
-        lines.push(format!("{shown}: {} (cobscope profiles check {shown})", plural(more, "more problem")));
+        lines
+            .push(format!("{shown}: {} (cobscope profiles check {shown})", count_noun(more, "more problem")));
     }
     lines
 }
 
 /// Adds a device file to the profiles; reports it if it is unreadable.
 pub(in crate::cmd) fn add_to(catalogue: &mut Catalogue, path: &Path) {
-    let file = match read(path) {
+    let file = match read_device_file(path) {
         Ok(file) => file,
-        Err(error) => return warn(&format!("{error:#}")),
+        Err(error) => return print_warning(&format!("{error:#}")),
     };
-    let name = name(path);
-    let mut device = imported::device(&file, &name);
+    let name = file_name(path);
+    let mut device = imported::describe_device(&file, &name);
     let known = catalogue.ids();
     let stem = imported::id_of_name(&name);
     let kind = format!("{stem}-{}", file.kind.name());

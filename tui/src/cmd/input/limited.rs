@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::Context as _;
 
-use crate::path_text::shown;
+use crate::path_text::path_text;
 
 /// Maximum size in bytes of a file that describes buses or devices, or of a baseline; the largest known one has 0.5 MB.
 const LARGEST: u64 = 64 << 20;
@@ -15,8 +15,8 @@ const LARGEST: u64 = 64 << 20;
 ///
 /// # Errors
 /// If the file is unreadable or too large.
-pub(in crate::cmd) fn bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
-    let name = shown(path);
+pub(in crate::cmd) fn read_bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
+    let name = path_text(path);
     let mut bytes = Vec::new();
     let file = File::open(path).with_context(|| format!("{name}: cannot be read"))?;
     file.take(LARGEST + 1).read_to_end(&mut bytes).with_context(|| format!("{name}: cannot be read"))?;
@@ -32,14 +32,14 @@ pub(in crate::cmd) fn bytes(path: &Path) -> anyhow::Result<Vec<u8>> {
 ///
 /// # Errors
 /// If the file is unreadable, too large, or not UTF-8.
-pub(in crate::cmd) fn text(path: &Path) -> anyhow::Result<String> {
-    String::from_utf8(bytes(path)?).map_err(|error| {
+pub(in crate::cmd) fn read_text(path: &Path) -> anyhow::Result<String> {
+    String::from_utf8(read_bytes(path)?).map_err(|error| {
         let place = error.utf8_error().valid_up_to();
         let found = match error.as_bytes() {
             [0xFF, 0xFE, ..] | [0xFE, 0xFF, ..] => "UTF-16; expected UTF-8",
             _ => "no UTF-8; expected text",
         };
-        anyhow::anyhow!("{}: byte {place}: found {found}", shown(path))
+        anyhow::anyhow!("{}: byte {place}: found {found}", path_text(path))
     })
 }
 
@@ -50,7 +50,7 @@ mod tests {
     #[cfg(unix)]
     #[test]
     fn a_file_without_end_is_too_large() {
-        let error = bytes(Path::new("/dev/zero")).unwrap_err();
+        let error = read_bytes(Path::new("/dev/zero")).unwrap_err();
         assert_eq!(error.to_string(), "/dev/zero: larger than 64 MiB; expected a smaller file");
     }
 
@@ -59,8 +59,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("bus.toml");
         std::fs::write(&path, b"a\n\xff").unwrap();
-        assert!(text(&path).unwrap_err().to_string().ends_with("byte 2: found no UTF-8; expected text"));
+        assert!(read_text(&path).unwrap_err().to_string().ends_with("byte 2: found no UTF-8; expected text"));
         std::fs::write(&path, b"\xff\xfea\0").unwrap();
-        assert!(text(&path).unwrap_err().to_string().ends_with("byte 0: found UTF-16; expected UTF-8"));
+        assert!(read_text(&path).unwrap_err().to_string().ends_with("byte 0: found UTF-16; expected UTF-8"));
     }
 }

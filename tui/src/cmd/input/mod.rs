@@ -12,34 +12,34 @@ use cobscope_decoder::bus_file::{BusFile, SpannedText};
 use cobscope_decoder::capture::{BusNames, ReadOptions, TimeStyle};
 use cobscope_decoder::profile::{Catalogue, ProfileError, TextError, is_bus_file};
 use cobscope_decoder::query::Filter;
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::series::JoinOptions;
 use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionOptions};
 use cobscope_decoder::wire::NodeId;
 
-use super::messages::{collected, note, warn};
-use crate::cli::{InputArgs, NodeArg, Protocol, StampStyle};
-use crate::source::{CaptureFile, Series, relate};
+use super::messages::{collect_messages, print_note, print_warning};
+use crate::cli::{InputArgs, NodeArg, ProtocolOption, StampStyle};
+use crate::source::{CaptureFile, CaptureSeries, relate_files};
 use crate::words::unknown_bus;
 
-use databases::databases;
+use databases::read_databases;
 
 /// Captures to read; stdin without arguments.
-pub(super) fn captures(input: &InputArgs) -> Vec<PathBuf> {
+pub(super) fn capture_paths(input: &InputArgs) -> Vec<PathBuf> {
     if input.captures.is_empty() { vec!["-".into()] } else { input.captures.clone() }
 }
 
 /// Captures to read, each a file or the parts of a series, which are reported.
-pub(super) fn series(input: &InputArgs) -> Vec<Series> {
-    joined(&CaptureFile::listed(&captures(input)), input)
+pub(super) fn capture_series(input: &InputArgs) -> Vec<CaptureSeries> {
+    join_files(&CaptureFile::files_named(&capture_paths(input)), input)
 }
 
 /// The series among `files`; joined and rejected parts are reported.
-pub(super) fn joined(files: &[CaptureFile], input: &InputArgs) -> Vec<Series> {
-    let relations = relate(files, &read_options(input), join_options(input));
+pub(super) fn join_files(files: &[CaptureFile], input: &InputArgs) -> Vec<CaptureSeries> {
+    let relations = relate_files(files, &read_options(input), join_options(input));
     let all = relations.series();
-    let joined = all.iter().filter_map(Series::note);
-    joined.chain(relations.notes()).for_each(|text| note(&text));
+    let joined = all.iter().filter_map(CaptureSeries::parts_note);
+    joined.chain(relations.separation_notes()).for_each(|text| print_note(&text));
     all
 }
 
@@ -64,7 +64,7 @@ pub(super) fn read_options(input: &InputArgs) -> ReadOptions {
 /// # Errors
 /// If a bus file, profile, device file or database is missing, unreadable or invalid.
 pub(super) fn session_options(input: &InputArgs) -> anyhow::Result<SessionOptions> {
-    options_of(input, catalogue(&input.profiles))
+    options_of(input, load_catalogue(&input.profiles))
 }
 
 /// Session options with the profiles of `catalogue`; problems in readable files are printed.
@@ -79,7 +79,7 @@ pub(super) fn options_of(input: &InputArgs, mut catalogue: Catalogue) -> anyhow:
     let mut problems = Vec::new();
     let options = options_with(input, bus_file, Arc::new(catalogue), &mut problems)?;
     for problem in &problems {
-        warn(problem);
+        print_warning(problem);
     }
     Ok(options)
 }
@@ -97,15 +97,15 @@ pub(super) fn options_with(
 ) -> anyhow::Result<SessionOptions> {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let sdo_silence = (input.sdo_timeout * 1e9) as i64;
-    let mut assignments = assignments(input, &bus_file, &catalogue)?;
-    assignments.extend(device_files::assignments(input, &bus_file, problems)?);
-    let databases = databases(input, &bus_file, problems)?;
+    let mut assignments = node_assignments(input, &bus_file, &catalogue)?;
+    assignments.extend(device_files::device_assignments(input, &bus_file, problems)?);
+    let databases = read_databases(input, &bus_file, problems)?;
     Ok(SessionOptions {
         protocol: match input.protocol {
-            Protocol::Auto => ProtocolChoice::Auto,
-            Protocol::Canopen => ProtocolChoice::Canopen,
-            Protocol::J1939 => ProtocolChoice::J1939,
-            Protocol::None => ProtocolChoice::None,
+            ProtocolOption::Auto => ProtocolChoice::Auto,
+            ProtocolOption::Canopen => ProtocolChoice::Canopen,
+            ProtocolOption::J1939 => ProtocolChoice::J1939,
+            ProtocolOption::None => ProtocolChoice::None,
         },
         sdo_silence,
         bus_file,
@@ -126,7 +126,7 @@ fn named_nodes(input: &InputArgs) -> Vec<(Option<String>, NodeId)> {
 
 fn bus_file(path: &Path) -> anyhow::Result<BusFile> {
     let (name, text) = bus_file_text(path)?;
-    BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show(&name)))
+    BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show_in_file(&name)))
 }
 
 /// Device files and databases named in a bus file; empty for an invalid one, which is reported elsewhere.
@@ -144,7 +144,7 @@ pub(super) fn files_named(path: &Path) -> Vec<PathBuf> {
 /// # Errors
 /// If the file cannot be read.
 pub(super) fn bus_file_text(path: &Path) -> anyhow::Result<(String, String)> {
-    Ok((path.display().to_string(), limited::text(path)?))
+    Ok((path.display().to_string(), limited::read_text(path)?))
 }
 
 /// Configuration of rules from the bus file; `today` is the reference date for expired suppressions (default:
@@ -152,19 +152,19 @@ pub(super) fn bus_file_text(path: &Path) -> anyhow::Result<(String, String)> {
 ///
 /// # Errors
 /// If the bus file is unreadable, or contains unknown rules or tolerances.
-pub(super) fn setup(
+pub(super) fn build_setup(
     input: &InputArgs,
     catalogue: &Catalogue,
     today: Option<jiff::civil::Date>,
-) -> anyhow::Result<Setup> {
-    let Some(path) = &input.bus else { return Ok(Setup::default()) };
+) -> anyhow::Result<RuleSetup> {
+    let Some(path) = &input.bus else { return Ok(RuleSetup::default()) };
     let (name, text) = bus_file_text(path)?;
-    let file = BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show(&name)))?;
-    let shown = |error: TextError| anyhow::anyhow!(error.show(&name));
+    let file = BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show_in_file(&name)))?;
+    let shown = |error: TextError| anyhow::anyhow!(error.show_in_file(&name));
     // Reading the system time zone takes most of a millisecond, so the date is determined only if needed.
     let is_dated = file.judgement.suppressions.iter().any(|suppression| suppression.until.is_some());
     let today = is_dated.then(|| today.unwrap_or_else(|| jiff::Zoned::now().date()).to_string());
-    let setup = Setup::new(&file, &text, today).map_err(shown)?;
+    let setup = RuleSetup::new(&file, &text, today).map_err(shown)?;
     setup.check_devices(&file, &text, catalogue).map_err(shown)?;
     Ok(setup)
 }
@@ -173,7 +173,7 @@ pub(super) fn setup(
 ///
 /// # Errors
 /// If a rule is unknown; a comparison with it would match no event or all events.
-pub(super) fn check_rules_of(filter: Option<&Filter>, setup: &Setup) -> anyhow::Result<()> {
+pub(super) fn check_rules_of(filter: Option<&Filter>, setup: &RuleSetup) -> anyhow::Result<()> {
     filter.map_or(Ok(()), |filter| check_rules_in(filter, setup, "--filter"))
 }
 
@@ -181,18 +181,23 @@ pub(super) fn check_rules_of(filter: Option<&Filter>, setup: &Setup) -> anyhow::
 ///
 /// # Errors
 /// As for `check_rules_of`.
-pub(super) fn check_rules_in(filter: &Filter, setup: &Setup, option: &'static str) -> anyhow::Result<()> {
-    for rule in filter.compared("rule") {
+pub(super) fn check_rules_in(filter: &Filter, setup: &RuleSetup, option: &'static str) -> anyhow::Result<()> {
+    for rule in filter.compared_with("rule") {
         setup.check_name(rule).map_err(anyhow::Error::msg).context(option)?;
     }
     Ok(())
 }
 
 /// Profiles of nodes: those of the bus file, then those of the options, which take precedence.
-fn assignments(input: &InputArgs, file: &BusFile, catalogue: &Catalogue) -> anyhow::Result<Vec<Assignment>> {
+fn node_assignments(
+    input: &InputArgs,
+    file: &BusFile,
+    catalogue: &Catalogue,
+) -> anyhow::Result<Vec<Assignment>> {
     let mut all = Vec::new();
     for (bus, node, profile) in file.devices() {
-        let device = catalogue.device(&profile.text).map_err(|error| misnamed(input, profile, error))?;
+        let device =
+            catalogue.device(&profile.text).map_err(|error| misnamed_profile(input, profile, error))?;
         all.push(Assignment { bus: bus.map(Into::into), node, device, by: AssignedBy::BusFile });
     }
     for NodeArg { bus, id, profile } in &input.node {
@@ -208,18 +213,18 @@ fn assignments(input: &InputArgs, file: &BusFile, catalogue: &Catalogue) -> anyh
 }
 
 /// Error for a profile named in the bus file, with its position there, unless the profile itself is invalid.
-fn misnamed(input: &InputArgs, profile: &SpannedText, error: ProfileError) -> anyhow::Error {
+fn misnamed_profile(input: &InputArgs, profile: &SpannedText, error: ProfileError) -> anyhow::Error {
     let text = input.bus.as_deref().map(bus_file_text);
     match (&error, text) {
         (ProfileError::Unknown { .. } | ProfileError::NoVariant { .. }, Some(Ok((name, text)))) => {
-            anyhow!(TextError::at(&text, profile.span.clone(), error.to_string()).show(&name))
+            anyhow!(TextError::at_place(&text, profile.span.clone(), error.to_string()).show_in_file(&name))
         }
         _ => error.into(),
     }
 }
 
 /// All profiles: built-in, from the user's folder, and from `folders`.
-pub(super) fn catalogue(folders: &[PathBuf]) -> Catalogue {
+pub(super) fn load_catalogue(folders: &[PathBuf]) -> Catalogue {
     let mut catalogue = Catalogue::default();
     if let Some(folder) = user_folder().filter(|folder| folder.is_dir()) {
         add_folder(&mut catalogue, &folder);
@@ -242,7 +247,7 @@ pub(super) fn with_user_folder(error: anyhow::Error, folders: &[PathBuf]) -> any
     let text = format!("{error:#}");
     let (first, place) = text.split_at(text.find('\n').unwrap_or(text.len()));
     // Problems of other profiles do not concern the command.
-    let ((own, common), _) = collected(|| (catalogue(&[]), common_catalogue(folders)));
+    let ((own, common), _) = collect_messages(|| (load_catalogue(&[]), common_catalogue(folders)));
     let common = common.ids();
     let mut missing = own.ids().into_iter().filter(|id| !common.contains(id));
     if !missing.any(|id| first.contains(&format!("unknown profile '{id}'"))) {
@@ -275,7 +280,7 @@ fn add_folder(catalogue: &mut Catalogue, folder: &Path) {
 /// Adds the other profiles of a folder, because the profile `but` may extend them.
 pub(super) fn add_siblings(catalogue: &mut Catalogue, folder: &Path, but: &Path) {
     for path in files_in(folder, is_profile).iter().filter(|path| path.as_path() != but) {
-        let text = limited::text(path).unwrap_or_default();
+        let text = limited::read_text(path).unwrap_or_default();
         // Errors in them are reported only if a profile extends them.
         let _ = catalogue.add_text(&path.display().to_string(), &text);
     }
@@ -297,22 +302,22 @@ fn files_in(folder: &Path, picks: fn(&Path) -> bool) -> Vec<PathBuf> {
 fn add_file(catalogue: &mut Catalogue, path: &Path) {
     let name = path.display().to_string();
     let stem = path.file_stem().map_or(String::new(), |stem| stem.to_string_lossy().into_owned());
-    let text = match limited::text(path) {
+    let text = match limited::read_text(path) {
         Ok(text) => text,
-        Err(error) => return warn(&format!("{error:#}")),
+        Err(error) => return print_warning(&format!("{error:#}")),
     };
     if is_bus_file(&text) {
         return;
     }
     match catalogue.add_text(&name, &text) {
         Ok(id) => {
-            if let Some(other) = catalogue.replaced(&id) {
+            if let Some(other) = catalogue.replaced_origin(&id) {
                 let other = if other.is_empty() { "the built-in profile" } else { other };
-                warn(&format!("{name}: overrides {other} for {id}"));
+                print_warning(&format!("{name}: overrides {other} for {id}"));
             }
         }
         Err(error) => {
-            warn(&error.to_string());
+            print_warning(&error.to_string());
             catalogue.add_broken(&stem, error);
         }
     }

@@ -6,14 +6,14 @@ use anyhow::Context as _;
 use cobscope_decoder::diagnosis::Diagnosis;
 use cobscope_decoder::finding::Severity;
 use cobscope_decoder::reading::Borrowed;
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::SessionOptions;
-use cobscope_decoder::sink::findings::{CaptureResult, Outcome};
+use cobscope_decoder::sink::findings::{CaptureOutcome, CaptureResult};
 use cobscope_decoder::sink::lake::{LakeCapture, LakeResults, LakeWriter};
-use cobscope_decoder::statistics::{Quality, Statistics};
+use cobscope_decoder::statistics::{CaptureQuality, Statistics};
 
 use super::content::CaptureContent;
-use super::folder::{LakeFolder, Staging};
+use super::folder::{CaptureStaging, LakeFolder};
 use super::machine::machine_of;
 use crate::cli::{InputArgs, LakeAddArgs};
 use crate::cmd::captures::{SourceSeries, is_no_capture};
@@ -21,9 +21,9 @@ use crate::cmd::check::{line_numbers, parts};
 use crate::cmd::decoding::{CaptureJob, ReadCapture};
 use crate::cmd::input::read_options;
 use crate::cmd::lake_index::{EntrySummary, LakeEntry};
-use crate::path_text::shown;
+use crate::path_text::path_text;
 use crate::record::format::is_of_captures;
-use crate::source::{Series, open};
+use crate::source::{CaptureSeries, open_capture};
 
 /// Lowest severity that counts as a failure, the default of `check`.
 const LEAST: Option<Severity> = Some(Severity::Error);
@@ -33,12 +33,12 @@ pub(super) struct AddInputs<'a> {
     pub(super) lake: &'a LakeFolder,
     pub(super) arguments: &'a LakeAddArgs,
     pub(super) options: &'a SessionOptions,
-    pub(super) setup: &'a Arc<Setup>,
+    pub(super) setup: &'a Arc<RuleSetup>,
     pub(super) is_alone: bool,
 }
 
 /// Result for one capture.
-pub(super) enum Addition {
+pub(super) enum LakeAddition {
     /// It is new in the lake.
     Added(AddedCapture),
     /// Its content was in the lake.
@@ -54,7 +54,7 @@ pub(super) struct AddedCapture {
     pub(super) machine: String,
     pub(super) frames: u64,
     pub(super) files: usize,
-    pub(super) outcome: Outcome,
+    pub(super) outcome: CaptureOutcome,
     /// Reason why the capture was not read, or not to its end.
     pub(super) failure: Option<String>,
     /// Messages for stderr.
@@ -68,20 +68,20 @@ impl AddInputs<'_> {
     ///
     /// # Errors
     /// The files cannot be read at all, or the lake cannot be written.
-    pub(super) fn add(&self, source: &SourceSeries) -> anyhow::Result<Addition> {
+    pub(super) fn add(&self, source: &SourceSeries) -> anyhow::Result<LakeAddition> {
         let series = &source.series;
         if source.folder.is_some() && self.is_other_file(series) {
-            return Ok(Addition::Skipped);
+            return Ok(LakeAddition::Skipped);
         }
         let of_bus_file = self.options.bus_file.machine.as_deref();
-        let machine = match machine_of(series.first(), self.arguments, of_bus_file) {
+        let machine = match machine_of(series.first_path(), self.arguments, of_bus_file) {
             Ok(machine) => machine,
-            Err(error) => return Ok(Addition::Unnamed(error)),
+            Err(error) => return Ok(LakeAddition::Unnamed(error)),
         };
         let content = CaptureContent::of(&series.parts)?;
         let _lock = self.lake.lock(&content.hash)?;
         if let Some(entry) = self.lake.entry(&content.hash).filter(|_| !self.arguments.replace) {
-            return Ok(Addition::Present(entry));
+            return Ok(LakeAddition::Present(entry));
         }
         let capture = LakeCapture {
             name: series.name(),
@@ -95,12 +95,12 @@ impl AddInputs<'_> {
         };
         let mut staging = self.lake.stage(&content.hash, &machine)?;
         // Reasons why the capture cannot be read are part of its row: what remains concerns the lake.
-        let read = self.read(series, capture, &mut staging).with_context(|| shown(&self.arguments.lake));
+        let read = self.read(series, capture, &mut staging).with_context(|| path_text(&self.arguments.lake));
         match read.and_then(|read| content.ensure_unchanged().map(|()| read)) {
-            Ok(Addition::Added(mut added)) => {
+            Ok(LakeAddition::Added(mut added)) => {
                 added.files = staging.commit(&series.name(), std::mem::take(&mut added.summary))?;
                 added.machine = machine;
-                Ok(Addition::Added(added))
+                Ok(LakeAddition::Added(added))
             }
             other => {
                 staging.discard();
@@ -110,18 +110,18 @@ impl AddInputs<'_> {
     }
 
     /// Whether a file in a folder is not a capture, and does not look like one.
-    fn is_other_file(&self, series: &Series) -> bool {
-        let opened = open(series.first(), &read_options(&self.arguments.input));
-        opened.is_err_and(|error| is_no_capture(&error) && !is_of_captures(series.first()))
+    fn is_other_file(&self, series: &CaptureSeries) -> bool {
+        let opened = open_capture(series.first_path(), &read_options(&self.arguments.input));
+        opened.is_err_and(|error| is_no_capture(&error) && !is_of_captures(series.first_path()))
     }
 
     /// Decodes a capture into files.
     fn read(
         &self,
-        series: &Series,
+        series: &CaptureSeries,
         capture: LakeCapture,
-        staging: &mut Staging<'_>,
-    ) -> anyhow::Result<Addition> {
+        staging: &mut CaptureStaging<'_>,
+    ) -> anyhow::Result<LakeAddition> {
         let name = series.name();
         let mut writer = LakeWriter::new(capture, staging);
         let job = CaptureJob {
@@ -142,7 +142,7 @@ impl AddInputs<'_> {
                 finish_unread(writer, &judged)
             }
         };
-        added.map(Addition::Added)
+        added.map(LakeAddition::Added)
     }
 }
 
@@ -150,7 +150,7 @@ impl AddInputs<'_> {
 fn finish(
     writer: LakeWriter<'_>,
     read: ReadCapture<Statistics>,
-    (series, input): (&Series, &InputArgs),
+    (series, input): (&CaptureSeries, &InputArgs),
 ) -> anyhow::Result<AddedCapture> {
     let failure = read.failure_text();
     let ReadCapture { summary, format, mut warnings, unreadable, .. } = read;
@@ -184,14 +184,14 @@ fn finish(
         format: Some(format),
         least: LEAST,
     };
-    writer.finish(&results)?;
+    writer.finish_capture(&results)?;
     Ok(added(&results, warnings))
 }
 
 /// Writes the row of a capture that cannot be read at all.
 fn finish_unread(writer: LakeWriter<'_>, judged: &CaptureResult) -> anyhow::Result<AddedCapture> {
     let decoder = cobscope_decoder::decoder::Decoder::new(SessionOptions::default());
-    let (diagnosis, quality) = (Diagnosis::default(), Quality::default());
+    let (diagnosis, quality) = (Diagnosis::default(), CaptureQuality::default());
     let results = LakeResults {
         judged,
         diagnosis: &diagnosis,
@@ -200,7 +200,7 @@ fn finish_unread(writer: LakeWriter<'_>, judged: &CaptureResult) -> anyhow::Resu
         format: None,
         least: LEAST,
     };
-    writer.finish(&results)?;
+    writer.finish_capture(&results)?;
     Ok(added(&results, Vec::new()))
 }
 
@@ -210,9 +210,9 @@ fn added(results: &LakeResults<'_>, warnings: Vec<String>) -> AddedCapture {
         machine: String::new(),
         frames: judged.frames,
         files: 0,
-        outcome: judged.outcome(LEAST),
+        outcome: judged.overall_outcome(LEAST),
         failure: judged.failure.clone(),
         warnings,
-        summary: EntrySummary::of(judged, diagnosis, *buses, LEAST),
+        summary: EntrySummary::summary_of(judged, diagnosis, *buses, LEAST),
     }
 }

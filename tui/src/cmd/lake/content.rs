@@ -9,7 +9,7 @@ use std::time::SystemTime;
 use anyhow::{Context as _, ensure};
 use sha2::{Digest as _, Sha256};
 
-use crate::path_text::shown;
+use crate::path_text::path_text;
 
 /// Size of the blocks that are hashed, in bytes.
 const BLOCK: usize = 256 * 1024;
@@ -36,7 +36,7 @@ impl CaptureContent {
         let mut block = vec![0; BLOCK];
         let (mut size, mut states) = (0_u64, Vec::new());
         for path in parts {
-            let name = || shown(path);
+            let name = || path_text(path);
             let mut file = File::open(path).with_context(|| format!("{}: cannot be opened", name()))?;
             let found = file.metadata().with_context(name)?;
             ensure!(found.is_file(), "{}: not a file; a lake needs the whole content twice", name());
@@ -63,8 +63,8 @@ impl CaptureContent {
     /// A file has another length or time of change.
     pub(super) fn ensure_unchanged(&self) -> anyhow::Result<()> {
         for (path, before) in &self.states {
-            let now = Path::metadata(path).with_context(|| shown(path))?;
-            ensure!(state(&now) == *before, "{}: changed while it was read; not added", shown(path));
+            let now = Path::metadata(path).with_context(|| path_text(path))?;
+            ensure!(state(&now) == *before, "{}: changed while it was read; not added", path_text(path));
         }
         Ok(())
     }

@@ -19,8 +19,8 @@ use cobscope_decoder::sink::lake::{LakeFiles, TABLES, empty_table};
 
 use super::machine::{UNKNOWN, partition_value, path_value};
 use crate::cmd::lake_index::{EntrySummary, FOLDER as INDEX, LakeEntry, WIDE, file_stem};
-use crate::output_file::{self, Existing};
-use crate::path_text::shown;
+use crate::output_file::{self, ExistingFile};
+use crate::path_text::path_text;
 
 /// Size of output buffers, in bytes.
 const BUFFER: usize = 64 * 1024;
@@ -46,7 +46,7 @@ impl LakeFolder {
         for folder in [INDEX, "_staging"] {
             let folder = root.join(folder);
             fs::create_dir_all(&folder)
-                .with_context(|| format!("{}: cannot create the folder", shown(&folder)))?;
+                .with_context(|| format!("{}: cannot create the folder", path_text(&folder)))?;
         }
         lake.recover()?;
         lake.create_tables()?;
@@ -68,14 +68,14 @@ impl LakeFolder {
                 fs::write(&staged, empty_table(table)?)?;
                 fs::rename(&staged, &path)
             };
-            write().with_context(|| format!("{}: cannot be written", shown(&path)))?;
+            write().with_context(|| format!("{}: cannot be written", path_text(&path)))?;
         }
         Ok(())
     }
 
     fn recover(&self) -> anyhow::Result<()> {
         let staging = self.root.join("_staging");
-        let entries = fs::read_dir(&staging).with_context(|| shown(&staging))?;
+        let entries = fs::read_dir(&staging).with_context(|| path_text(&staging))?;
         for entry in entries.flatten() {
             let name = entry.file_name().to_string_lossy().into_owned();
             let is_hash = name.len() == 64 && name.bytes().all(|byte| byte.is_ascii_hexdigit());
@@ -97,7 +97,7 @@ impl LakeFolder {
             fs::create_dir_all(&folder)?;
             File::options().create(true).truncate(false).write(true).open(&path)
         };
-        open().with_context(|| format!("{}: cannot be written", shown(&path)))
+        open().with_context(|| format!("{}: cannot be written", path_text(&path)))
     }
 
     fn try_lock(&self, hash: &str) -> anyhow::Result<Option<File>> {
@@ -134,7 +134,7 @@ impl LakeFolder {
 
     /// Entry of a capture that is in the lake; its files exist.
     pub(super) fn entry(&self, hash: &str) -> Option<LakeEntry> {
-        let entry = LakeEntry::read(&self.index_path(hash), hash)?;
+        let entry = LakeEntry::read_entry(&self.index_path(hash), hash)?;
         let is_whole = !entry.files.is_empty() && entry.files.iter().all(|file| self.path(file).is_file());
         is_whole.then_some(entry)
     }
@@ -143,12 +143,12 @@ impl LakeFolder {
     ///
     /// # Errors
     /// The name of the machine is not valid, or the folder cannot be created.
-    pub(super) fn stage(&self, hash: &str, machine: &str) -> anyhow::Result<Staging<'_>> {
+    pub(super) fn stage(&self, hash: &str, machine: &str) -> anyhow::Result<CaptureStaging<'_>> {
         let partition = partition_value(machine)?;
         let folder = self.staging_path(hash);
         fs::create_dir_all(&folder)
-            .with_context(|| format!("{}: cannot create the folder", shown(&folder)))?;
-        Ok(Staging {
+            .with_context(|| format!("{}: cannot create the folder", path_text(&folder)))?;
+        Ok(CaptureStaging {
             lake: self,
             hash: hash.to_owned(),
             machine: machine.to_owned(),
@@ -164,15 +164,15 @@ impl LakeFolder {
         if !folder.exists() {
             return Ok(());
         }
-        if let Some(entry) = LakeEntry::read(&folder.join(COMMIT), hash) {
+        if let Some(entry) = LakeEntry::read_entry(&folder.join(COMMIT), hash) {
             self.publish(&folder, hash, &entry)
-                .with_context(|| format!("{}: cannot be completed", shown(&folder)))?;
+                .with_context(|| format!("{}: cannot be completed", path_text(&folder)))?;
         }
-        fs::remove_dir_all(&folder).with_context(|| format!("{}: cannot be removed", shown(&folder)))
+        fs::remove_dir_all(&folder).with_context(|| format!("{}: cannot be removed", path_text(&folder)))
     }
 
     fn publish(&self, folder: &Path, hash: &str, entry: &LakeEntry) -> io::Result<()> {
-        let before = LakeEntry::read(&self.index_path(hash), hash);
+        let before = LakeEntry::read_entry(&self.index_path(hash), hash);
         let before = before.into_iter().flat_map(|entry| entry.files);
         // A capture is not listed while its other files are replaced.
         for file in before.filter(|file| !entry.files.contains(file)).rev() {
@@ -190,7 +190,7 @@ impl LakeFolder {
                 renamed => renamed?,
             }
         }
-        output_file::write(&self.index_path(hash), Existing::Replace, entry.text().as_bytes())
+        output_file::write_file(&self.index_path(hash), ExistingFile::Replace, entry.entry_json().as_bytes())
     }
 }
 
@@ -207,7 +207,7 @@ pub(super) struct CaptureLock {
 }
 
 /// Files of a capture that is being read.
-pub(super) struct Staging<'a> {
+pub(super) struct CaptureStaging<'a> {
     lake: &'a LakeFolder,
     hash: String,
     machine: String,
@@ -217,7 +217,7 @@ pub(super) struct Staging<'a> {
     files: Vec<String>,
 }
 
-impl Staging<'_> {
+impl CaptureStaging<'_> {
     /// Makes all files part of the lake.
     ///
     /// # Errors
@@ -240,9 +240,13 @@ impl Staging<'_> {
                 summary,
                 files: self.files.clone(),
             };
-            output_file::write(&self.folder.join(COMMIT), Existing::Replace, entry.text().as_bytes())
+            output_file::write_file(
+                &self.folder.join(COMMIT),
+                ExistingFile::Replace,
+                entry.entry_json().as_bytes(),
+            )
         };
-        write(summary).with_context(|| format!("{}: cannot be written", shown(&self.folder)))?;
+        write(summary).with_context(|| format!("{}: cannot be written", path_text(&self.folder)))?;
         self.lake.complete(&self.hash)?;
         Ok(count)
     }
@@ -254,7 +258,7 @@ impl Staging<'_> {
     }
 }
 
-impl Staging<'_> {
+impl CaptureStaging<'_> {
     /// Creates a file in a folder of the lake.
     fn create_in(&mut self, place: &str, number: usize) -> io::Result<Output> {
         let stem = file_stem(&self.hash);
@@ -266,15 +270,15 @@ impl Staging<'_> {
             File::options().write(true).create_new(true).open(&path)
         };
         let file = open().map_err(|error| {
-            io::Error::new(error.kind(), format!("{}: cannot be created: {error}", shown(&path)))
+            io::Error::new(error.kind(), format!("{}: cannot be created: {error}", path_text(&path)))
         })?;
         self.files.push(format!("{place}/{name}"));
         Ok(Box::new(BufWriter::with_capacity(BUFFER, file)))
     }
 }
 
-impl LakeFiles for Staging<'_> {
-    fn create(&mut self, table: &'static str, day: &str, number: usize) -> io::Result<Output> {
+impl LakeFiles for CaptureStaging<'_> {
+    fn create_file(&mut self, table: &'static str, day: &str, number: usize) -> io::Result<Output> {
         self.create_in(&format!("{table}/machine={}/day={day}", self.partition), number)
     }
 
@@ -291,12 +295,15 @@ impl LakeFiles for Staging<'_> {
 /// The folder contains other files.
 pub(super) fn ensure_lake(root: &Path) -> anyhow::Result<()> {
     let Ok(entries) = fs::read_dir(root) else {
-        ensure!(!root.exists(), "{}: expected a folder", shown(root));
+        ensure!(!root.exists(), "{}: expected a folder", path_text(root));
         return Ok(());
     };
     let names: Vec<_> = entries.flatten().map(|entry| entry.file_name()).collect();
     let is_lake = names.is_empty() || names.iter().any(|name| name == INDEX);
     is_lake.then_some(()).ok_or_else(|| {
-        anyhow!("{}: folder with other files; expected a lake, an empty folder or a new name", shown(root))
+        anyhow!(
+            "{}: folder with other files; expected a lake, an empty folder or a new name",
+            path_text(root)
+        )
     })
 }

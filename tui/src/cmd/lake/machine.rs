@@ -9,8 +9,8 @@ use sha2::{Digest as _, Sha256};
 
 use crate::cli::LakeAddArgs;
 use crate::cmd::messages::Refusal;
-use crate::exit_code::Exit;
-use crate::path_text::shown;
+use crate::exit_code::ExitStatus;
+use crate::path_text::path_text;
 
 /// Name of a machine without a name, and of an unknown day.
 pub(super) const UNKNOWN: &str = "unknown";
@@ -33,9 +33,9 @@ const HIVE_NULL: &str = "__HIVE_DEFAULT_PARTITION__";
 /// One of them is no name of a machine.
 pub(super) fn check_names(arguments: &LakeAddArgs, of_bus_file: Option<&str>) -> Result<(), Refusal> {
     let check = |name: &str| partition_value(name).map(|_| ());
-    arguments.machine.as_deref().map_or(Ok(()), check).map_err(|error| (Exit::Usage, error))?;
-    let file = arguments.input.bus.as_deref().map_or_else(String::new, shown);
-    of_bus_file.map_or(Ok(()), check).with_context(|| file).map_err(|error| (Exit::Profile, error))
+    arguments.machine.as_deref().map_or(Ok(()), check).map_err(|error| (ExitStatus::Usage, error))?;
+    let file = arguments.input.bus.as_deref().map_or_else(String::new, path_text);
+    of_bus_file.map_or(Ok(()), check).with_context(|| file).map_err(|error| (ExitStatus::Profile, error))
 }
 
 /// Name of the machine of a capture: of the option, of the path, or of the bus file.
@@ -54,9 +54,9 @@ pub(super) fn machine_of(
         let text = path.display().to_string();
         let text = if cfg!(windows) { text.replace('\\', "/") } else { text };
         let Some(name) = pattern.name(&text) else {
-            bail!("{}: no match of --machine-from {}", shown(path), escape(pattern.text()));
+            bail!("{}: no match of --machine-from {}", path_text(path), escape(pattern.text()));
         };
-        return partition_value(name).map(|_| name.to_owned()).with_context(|| shown(path));
+        return partition_value(name).map(|_| name.to_owned()).with_context(|| path_text(path));
     }
     Ok(of_bus_file.unwrap_or(UNKNOWN).to_owned())
 }

@@ -13,34 +13,34 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::available_parallelism;
 
-use cobscope_decoder::words::{grouped, plural};
+use cobscope_decoder::words::{count_noun, group_digits};
 
-use self::add::{AddInputs, Addition};
+use self::add::{AddInputs, LakeAddition};
 use self::folder::{LakeFolder, ensure_lake};
 use super::captures::{self, SourceSeries};
-use super::input::{catalogue, common_catalogue, options_of, setup, with_user_folder};
-use super::messages::{Refusal, complain, note, warn};
-use super::output::print;
+use super::input::{build_setup, common_catalogue, load_catalogue, options_of, with_user_folder};
+use super::messages::{Refusal, print_error, print_note, print_warning};
+use super::output::print_text;
 use crate::cli::{LakeAddArgs, LakeCommand};
-use crate::exit_code::Exit;
-use crate::path_text::shown;
+use crate::exit_code::ExitStatus;
+use crate::path_text::path_text;
 
 /// Runs the command.
-pub fn run(command: &LakeCommand) -> Exit {
+pub fn run(command: &LakeCommand) -> ExitStatus {
     let LakeCommand::Add(arguments) = command;
     match run_add(arguments) {
         Ok(exit) => exit,
         Err((exit, error)) => {
-            complain(&error);
+            print_error(&error);
             exit
         }
     }
 }
 
-fn run_add(arguments: &LakeAddArgs) -> Result<Exit, Refusal> {
-    let usage = |error| (Exit::Usage, error);
+fn run_add(arguments: &LakeAddArgs) -> Result<ExitStatus, Refusal> {
+    let usage = |error| (ExitStatus::Usage, error);
     let folders = &arguments.input.profiles;
-    let profile = |error| (Exit::Profile, with_user_folder(error, folders));
+    let profile = |error| (ExitStatus::Profile, with_user_folder(error, folders));
     if arguments.input.captures.is_empty() {
         return Err(usage(anyhow::anyhow!("found no capture, expected files or folders after the lake")));
     }
@@ -49,9 +49,9 @@ fn run_add(arguments: &LakeAddArgs) -> Result<Exit, Refusal> {
             "a lake needs a capture twice; stdin cannot be read again, give a file"
         )));
     }
-    let catalogue = if arguments.user_profiles { catalogue(folders) } else { common_catalogue(folders) };
+    let catalogue = if arguments.user_profiles { load_catalogue(folders) } else { common_catalogue(folders) };
     let options = options_of(&arguments.input, catalogue).map_err(profile)?;
-    let setup = Arc::new(setup(&arguments.input, &options.catalogue, None).map_err(profile)?);
+    let setup = Arc::new(build_setup(&arguments.input, &options.catalogue, None).map_err(profile)?);
     machine::check_names(arguments, options.bus_file.machine.as_deref())?;
     ensure_lake(&arguments.lake).map_err(usage)?;
     let lake = LakeFolder::open(&arguments.lake).map_err(usage)?;
@@ -67,13 +67,13 @@ fn run_add(arguments: &LakeAddArgs) -> Result<Exit, Refusal> {
     let inputs =
         AddInputs { lake: &lake, arguments, options: &options, setup: &setup, is_alone: threads == 1 };
     let counts = add_all(&inputs, &captures, threads);
-    let text = format!("{}: {}\n", shown(&arguments.lake), counts.text());
+    let text = format!("{}: {}\n", path_text(&arguments.lake), counts.text());
     let exit = counts.exit();
     if counts.found() == 0 {
-        warn("no captures");
-        return Ok(Exit::Capture);
+        print_warning("no captures");
+        return Ok(ExitStatus::Capture);
     }
-    Ok(exit.max(print(text.as_bytes())))
+    Ok(exit.max(print_text(text.as_bytes())))
 }
 
 /// Numbers of captures by result.
@@ -92,16 +92,16 @@ impl AdditionCounts {
         self.added + self.present + self.failed + self.unnamed
     }
 
-    fn exit(&self) -> Exit {
+    fn exit(&self) -> ExitStatus {
         match self {
-            Self { failed: 1.., .. } => Exit::Capture,
-            Self { unnamed: 1.., .. } => Exit::Usage,
-            _ => Exit::Clean,
+            Self { failed: 1.., .. } => ExitStatus::Capture,
+            Self { unnamed: 1.., .. } => ExitStatus::Usage,
+            _ => ExitStatus::Clean,
         }
     }
 
     fn text(&self) -> String {
-        let mut parts = vec![format!("{} added", plural(self.added, "capture"))];
+        let mut parts = vec![format!("{} added", count_noun(self.added, "capture"))];
         if self.present > 0 {
             parts.push(format!("{} already in the lake", self.present));
         }
@@ -123,42 +123,42 @@ impl AdditionCounts {
     }
 
     /// Adds and prints the result of a capture.
-    fn count(&mut self, source: &SourceSeries, result: anyhow::Result<Addition>) {
+    fn count(&mut self, source: &SourceSeries, result: anyhow::Result<LakeAddition>) {
         let name = source.series.name();
         match result {
-            Ok(Addition::Added(one)) => {
+            Ok(LakeAddition::Added(one)) => {
                 self.added += 1;
                 self.failed += usize::from(one.failure.is_some());
-                one.warnings.iter().for_each(|text| warn(text));
+                one.warnings.iter().for_each(|text| print_warning(text));
                 if let Some(failure) = &one.failure {
-                    warn(failure);
+                    print_warning(failure);
                 }
-                note(&format!(
+                print_note(&format!(
                     "{name}: added to machine {}: {} {}, {}, {}",
                     one.machine,
-                    grouped(one.frames),
+                    group_digits(one.frames),
                     if one.frames == 1 { "frame" } else { "frames" },
-                    plural(one.files, "file"),
+                    count_noun(one.files, "file"),
                     one.outcome.name()
                 ));
             }
-            Ok(Addition::Present(entry)) => {
+            Ok(LakeAddition::Present(entry)) => {
                 self.present += 1;
                 let other = if entry.capture == name {
                     String::new()
                 } else {
                     format!(" as {} of machine {}", entry.capture, entry.machine)
                 };
-                note(&format!("{name}: already in the lake{other}; --replace adds it again"));
+                print_note(&format!("{name}: already in the lake{other}; --replace adds it again"));
             }
-            Ok(Addition::Skipped) => {}
-            Ok(Addition::Unnamed(error)) => {
+            Ok(LakeAddition::Skipped) => {}
+            Ok(LakeAddition::Unnamed(error)) => {
                 self.unnamed += 1;
-                complain(&error);
+                print_error(&error);
             }
             Err(error) => {
                 self.failed += 1;
-                complain(&error);
+                print_error(&error);
             }
         }
     }

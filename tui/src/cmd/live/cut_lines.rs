@@ -10,12 +10,12 @@ use std::path::Path;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::sink::{escape, escape_json};
 use cobscope_decoder::wire::NodeId;
-use cobscope_decoder::words::plural;
+use cobscope_decoder::words::count_noun;
 use serde_json::{Map, Value, json};
 
 use crate::cli::PrintArgs;
-use crate::figures::{bytes, seconds, seconds_to};
-use crate::record::{CompleteCut, CutEnd, CutNews, RefusalReason, Trigger};
+use crate::figures::{format_bytes, format_seconds, seconds_to};
+use crate::record::{CaptureTrigger, CompleteCut, CutEnd, CutNews, RefusalReason};
 
 /// Form of the lines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,7 +52,7 @@ impl CutLine<'_> {
         let (time, who, kind, what) = match self.news {
             CutNews::Triggered { trigger, path, late } => {
                 let late = if *late > 0 {
-                    format!("; its first {} s are missing: no longer in the ring", seconds(*late))
+                    format!("; its first {} s are missing: no longer in the ring", format_seconds(*late))
                 } else {
                     String::new()
                 };
@@ -65,7 +65,7 @@ impl CutLine<'_> {
             }
             CutNews::Complete(cut) => (cut.last_time, String::new(), "FILE", summary(cut)),
         };
-        let since = |time: Timestamp| Some(seconds(time.0.checked_sub(self.first?.0)?));
+        let since = |time: Timestamp| Some(format_seconds(time.0.checked_sub(self.first?.0)?));
         let time = time.and_then(since).unwrap_or_else(|| "–".to_owned());
         format!("{time:>9}  {who:<16}  {kind:<6} {}\n", escape(&what))
     }
@@ -94,7 +94,7 @@ impl CutLine<'_> {
     }
 }
 
-fn of_trigger(trigger: &Trigger) -> Map<String, Value> {
+fn of_trigger(trigger: &CaptureTrigger) -> Map<String, Value> {
     let mut fields = Map::new();
     let mut add = |key: &str, value: Value| _ = fields.insert(key.to_owned(), value);
     add("bus", json!(trigger.bus));
@@ -150,16 +150,16 @@ pub(super) fn limit(reason: RefusalReason) -> &'static str {
     }
 }
 
-fn who(trigger: &Trigger) -> String {
+fn who(trigger: &CaptureTrigger) -> String {
     let subject = if trigger.subject.is_empty() { &trigger.bus } else { &trigger.subject };
     escape(subject).into_owned()
 }
 
-fn words(trigger: &Trigger) -> String {
+fn words(trigger: &CaptureTrigger) -> String {
     format!("{}: {}", trigger.cause, trigger.text)
 }
 
-fn frames(trigger: &Trigger) -> String {
+fn frames(trigger: &CaptureTrigger) -> String {
     match (trigger.first_frame, trigger.last_frame) {
         (0, _) => String::new(),
         (first, last) if first == last => format!(" {{{first}}}"),
@@ -171,13 +171,16 @@ fn summary(cut: &CompleteCut) -> String {
     let paths: Vec<String> = cut.paths.iter().map(|path| path.display().to_string()).collect();
     let paths = if paths.is_empty() { "no file".to_owned() } else { paths.join(", ") };
     let parts = [
-        plural(cut.frames, "frame"),
-        format!("{} s", seconds(cut.duration)),
-        plural(cut.triggers, "trigger"),
-        bytes(cut.bytes),
+        count_noun(cut.frames, "frame"),
+        format!("{} s", format_seconds(cut.duration)),
+        count_noun(cut.triggers, "trigger"),
+        format_bytes(cut.bytes),
     ];
-    let missing =
-        if cut.missing > 0 { format!("; {} missing", plural(cut.missing, "frame")) } else { String::new() };
+    let missing = if cut.missing > 0 {
+        format!("; {} missing", count_noun(cut.missing, "frame"))
+    } else {
+        String::new()
+    };
     let end = match cut.end {
         CutEnd::Window => "",
         CutEnd::Bytes => "; ended by --trigger-size",
@@ -190,8 +193,8 @@ fn summary(cut: &CompleteCut) -> String {
 mod tests {
     use super::*;
 
-    fn trigger(text: &str) -> Trigger {
-        Trigger {
+    fn trigger(text: &str) -> CaptureTrigger {
+        CaptureTrigger {
             bus: "can0".to_owned(),
             node: Some(NodeId::Canopen(5)),
             subject: "5/05 boom".to_owned(),

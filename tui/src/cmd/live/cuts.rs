@@ -12,13 +12,13 @@ use cobscope_decoder::sink::escape;
 
 use super::cut_lines::{CutLine, LineStyle, limit as limit_reached};
 use super::program::ProgramRunner;
-use super::triggers::Triggers;
+use super::triggers::LiveTriggers;
 use crate::cli::LiveArgs;
 use crate::cmd::cut;
-use crate::cmd::messages::note;
-use crate::cmd::output::print;
-use crate::exit_code::Exit;
-use crate::figures::limit;
+use crate::cmd::messages::print_note;
+use crate::cmd::output::print_text;
+use crate::exit_code::ExitStatus;
+use crate::figures::format_limit;
 use crate::record::format;
 use crate::record::{CutNews, CutOptions, RecordStatus, Recorder, StateText};
 
@@ -26,7 +26,7 @@ use crate::record::{CutNews, CutOptions, RecordStatus, Recorder, StateText};
 const LATEST: Duration = Duration::from_secs(1);
 
 /// Recorder of captures around triggers.
-pub(super) struct Cuts {
+pub(super) struct CutRecorder {
     recorder: Recorder,
     news: Receiver<CutNews>,
     runner: Option<ProgramRunner>,
@@ -43,10 +43,10 @@ pub(super) struct Cuts {
     /// Moment of the last trigger.
     raised: Option<Instant>,
     has_refused: bool,
-    exit: Exit,
+    exit: ExitStatus,
 }
 
-impl Cuts {
+impl CutRecorder {
     /// Recorder of the options; `None` without triggers. `session` are the options of the decoder.
     ///
     /// # Errors
@@ -64,9 +64,10 @@ impl Cuts {
             files: own.trigger_files,
             bytes: own.trigger_size,
         };
-        let in_files =
-            own.ring_files.map_or_else(String::new, |size| format!(", of up to {} in files", limit(size)));
-        let ring = format!("ring of up to {} in memory{in_files}", limit(own.ring_size));
+        let in_files = own
+            .ring_files
+            .map_or_else(String::new, |size| format!(", of up to {} in files", format_limit(size)));
+        let ring = format!("ring of up to {} in memory{in_files}", format_limit(own.ring_size));
         let runner = own.on_trigger.as_deref().map(ProgramRunner::start).transpose()?;
         let now = jiff::Zoned::now().datetime();
         let (recorder, news) = Recorder::on_triggers(options, session, state_text(arguments), now)?;
@@ -82,18 +83,18 @@ impl Cuts {
             until: None,
             raised: None,
             has_refused: false,
-            exit: Exit::Clean,
+            exit: ExitStatus::Clean,
         }))
     }
 
     /// Prints the folder and the ring.
     pub(super) fn greet(&self) {
         let folder = self.recorder.status().path;
-        note(&format!("recording around triggers to {}; {}", folder.display(), self.ring));
+        print_note(&format!("recording around triggers to {}; {}", folder.display(), self.ring));
     }
 
     /// Adds a frame with its triggers.
-    pub(super) fn frame(&mut self, frame: &Frame, names: &BusNames, triggers: &mut Triggers) {
+    pub(super) fn frame(&mut self, frame: &Frame, names: &BusNames, triggers: &mut LiveTriggers) {
         self.first = self.first.or(frame.time);
         self.now = self.now.max(frame.time);
         self.raise(triggers);
@@ -101,7 +102,7 @@ impl Cuts {
     }
 
     /// Adds a notice with its triggers.
-    pub(super) fn notice(&mut self, notice: &Notice, names: &BusNames, triggers: &mut Triggers) {
+    pub(super) fn notice(&mut self, notice: &Notice, names: &BusNames, triggers: &mut LiveTriggers) {
         if let Notice::Quiet(time) | Notice::Link { time, .. } = notice {
             self.now = self.now.max(Some(*time));
         }
@@ -109,7 +110,7 @@ impl Cuts {
         self.recorder.notice(notice, name_of(names, notice.bus()));
     }
 
-    fn raise(&mut self, triggers: &mut Triggers) {
+    fn raise(&mut self, triggers: &mut LiveTriggers) {
         for trigger in triggers.raised() {
             let after = i64::try_from(self.after.as_nanos()).unwrap_or(i64::MAX);
             let end = trigger.time.or(self.now).map(|time| Timestamp(time.0.saturating_add(after)));
@@ -137,16 +138,16 @@ impl Cuts {
     }
 
     /// Completes the open capture; prints the last news and the total.
-    pub(super) fn finish(mut self) -> Exit {
+    pub(super) fn finish(mut self) -> ExitStatus {
         self.recorder.tick(Instant::now());
         let status = self.recorder.stop();
         self.print_news();
         if let Some(runner) = self.runner.take() {
             runner.finish();
         }
-        note(&format!("recorded {}", status.of_cuts()));
-        status.remarks().iter().for_each(|remark| note(remark));
-        if status.is_incomplete() { self.exit.max(Exit::Capture) } else { self.exit }
+        print_note(&format!("recorded {}", status.of_cuts()));
+        status.remark_texts().iter().for_each(|remark| print_note(remark));
+        if status.is_incomplete() { self.exit.max(ExitStatus::Capture) } else { self.exit }
     }
 
     fn print_news(&mut self) {
@@ -154,9 +155,9 @@ impl Cuts {
             self.remark(&news);
             let line = CutLine { news: &news, first: self.first };
             match self.style {
-                LineStyle::Text => self.exit = self.exit.max(print(line.text().as_bytes())),
-                LineStyle::Json => self.exit = self.exit.max(print(line.json().as_bytes())),
-                LineStyle::Note => note(line.text().trim()),
+                LineStyle::Text => self.exit = self.exit.max(print_text(line.text().as_bytes())),
+                LineStyle::Json => self.exit = self.exit.max(print_text(line.json().as_bytes())),
+                LineStyle::Note => print_note(line.text().trim()),
             }
             if let (CutNews::Complete(cut), Some(runner)) = (&news, &self.runner) {
                 cut.paths.iter().for_each(|path| runner.run(path));
@@ -170,7 +171,7 @@ impl Cuts {
             && !self.has_refused
         {
             self.has_refused = true;
-            note(&format!("live: {} reached; later triggers are not recorded", limit_reached(*reason)));
+            print_note(&format!("live: {} reached; later triggers are not recorded", limit_reached(*reason)));
         }
     }
 }
@@ -178,7 +179,9 @@ impl Cuts {
 /// Text of the bus file next to a capture.
 fn state_text(arguments: &LiveArgs) -> StateText {
     let input = arguments.input.clone();
-    Box::new(move |buses, path, title| cut::text(BusSnapshot::of(buses), &input, path, title))
+    Box::new(move |buses, path, title| {
+        cut::snapshot_text(BusSnapshot::snapshot_of(buses), &input, path, title)
+    })
 }
 
 /// Creates the folder of the captures, unless it exists, and checks that files can be created in it.
@@ -186,7 +189,7 @@ fn create(folder: &Path) -> anyhow::Result<()> {
     let text = folder.display().to_string();
     let shown = escape(&text);
     let is_folder = folder.is_dir();
-    let is_file = !is_folder && (text == "-" || format::of(folder).is_some());
+    let is_file = !is_folder && (text == "-" || format::format_of(folder).is_some());
     ensure!(!is_file, "--record {shown}: captures of triggers need a folder");
     if !is_folder {
         std::fs::create_dir(folder).with_context(|| format!("{shown}: cannot create the folder"))?;

@@ -9,26 +9,26 @@ use std::time::{Duration, Instant};
 use cobscope_decoder::capture::Notice;
 use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::session::SessionOptions;
-use cobscope_decoder::sink::findings::{CaptureResult, FINDING_FORMATS, Report, TextOptions};
-use cobscope_decoder::words::plural;
+use cobscope_decoder::sink::findings::{CaptureResult, FINDING_FORMATS, FindingTextOptions, FindingsReport};
+use cobscope_decoder::words::count_noun;
 use cobscope_decoder::{Reading, Summary};
 
-use super::cuts::Cuts;
+use super::cuts::CutRecorder;
 use super::interruption::interrupted;
-use super::pump::{PendingDeliveries, Pump};
+use super::pump::{PendingDeliveries, ReadingThread};
 use super::sources::{is_down, open, recorder, shown};
 use super::triggers;
 use super::viewer::LiveViewer;
 use crate::cli::LiveArgs;
-use crate::cmd::input::{check_rules_of, session_options, setup};
-use crate::cmd::messages::{Refusal, note};
-use crate::cmd::output::{files_read, is_colored, print, write_result};
-use crate::cmd::print::Printer;
+use crate::cmd::input::{build_setup, check_rules_of, session_options};
+use crate::cmd::messages::{Refusal, print_note};
+use crate::cmd::output::{files_read, is_colored, print_text, write_result};
+use crate::cmd::print::EventPrinter;
 use crate::cmd::remarks;
-use crate::exit_code::Exit;
+use crate::exit_code::ExitStatus;
 use crate::record::RecordFailure;
-use crate::source::live::{Arrival, Live, LiveState, Source, SourceSpec, socketcan};
-use crate::words::unheard;
+use crate::source::live::{Arrival, LiveBusState, LiveSource, SharedLiveState, SourceSpec, socketcan};
+use crate::words::unheard_note;
 
 /// Maximum wait for frames before other work is done.
 const WAIT: Duration = Duration::from_millis(50);
@@ -37,30 +37,31 @@ const WAIT: Duration = Duration::from_millis(50);
 const MOST_NOTED: usize = 256;
 
 /// Prints live events until the user stops.
-pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, Refusal> {
+pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<ExitStatus, Refusal> {
     watch(arguments, || open(arguments, specs))
 }
 
 /// As `run`; `sources` opens the sources after all other checks succeeded.
 pub(super) fn watch(
     arguments: &LiveArgs,
-    sources: impl FnOnce() -> anyhow::Result<Vec<Box<dyn Source>>>,
-) -> Result<Exit, Refusal> {
+    sources: impl FnOnce() -> anyhow::Result<Vec<Box<dyn LiveSource>>>,
+) -> Result<ExitStatus, Refusal> {
     let ready = session_options(&arguments.input).and_then(|options| {
-        let setup = setup(&arguments.input, &options.catalogue, None)?;
+        let setup = build_setup(&arguments.input, &options.catalogue, None)?;
         Ok((options, Arc::new(setup)))
     });
-    let (options, setup) = ready.map_err(|error| (Exit::Profile, error))?;
-    check_rules_of(arguments.select.filter.as_ref(), &setup).map_err(|error| (Exit::Usage, error))?;
-    triggers::check(&arguments.triggers, &setup, &options.catalogue).map_err(|error| (Exit::Usage, error))?;
-    let printer = Printer::new(&arguments.lines, &arguments.select, true, &files_read(&arguments.input))
-        .map_err(|error| (Exit::Usage, error))?;
-    let interrupted = interrupted().map_err(|error| (Exit::Capture, error))?;
-    let sources = sources().map_err(|error| (Exit::Capture, error))?;
-    let recorder = recorder(arguments).map_err(|error| (Exit::Usage, error))?;
-    let cuts = Cuts::open(arguments, options.clone()).map_err(|error| (Exit::Usage, error))?;
-    let (pump, inbox) =
-        Pump::start(sources, recorder, arguments.frames_wanted).map_err(|error| (Exit::Capture, error))?;
+    let (options, setup) = ready.map_err(|error| (ExitStatus::Profile, error))?;
+    check_rules_of(arguments.select.filter.as_ref(), &setup).map_err(|error| (ExitStatus::Usage, error))?;
+    triggers::check(&arguments.triggers, &setup, &options.catalogue)
+        .map_err(|error| (ExitStatus::Usage, error))?;
+    let printer = EventPrinter::new(&arguments.lines, &arguments.select, true, &files_read(&arguments.input))
+        .map_err(|error| (ExitStatus::Usage, error))?;
+    let interrupted = interrupted().map_err(|error| (ExitStatus::Capture, error))?;
+    let sources = sources().map_err(|error| (ExitStatus::Capture, error))?;
+    let recorder = recorder(arguments).map_err(|error| (ExitStatus::Usage, error))?;
+    let cuts = CutRecorder::open(arguments, options.clone()).map_err(|error| (ExitStatus::Usage, error))?;
+    let (pump, inbox) = ReadingThread::start(sources, recorder, arguments.frames_wanted)
+        .map_err(|error| (ExitStatus::Capture, error))?;
     let opened = pump.state.get().buses.clone();
     greet(&pump.state.get());
     if let Some(cuts) = &cuts {
@@ -83,7 +84,7 @@ pub(super) fn watch(
 }
 
 /// Ends reading, recording and output; prints what was lost.
-fn conclude(mut watch: LiveSession, pump: Pump, arguments: &LiveArgs) -> Exit {
+fn conclude(mut watch: LiveSession, pump: ReadingThread, arguments: &LiveArgs) -> ExitStatus {
     let state = pump.state.clone();
     let outcome = pump.finish();
     let live = state.get().clone();
@@ -92,29 +93,29 @@ fn conclude(mut watch: LiveSession, pump: Pump, arguments: &LiveArgs) -> Exit {
     let exit = watch.finish(arguments);
     // The input may name buses after the last frame that was decoded.
     for bus in live.buses.iter().filter(|bus| watched.contains(&bus.name)) {
-        note(&format!("{}; {} lost", shown(bus), plural(bus.lost, "frame")));
+        print_note(&format!("{}; {} lost", shown(bus), count_noun(bus.lost, "frame")));
     }
     if let Some(outcome) = &outcome {
-        note(&format!("recorded {outcome}"));
-        outcome.remarks().iter().for_each(|remark| note(remark));
+        print_note(&format!("recorded {outcome}"));
+        outcome.remark_texts().iter().for_each(|remark| print_note(remark));
     }
     if live.failure.is_some() || outcome.is_some_and(|outcome| outcome.is_incomplete()) {
-        return exit.max(Exit::Capture);
+        return exit.max(ExitStatus::Capture);
     }
     exit
 }
 
 /// Prints the sources, their mode, and the note that no frame is sent.
-fn greet(live: &Live) {
+fn greet(live: &LiveBusState) {
     for bus in &live.buses {
         if is_down(bus) {
-            note(&socketcan::how_to_bring_up(&bus.name, bus.bit_rate));
+            print_note(&socketcan::how_to_bring_up(&bus.name, bus.bit_rate));
         } else {
-            note(&format!("{}; cobscope sends no frames", shown(bus)));
+            print_note(&format!("{}; cobscope sends no frames", shown(bus)));
         }
     }
     if let Some(record) = &live.record {
-        note(&format!("recording to {}", record.path.display()));
+        print_note(&format!("recording to {}", record.path.display()));
     }
 }
 
@@ -122,7 +123,7 @@ fn greet(live: &Live) {
 struct LiveSession {
     reading: Reading<LiveViewer>,
     options: SessionOptions,
-    cuts: Option<Cuts>,
+    cuts: Option<CutRecorder>,
     last: Option<Timestamp>,
     /// Buses of the sources at the start.
     opened: Vec<String>,
@@ -138,7 +139,7 @@ impl LiveSession {
         &mut self,
         arguments: &LiveArgs,
         inbox: &Receiver<PendingDeliveries>,
-        state: &LiveState,
+        state: &SharedLiveState,
         interrupted: &AtomicBool,
     ) {
         let patience = arguments.timeout.map(Duration::from_millis);
@@ -166,14 +167,14 @@ impl LiveSession {
 
     /// Whether a stop condition is met and no window is open.
     fn is_done(&self) -> bool {
-        let is_waiting = self.cuts.as_ref().is_some_and(Cuts::is_waiting);
+        let is_waiting = self.cuts.as_ref().is_some_and(CutRecorder::is_waiting);
         let viewer = self.reading.part();
         viewer.has_failed() || (viewer.is_over() && !is_waiting)
     }
 
     /// Reports new failures of recording and sources; totals follow at the end.
-    fn report_troubles(&mut self, live: &Live) {
-        let cuts = self.cuts.as_ref().map(Cuts::status);
+    fn report_troubles(&mut self, live: &LiveBusState) {
+        let cuts = self.cuts.as_ref().map(CutRecorder::status);
         let statuses = live.record.iter().chain(&cuts);
         let failures = statuses.flat_map(|status| status.failure.iter().chain(&status.other_failure));
         let failures = failures.map(|RecordFailure { path, reason, .. }| {
@@ -188,7 +189,7 @@ impl LiveSession {
                 if self.noted.len() >= MOST_NOTED {
                     self.noted.clear();
                 }
-                note(&text);
+                print_note(&text);
                 self.noted.insert(text);
             }
         }
@@ -259,32 +260,36 @@ impl LiveSession {
     }
 
     /// Ends the session and prints the result of `check`.
-    fn finish(mut self, arguments: &LiveArgs) -> Exit {
+    fn finish(mut self, arguments: &LiveArgs) -> ExitStatus {
         let capture = self.capture_name(arguments);
         // Before the end of the decoder, at which no frame can be recorded any more.
         self.reading.part_mut().flush();
-        let recorded = self.cuts.take().map_or(Exit::Clean, Cuts::finish);
+        let recorded = self.cuts.take().map_or(ExitStatus::Clean, CutRecorder::finish);
         let Summary { findings, part: viewer, decoder, first } = self.reading.finish();
         let buses = decoder.buses();
-        let mut texts = remarks::limits("live", buses);
-        texts.extend(remarks::profiles("live", buses));
-        texts.extend(unheard("live", buses, &self.options));
+        let mut texts = remarks::decoding_limits("live", buses);
+        texts.extend(remarks::possible_profiles("live", buses));
+        texts.extend(unheard_note("live", buses, &self.options));
         for text in &texts {
-            note(text);
+            print_note(text);
         }
         let LiveViewer { mut printer, triggers, .. } = viewer;
-        triggers.remarks().iter().for_each(|text| note(text));
+        triggers.remarks().iter().for_each(|text| print_note(text));
         let written = write_result(printer.finish());
         let written = written.max(recorded);
         if !arguments.check {
             return written;
         }
-        let (frames, first, last) = (decoder.frames(), first.and_then(|first| first.time), self.last);
+        let (frames, first, last) = (decoder.frame_count(), first.and_then(|first| first.time), self.last);
         let judged = CaptureResult { capture, frames, first, last, findings, ..CaptureResult::default() };
-        let report = Report { captures: vec![judged], least: arguments.fail_on.least(), ..Report::default() };
+        let report = FindingsReport {
+            captures: vec![judged],
+            least: arguments.fail_on.lowest_severity(),
+            ..FindingsReport::default()
+        };
         let mut verdict = Vec::new();
         let color = is_colored(arguments.lines.color, arguments.lines.output.is_some());
-        let options = TextOptions { color, verbose: arguments.lines.verbose, coverage: false };
+        let options = FindingTextOptions { color, verbose: arguments.lines.verbose, coverage: false };
         // Falls back to text, the first format, if there is no findings format of that name.
         let name = arguments.lines.format.0.map(|format| format.name);
         let same = FINDING_FORMATS.iter().find(|format| name == Some(format.name));
@@ -295,15 +300,15 @@ impl LiveSession {
         let exit = match frames {
             // As for a capture without frames: nothing was checked.
             0 => {
-                note(&format!(
+                print_note(&format!(
                     "{}: contains no frames",
                     report.captures.first().map_or("live", |one| &one.capture)
                 ));
-                Exit::Capture
+                ExitStatus::Capture
             }
-            _ if report.fails() => Exit::Findings,
-            _ => Exit::Clean,
+            _ if report.has_failed() => ExitStatus::Findings,
+            _ => ExitStatus::Clean,
         };
-        exit.max(written).max(print(&verdict))
+        exit.max(written).max(print_text(&verdict))
     }
 }

@@ -17,37 +17,37 @@ use std::path::Path;
 
 use cobscope_decoder::sink::escape;
 
-use super::messages::{Refusal, complain, note};
-use super::output::print;
+use super::messages::{Refusal, print_error, print_note};
+use super::output::print_text;
 use crate::cli::LiveArgs;
-use crate::exit_code::Exit;
-use crate::path_text::shown as shown_path;
+use crate::exit_code::ExitStatus;
+use crate::path_text::path_text as shown_path;
 use crate::source::live::{SERIAL_EXAMPLE, adapters, socketcan};
 use sources::{shown, specs};
 
 /// Runs the command.
-pub fn run(arguments: &LiveArgs) -> Exit {
+pub fn run(arguments: &LiveArgs) -> ExitStatus {
     if arguments.input.captures.is_empty() {
         return list();
     }
     let wants_lines = arguments.print || arguments.check || arguments.triggers.is_any();
     let is_stream = arguments.record.as_deref().is_some_and(stream::is_stream);
     if !wants_lines && !is_stream && !std::io::stdout().is_terminal() {
-        complain(&anyhow::anyhow!("stdout is not a terminal; for text output use --print"));
-        return Exit::Usage;
+        print_error(&anyhow::anyhow!("stdout is not a terminal; for text output use --print"));
+        return ExitStatus::Usage;
     }
     opened(arguments, wants_lines).unwrap_or_else(|(exit, error)| {
-        complain(&error);
+        print_error(&error);
         exit
     })
 }
 
-fn opened(arguments: &LiveArgs, wants_lines: bool) -> Result<Exit, Refusal> {
-    let specs = specs(arguments).map_err(|error| (Exit::Usage, error))?;
+fn opened(arguments: &LiveArgs, wants_lines: bool) -> Result<ExitStatus, Refusal> {
+    let specs = specs(arguments).map_err(|error| (ExitStatus::Usage, error))?;
     // Triggers refuse anything but a folder.
     let is_stream = |path: &&Path| stream::is_stream(path) && !arguments.triggers.is_any();
     match arguments.record.as_deref().filter(is_stream) {
-        Some(path) if wants_lines => Err((Exit::Usage, not_a_stream(path))),
+        Some(path) if wants_lines => Err((ExitStatus::Usage, not_a_stream(path))),
         Some(path) => stream::run(arguments, specs, path, false),
         None if wants_lines => lines::run(arguments, specs),
         None => screen::run(arguments, specs),
@@ -58,8 +58,8 @@ fn opened(arguments: &LiveArgs, wants_lines: bool) -> Result<Exit, Refusal> {
 ///
 /// # Errors
 /// If the source is not valid, or as for [`stream::run`].
-pub(super) fn commented(arguments: &LiveArgs, pipe: &Path) -> Result<Exit, Refusal> {
-    let specs = specs(arguments).map_err(|error| (Exit::Usage, error))?;
+pub(super) fn commented(arguments: &LiveArgs, pipe: &Path) -> Result<ExitStatus, Refusal> {
+    let specs = specs(arguments).map_err(|error| (ExitStatus::Usage, error))?;
     stream::run(arguments, specs, pipe, true)
 }
 
@@ -79,7 +79,7 @@ pub fn over_datagrams(arguments: &LiveArgs, socket: std::net::UdpSocket) -> anyh
 }
 
 /// Lists the CAN interfaces and the adapters whose driver is installed.
-fn list() -> Exit {
+fn list() -> ExitStatus {
     let mut lines: Vec<_> = socketcan::all().iter().map(shown).collect();
     lines.extend(adapters::all().iter().map(|line| escape(line).into_owned()));
     let mut text = String::new();
@@ -92,10 +92,10 @@ fn list() -> Exit {
     } else {
         "cobscope live NAME shows one of them, any shows all interfaces; "
     };
-    let written = print(text.as_bytes());
-    note(&format!(
+    let written = print_text(text.as_bytes());
+    print_note(&format!(
         "{hint}other sources: {SERIAL_EXAMPLE} (serial adapter), pcan:USB1@500k (PEAK), kvaser:0@500k (Kvaser), \
          gs_usb:@500k (candleLight, CANable), socketcand://HOST/can0 (server), - (candump text on stdin)"
     ));
-    if lines.is_empty() { Exit::Capture } else { written }
+    if lines.is_empty() { ExitStatus::Capture } else { written }
 }

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 
-use crate::cmd::messages::note;
+use crate::cmd::messages::print_note;
 
 /// Maximum number of captures that wait for the program.
 const WAITING: usize = 100;
@@ -46,7 +46,7 @@ impl ProgramRunner {
     /// Runs the program for a capture after those before it.
     pub(super) fn run(&self, capture: &Path) {
         if self.captures.try_send(capture.to_owned()).is_err() {
-            note(&format!(
+            print_note(&format!(
                 "--on-trigger {}: not run for {}; {WAITING} captures wait for it",
                 self.program.display(),
                 capture.display()
@@ -84,12 +84,12 @@ fn run_all(program: &Path, inbox: &Receiver<PathBuf>, is_ending: &AtomicBool) {
             std::os::windows::process::CommandExt::creation_flags(&mut command, NEW_GROUP);
         }
         match command.spawn() {
-            Err(error) => note(&format!("{place}{error}; not run for {capture_shown}")),
+            Err(error) => print_note(&format!("{place}{error}; not run for {capture_shown}")),
             Ok(child) => match wait(child, is_ending, &mut ending_since) {
                 Some(Ok(status)) if status.success() => (),
-                Some(Ok(status)) => note(&format!("{place}{status} for {capture_shown}")),
-                Some(Err(error)) => note(&format!("{place}{error} for {capture_shown}")),
-                None => note(&format!("{place}still running for {capture_shown}")),
+                Some(Ok(status)) => print_note(&format!("{place}{status} for {capture_shown}")),
+                Some(Err(error)) => print_note(&format!("{place}{error} for {capture_shown}")),
+                None => print_note(&format!("{place}still running for {capture_shown}")),
             },
         }
     }

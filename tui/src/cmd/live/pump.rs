@@ -19,7 +19,7 @@ use cobscope_decoder::capture::{BusNames, CapturePlace, Notice};
 use cobscope_decoder::frame::BusIndex;
 
 use crate::record::{RecordStatus, Recorder};
-use crate::source::live::{Arrival, Gather, LiveState, Source};
+use crate::source::live::{Arrival, LiveSource, SharedLiveState, SourceGather};
 
 /// Maximum wait for frames before other work is done.
 const WAIT: Duration = Duration::from_millis(50);
@@ -36,26 +36,26 @@ pub(super) struct PendingDeliveries {
 }
 
 /// The reading thread.
-pub(super) struct Pump {
+pub(super) struct ReadingThread {
     /// State of buses and recording.
-    pub(super) state: LiveState,
+    pub(super) state: SharedLiveState,
     stop: Arc<AtomicBool>,
     thread: JoinHandle<Option<RecordStatus>>,
 }
 
-impl Pump {
+impl ReadingThread {
     /// Starts reading, up to `most` frames; items are delivered through the receiver.
     ///
     /// # Errors
     /// If the thread cannot be started.
     pub(super) fn start(
-        sources: Vec<Box<dyn Source>>,
+        sources: Vec<Box<dyn LiveSource>>,
         recorder: Option<Recorder>,
         most: Option<u64>,
     ) -> anyhow::Result<(Self, Receiver<PendingDeliveries>)> {
-        let gather = Gather::start(sources)?;
+        let gather = SourceGather::start(sources)?;
         let (outbox, inbox) = sync_channel(WAITING);
-        let (state, stop) = (LiveState::default(), Arc::new(AtomicBool::new(false)));
+        let (state, stop) = (SharedLiveState::default(), Arc::new(AtomicBool::new(false)));
         update_state(&gather, recorder.as_ref(), &state);
         let left = most.unwrap_or(u64::MAX);
         let work =
@@ -74,10 +74,10 @@ impl Pump {
 }
 
 struct PumpThread {
-    gather: Gather,
+    gather: SourceGather,
     recorder: Option<Recorder>,
     outbox: SyncSender<PendingDeliveries>,
-    state: LiveState,
+    state: SharedLiveState,
     /// Number of frames per bus that the consumer did not get.
     unseen: BTreeMap<u8, u64>,
     /// Number of frames still to read.
@@ -93,7 +93,7 @@ impl PumpThread {
             self.limit(&mut items);
             self.record(&items);
             update_state(&self.gather, self.recorder.as_ref(), &self.state);
-            for failure in self.gather.failures() {
+            for failure in self.gather.take_failures() {
                 self.state.get().failure = Some(format!("{failure:#}"));
             }
             if has_ended {
@@ -168,7 +168,7 @@ impl PumpThread {
 }
 
 /// Publishes the state of buses and recording.
-fn update_state(gather: &Gather, recorder: Option<&Recorder>, state: &LiveState) {
+fn update_state(gather: &SourceGather, recorder: Option<&Recorder>, state: &SharedLiveState) {
     let mut live = state.get();
     live.buses.clear();
     live.buses.extend(gather.status().cloned());

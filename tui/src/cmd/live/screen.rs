@@ -10,21 +10,21 @@ use cobscope_decoder::capture::{FrameWriter, WRITABLE, WriteOptions};
 use cobscope_decoder::frame::BusIndex;
 use cobscope_decoder::series::JoinOptions;
 
-use super::pump::{PendingDeliveries, Pump};
+use super::pump::{PendingDeliveries, ReadingThread};
 use super::sources::{open, recorder};
-use crate::app::{App, Start};
+use crate::app::{App, ViewSettings};
 use crate::cli::LiveArgs;
-use crate::cmd::input::{read_options, session_options, setup};
-use crate::cmd::messages::{Refusal, note};
+use crate::cmd::input::{build_setup, read_options, session_options};
+use crate::cmd::messages::{Refusal, print_note};
 use crate::cmd::reassign::reassign;
-use crate::cmd::screen_settings::{ScreenSettings, remember};
-use crate::cmd::view::{command, forward};
-use crate::exit_code::Exit;
+use crate::cmd::screen_settings::{ScreenSettings, remember_settings};
+use crate::cmd::view::{command_line, forward_news};
+use crate::exit_code::ExitStatus;
 use crate::record::RecordStatus;
 use crate::source::live::{Arrival, SourceSpec};
-use crate::source::{Store, StoreWriter};
-use crate::terminal::{self, Screen};
-use crate::timeline::{Captures, LiveBuses, Timeline};
+use crate::source::{DecompressedBytes, StoreWriter};
+use crate::terminal::{self, TerminalScreen};
+use crate::timeline::{LiveBuses, Timeline, TimelineCaptures};
 
 /// Buffer size of the store, in bytes.
 const PIECE: usize = 64 * 1024;
@@ -33,43 +33,50 @@ const PIECE: usize = 64 * 1024;
 const FORMAT: &str = "pcapng";
 
 /// Shows live buses until the user quits.
-pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<Exit, Refusal> {
+pub(super) fn run(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> Result<ExitStatus, Refusal> {
     let ready = session_options(&arguments.input).and_then(|session| {
-        let rules = Arc::new(setup(&arguments.input, &session.catalogue, None)?);
+        let rules = Arc::new(build_setup(&arguments.input, &session.catalogue, None)?);
         Ok((session, rules))
     });
-    let (session, rules) = ready.map_err(|error| (Exit::Profile, error))?;
+    let (session, rules) = ready.map_err(|error| (ExitStatus::Profile, error))?;
     let settings = ScreenSettings::of_user(&arguments.screen, arguments.lines.color)
-        .map_err(|error| (Exit::Usage, error))?;
+        .map_err(|error| (ExitStatus::Usage, error))?;
     let has_stdin = specs.contains(&SourceSpec::Stdin);
-    let sources = open(arguments, specs).map_err(|error| (Exit::Capture, error))?;
-    let recorder = recorder(arguments).map_err(|error| (Exit::Usage, error))?;
-    let (pump, inbox) =
-        Pump::start(sources, recorder, arguments.frames_wanted).map_err(|error| (Exit::Capture, error))?;
-    let (store, writer) =
-        Store::live("live".into(), arguments.keep).map_err(|error| (Exit::Capture, error))?;
-    let spool = spool(inbox, writer).map_err(|error| (Exit::Capture, error))?;
+    let sources = open(arguments, specs).map_err(|error| (ExitStatus::Capture, error))?;
+    let recorder = recorder(arguments).map_err(|error| (ExitStatus::Usage, error))?;
+    let (pump, inbox) = ReadingThread::start(sources, recorder, arguments.frames_wanted)
+        .map_err(|error| (ExitStatus::Capture, error))?;
+    let (store, writer) = DecompressedBytes::for_live("live".into(), arguments.keep)
+        .map_err(|error| (ExitStatus::Capture, error))?;
+    let spool = spool(inbox, writer).map_err(|error| (ExitStatus::Capture, error))?;
     let live = Some(LiveBuses { store, state: pump.state.clone() });
     let read = read_options(&arguments.input);
-    let captures =
-        Captures { paths: Vec::new(), align: false, join: JoinOptions::OFF, read, session, rules, live };
+    let captures = TimelineCaptures {
+        paths: Vec::new(),
+        align: false,
+        join: JoinOptions::OFF,
+        read,
+        session,
+        rules,
+        live,
+    };
     let shown = show(arguments, captures, &settings, has_stdin);
     let outcome = pump.finish();
     // The spool ends when the pump ends.
     let _ = spool.join();
     let is_incomplete = outcome.as_ref().is_some_and(RecordStatus::is_incomplete);
     if let Some(outcome) = outcome {
-        for text in std::iter::once(format!("recorded {outcome}")).chain(outcome.remarks()) {
-            note(&text);
+        for text in std::iter::once(format!("recorded {outcome}")).chain(outcome.remark_texts()) {
+            print_note(&text);
         }
     }
-    let exit = if is_incomplete { Exit::Capture } else { Exit::Clean };
-    shown.map(|()| exit).map_err(|error| (Exit::Capture, error))
+    let exit = if is_incomplete { ExitStatus::Capture } else { ExitStatus::Clean };
+    shown.map(|()| exit).map_err(|error| (ExitStatus::Capture, error))
 }
 
 fn show(
     arguments: &LiveArgs,
-    captures: Captures,
+    captures: TimelineCaptures,
     settings: &ScreenSettings,
     has_stdin: bool,
 ) -> anyhow::Result<()> {
@@ -77,10 +84,10 @@ fn show(
     let (messages, inbox) = channel();
     let (news, found) = channel();
     let timeline = Timeline::open(captures, news)?;
-    forward(found, messages.clone())?;
+    forward_news(found, messages.clone())?;
     let filter = arguments.select.filter.clone();
-    let start = Start {
-        command: command("live", std::env::args().skip(1)),
+    let start = ViewSettings {
+        command: command_line("live", std::env::args().skip(1)),
         pane: settings.pane,
         preferences: settings.preferences.clone(),
         defaults: settings.defaults.clone(),
@@ -98,11 +105,11 @@ fn show(
         against: None,
     };
     let mut app = App::new(timeline, settings.theme, start);
-    let mut screen = Screen::take()?;
-    terminal::listen(messages, settings.may_answer)?;
-    terminal::run(&mut app, &mut screen, &inbox)?;
+    let mut screen = TerminalScreen::enter_screen()?;
+    terminal::start_threads(messages, settings.may_answer)?;
+    terminal::run_loop(&mut app, &mut screen, &inbox)?;
     drop(screen);
-    remember(&app, settings)
+    remember_settings(&app, settings)
 }
 
 /// Writes received items to the store.
@@ -121,7 +128,7 @@ fn spool(inbox: Receiver<PendingDeliveries>, store: StoreWriter) -> anyhow::Resu
                 break;
             }
         }
-        written.end(failure);
+        written.end_input(failure);
     };
     thread.spawn(run).context("cannot start a thread")
 }

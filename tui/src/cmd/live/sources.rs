@@ -10,7 +10,7 @@ use crate::cli::LiveArgs;
 use crate::cmd::input::read_options;
 use crate::record::{RecordOptions, Recorder};
 use crate::source::live::{
-    BusStatus, Source, SourceSpec, adapters, lines as text, slcan, socketcan, socketcand,
+    BusStatus, LiveSource, SourceSpec, adapters, lines as text, slcan, socketcan, socketcand,
 };
 
 pub(super) fn specs(arguments: &LiveArgs) -> anyhow::Result<Vec<SourceSpec>> {
@@ -32,7 +32,7 @@ pub(super) fn specs(arguments: &LiveArgs) -> anyhow::Result<Vec<SourceSpec>> {
 }
 
 /// Opens the sources; all CAN interfaces of this computer are one source.
-pub(super) fn open(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> anyhow::Result<Vec<Box<dyn Source>>> {
+pub(super) fn open(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> anyhow::Result<Vec<Box<dyn LiveSource>>> {
     let read = read_options(&arguments.input);
     let (mut sources, mut interfaces) = (Vec::new(), Vec::new());
     for spec in specs {
@@ -74,7 +74,7 @@ pub(super) fn is_down(status: &BusStatus) -> bool {
 pub(super) fn shown(status: &BusStatus) -> String {
     let rate = status.bit_rate.map_or(String::new(), |rate| format!(", {rate} bit/s"));
     let controller = status.controller.as_ref().map_or(String::new(), |controller| format!(", {controller}"));
-    let mode = status.mode.map_or(String::new(), |mode| format!(", {}", mode.text()));
-    let stamps = status.stamps.whose().map_or(String::new(), |whose| format!(", timestamps by {whose}"));
+    let mode = status.mode.map_or(String::new(), |mode| format!(", {}", mode.mode_text()));
+    let stamps = status.stamps.clock_name().map_or(String::new(), |whose| format!(", timestamps by {whose}"));
     escape(&format!("{}: {}{rate}{controller}{mode}{stamps}", status.name, status.state.name())).into_owned()
 }

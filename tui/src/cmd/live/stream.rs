@@ -12,20 +12,20 @@ use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::{BusIndex, Frame};
 use cobscope_decoder::session::{Bus, SessionOptions};
-use cobscope_decoder::words::plural;
+use cobscope_decoder::words::count_noun;
 
 use super::interruption::interrupted;
-use super::pump::{PendingDeliveries, Pump};
+use super::pump::{PendingDeliveries, ReadingThread};
 use super::sources::open;
 use crate::cli::LiveArgs;
 use crate::cmd::frame_comment::add_event;
 use crate::cmd::input::session_options;
-use crate::cmd::messages::{Refusal, note};
-use crate::cmd::output::refused;
+use crate::cmd::messages::{Refusal, print_note};
+use crate::cmd::output::creation_error;
 use crate::device_name;
-use crate::exit_code::Exit;
-use crate::output_file::{self, Existing};
-use crate::path_text::shown;
+use crate::exit_code::ExitStatus;
+use crate::output_file::{self, ExistingFile};
+use crate::path_text::path_text;
 use crate::source::live::{Arrival, SourceSpec};
 
 /// Maximum wait for frames before signals are looked for.
@@ -50,20 +50,20 @@ pub(in crate::cmd) fn run(
     specs: Vec<SourceSpec>,
     path: &Path,
     has_comments: bool,
-) -> Result<Exit, Refusal> {
-    let options = session_options(&arguments.input).map_err(|error| (Exit::Profile, error))?;
-    let interrupted = interrupted().map_err(|error| (Exit::Capture, error))?;
+) -> Result<ExitStatus, Refusal> {
+    let options = session_options(&arguments.input).map_err(|error| (ExitStatus::Profile, error))?;
+    let interrupted = interrupted().map_err(|error| (ExitStatus::Capture, error))?;
     let output: Box<dyn Write + Send> = if path.as_os_str() == "-" {
         Box::new(io::stdout())
     } else {
-        let created = output_file::create_at_once(path, Existing::Keep);
-        Box::new(created.map_err(|error| (Exit::Usage, refused(path, &error)))?)
+        let created = output_file::create_at_once(path, ExistingFile::Keep);
+        Box::new(created.map_err(|error| (ExitStatus::Usage, creation_error(path, &error)))?)
     };
-    let sources = open(arguments, specs).map_err(|error| (Exit::Capture, error))?;
-    let (pump, inbox) =
-        Pump::start(sources, None, arguments.frames_wanted).map_err(|error| (Exit::Capture, error))?;
-    let stream = Stream::new(output, has_comments.then_some(options));
-    let mut stream = stream.map_err(|error| (Exit::Capture, error))?;
+    let sources = open(arguments, specs).map_err(|error| (ExitStatus::Capture, error))?;
+    let (pump, inbox) = ReadingThread::start(sources, None, arguments.frames_wanted)
+        .map_err(|error| (ExitStatus::Capture, error))?;
+    let stream = LiveStream::new(output, has_comments.then_some(options));
+    let mut stream = stream.map_err(|error| (ExitStatus::Capture, error))?;
     let mut written = Ok(());
     while !interrupted.load(Ordering::Relaxed) && written.is_ok() {
         match inbox.recv_timeout(WAIT) {
@@ -74,35 +74,35 @@ pub(in crate::cmd) fn run(
     }
     stop(pump, inbox);
     match written.and_then(|()| stream.writer.finish()) {
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(Exit::Clean),
-        Err(error) => Err((Exit::Capture, anyhow::Error::new(error).context(shown(path)))),
-        Ok(()) => Ok(Exit::Clean),
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(ExitStatus::Clean),
+        Err(error) => Err((ExitStatus::Capture, anyhow::Error::new(error).context(path_text(path)))),
+        Ok(()) => Ok(ExitStatus::Clean),
     }
 }
 
 /// Ends the sources; reports what they lost.
-fn stop(pump: Pump, inbox: Receiver<PendingDeliveries>) {
+fn stop(pump: ReadingThread, inbox: Receiver<PendingDeliveries>) {
     drop(inbox);
     let state = pump.state.clone();
     pump.finish();
     let live = state.get().clone();
     for bus in live.buses.iter().filter(|bus| bus.lost > 0) {
-        note(&format!("{}: {} lost", bus.name, plural(bus.lost, "frame")));
+        print_note(&format!("{}: {} lost", bus.name, count_noun(bus.lost, "frame")));
     }
     if let Some(failure) = &live.failure {
-        note(failure);
+        print_note(failure);
     }
 }
 
 /// The output, and the decoder for comments.
-struct Stream {
+struct LiveStream {
     writer: Box<dyn FrameWriter>,
     decoder: Option<Decoder>,
     frames: u64,
     comment: String,
 }
 
-impl Stream {
+impl LiveStream {
     fn new(output: Box<dyn Write + Send>, options: Option<SessionOptions>) -> anyhow::Result<Self> {
         let format =
             WRITABLE.iter().find(|format| format.name == FORMAT).context("no format for a stream")?;
@@ -120,7 +120,7 @@ impl Stream {
                 }
                 Arrival::Notice(notice) => {
                     if let Some(decoder) = &mut self.decoder {
-                        decoder.notice(notice, &came.names, &mut |_: &Event, _: &Bus| {});
+                        decoder.on_notice(notice, &came.names, &mut |_: &Event, _: &Bus| {});
                     }
                     self.writer.notice(notice, name(&came.names, notice.bus()))?;
                 }

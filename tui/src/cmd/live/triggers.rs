@@ -7,13 +7,13 @@ use cobscope_decoder::event::{Event, EventKind, FindingNews, KindSet};
 use cobscope_decoder::finding::{CAUSES, GROUP_LIMIT};
 use cobscope_decoder::profile::Catalogue;
 use cobscope_decoder::query::Filter;
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::Bus;
-use cobscope_decoder::sink::text::Line;
+use cobscope_decoder::sink::text::EventLine;
 
 use crate::cli::TriggerArgs;
 use crate::cmd::input::check_rules_in;
-use crate::record::Trigger;
+use crate::record::CaptureTrigger;
 
 /// Maximum length of the text of a trigger, in characters.
 const LONGEST_TEXT: usize = 500;
@@ -22,7 +22,7 @@ const LONGEST_TEXT: usize = 500;
 ///
 /// # Errors
 /// If a rule is unknown.
-pub(super) fn check(arguments: &TriggerArgs, setup: &Setup, catalogue: &Catalogue) -> anyhow::Result<()> {
+pub(super) fn check(arguments: &TriggerArgs, setup: &RuleSetup, catalogue: &Catalogue) -> anyhow::Result<()> {
     for filter in &arguments.trigger {
         check_rules_in(filter, setup, "--trigger")?;
     }
@@ -39,17 +39,17 @@ struct FindingStart {
 }
 
 /// The triggers of the options, and those that were raised.
-pub(super) struct Triggers {
+pub(super) struct LiveTriggers {
     /// Filters, each with the number of its events.
     filters: Vec<(Filter, u64)>,
     rules: BTreeSet<String>,
     /// Start of each finding by its number; there are at most [`GROUP_LIMIT`].
     findings: BTreeMap<u64, FindingStart>,
     /// Triggers since the last call of `raised`.
-    raised: Vec<Trigger>,
+    raised: Vec<CaptureTrigger>,
 }
 
-impl Triggers {
+impl LiveTriggers {
     pub(super) fn new(arguments: &TriggerArgs) -> Self {
         Self {
             filters: arguments.trigger.iter().map(|filter| (filter.clone(), 0)).collect(),
@@ -73,7 +73,7 @@ impl Triggers {
         let mut is_trigger = matches!(&event.kind,
             EventKind::FindingOpened(finding) if self.rules.contains(&*finding.rule));
         for (filter, count) in &mut self.filters {
-            if filter.matches(event, bus, None) {
+            if filter.matches_event(event, bus, None) {
                 *count = count.saturating_add(1);
                 is_trigger = true;
             }
@@ -84,7 +84,7 @@ impl Triggers {
     }
 
     /// Removes and returns the triggers since the last call.
-    pub(super) fn raised(&mut self) -> Vec<Trigger> {
+    pub(super) fn raised(&mut self) -> Vec<CaptureTrigger> {
         std::mem::take(&mut self.raised)
     }
 
@@ -112,8 +112,8 @@ impl Triggers {
         first
     }
 
-    fn trigger(&self, event: &Event, bus: &Bus) -> Trigger {
-        let Line { who: subject, what, .. } = Line::of(event, bus);
+    fn trigger(&self, event: &Event, bus: &Bus) -> CaptureTrigger {
+        let EventLine { who: subject, what, .. } = EventLine::describe_event(event, bus);
         let (cause, text, first_frame) = match &event.kind {
             EventKind::FindingOpened(finding) => {
                 let first = self.first_frame(finding.cause, start(finding, event));
@@ -121,7 +121,7 @@ impl Triggers {
             }
             kind => (kind.name().to_owned(), what, event.frames.first),
         };
-        Trigger {
+        CaptureTrigger {
             bus: bus.name().to_owned(),
             node: event.node,
             subject,
@@ -143,8 +143,8 @@ fn start(finding: &FindingNews, event: &Event) -> u64 {
 mod tests {
     use super::*;
 
-    fn triggers(filter: Option<&str>, rule: Option<&str>) -> Triggers {
-        Triggers::new(&TriggerArgs {
+    fn triggers(filter: Option<&str>, rule: Option<&str>) -> LiveTriggers {
+        LiveTriggers::new(&TriggerArgs {
             trigger: filter.iter().map(|filter| filter.parse().unwrap()).collect(),
             trigger_finding: rule.iter().map(|rule| (*rule).to_owned()).collect(),
             ..TriggerArgs::default()

@@ -7,10 +7,10 @@ use cobscope_decoder::frame::Frame;
 use cobscope_decoder::reading::{FrameDemand, ReadingPart, bit_rate_change};
 use cobscope_decoder::session::Bus;
 
-use super::triggers::Triggers;
+use super::triggers::LiveTriggers;
 use crate::cli::LiveArgs;
-use crate::cmd::messages::note;
-use crate::cmd::print::{Printer, prints_findings};
+use crate::cmd::messages::print_note;
+use crate::cmd::print::{EventPrinter, prints_findings};
 
 /// Kinds of events that are printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,9 +27,9 @@ enum PrintedKinds {
 
 /// Prints events, raises triggers, and ends the session.
 pub(super) struct LiveViewer {
-    pub(super) printer: Printer,
+    pub(super) printer: EventPrinter,
     /// Triggers of captures.
-    pub(super) triggers: Triggers,
+    pub(super) triggers: LiveTriggers,
     prints: PrintedKinds,
     /// Lowest severity of a finding that ends the session.
     ends_at: Option<Severity>,
@@ -37,7 +37,7 @@ pub(super) struct LiveViewer {
 }
 
 impl LiveViewer {
-    pub(super) fn new(arguments: &LiveArgs, printer: Printer) -> Self {
+    pub(super) fn new(arguments: &LiveArgs, printer: EventPrinter) -> Self {
         let prints = match (arguments.print, arguments.check) {
             (true, false) if !prints_findings(&arguments.lines) => PrintedKinds::AllButFindings,
             (true, _) => PrintedKinds::All,
@@ -46,9 +46,9 @@ impl LiveViewer {
         };
         Self {
             printer,
-            triggers: Triggers::new(&arguments.triggers),
+            triggers: LiveTriggers::new(&arguments.triggers),
             prints,
-            ends_at: arguments.fail_on.least().filter(|_| arguments.until_finding),
+            ends_at: arguments.fail_on.lowest_severity().filter(|_| arguments.until_finding),
             has_found: false,
         }
     }
@@ -85,7 +85,7 @@ impl ReadingPart for LiveViewer {
     fn event(&mut self, event: &Event, bus: &Bus) {
         if let Some(change) = bit_rate_change(event) {
             let name = bus.name();
-            note(&format!(
+            print_note(&format!(
                 "{name}: {change}; set the new bit rate here too (ip link set {name} down; ip link set {name} up type \
                  can bitrate RATE; for a serial adapter @RATE)"
             ));

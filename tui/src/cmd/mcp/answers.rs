@@ -5,28 +5,28 @@ use cobscope_decoder::answers::objects::ObjectRecord;
 use cobscope_decoder::session::Buses;
 use serde_json::{Map, Value, json};
 
-use super::arguments::Arguments;
+use super::arguments::CallArguments;
 use super::capture::{OpenedCapture, node_in};
-use super::fit::fit;
+use super::fit::fit_value;
 use crate::cli::NodeArg;
-use crate::select::{Bound, BoundSide};
+use crate::select::{BoundSide, RangeBound};
 
 /// Overview of a capture.
-pub(super) fn summary(capture: &OpenedCapture) -> String {
+pub(super) fn summary_answer(capture: &OpenedCapture) -> String {
     let mut answer = capture.results.statistics.clone();
     if let Some(members) = answer.as_object_mut() {
-        let titles = list(&capture.results.why, "stories").iter().map(|story| {
+        let titles = value_list(&capture.results.why, "stories").iter().map(|story| {
             json!({"story": story["story"], "severity": story["severity"], "title": story["title"], "seconds": story["seconds"]})
         });
         members.insert("stories".into(), titles.collect());
-        members.insert("findings".into(), counts(&capture.results.findings));
+        members.insert("findings".into(), finding_counts(&capture.results.findings));
         members.insert("warnings".into(), json!(capture.results.warnings));
     }
-    fit(answer)
+    fit_value(answer)
 }
 
 /// Number of findings of each rule and severity.
-fn counts(findings: &[Value]) -> Value {
+fn finding_counts(findings: &[Value]) -> Value {
     let mut counts: Map<String, Value> = Map::new();
     for finding in findings.iter().filter(|line| counts_as_finding(line)) {
         let text = |key: &str| finding[key].as_str().unwrap_or_default();
@@ -42,7 +42,7 @@ fn counts_as_finding(line: &Value) -> bool {
     line["kind"] == "finding" && line.get("suppressed").is_none()
 }
 
-fn list<'a>(value: &'a Value, key: &str) -> &'a [Value] {
+fn value_list<'a>(value: &'a Value, key: &str) -> &'a [Value] {
     value[key].as_array().map_or(&[], Vec::as_slice)
 }
 
@@ -50,12 +50,12 @@ fn list<'a>(value: &'a Value, key: &str) -> &'a [Value] {
 ///
 /// # Errors
 /// A bound is not valid in this capture, or no story is left.
-pub(super) fn why(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<String> {
-    let node = arguments.parsed::<NodeArg>("node")?;
+pub(super) fn why_answer(capture: &OpenedCapture, arguments: &CallArguments) -> anyhow::Result<String> {
+    let node = arguments.parse_argument::<NodeArg>("node")?;
     capture.ensure_node(node.as_ref())?;
     let at = seconds_of(capture, arguments)?;
-    let wanted = arguments.number("story");
-    let mut stories: Vec<_> = list(&capture.results.why, "stories").to_vec();
+    let wanted = arguments.number_argument("story");
+    let mut stories: Vec<_> = value_list(&capture.results.why, "stories").to_vec();
     let count = stories.len();
     stories.retain(|story| {
         is_of(story, node.as_ref())
@@ -81,32 +81,32 @@ pub(super) fn why(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Res
         // Without a story, a damaged capture must not look like a good one.
         members.insert("warnings".into(), json!(capture.results.warnings));
     }
-    Ok(fit(answer))
+    Ok(fit_value(answer))
 }
 
 /// A time after which a story begins is too late for it; a frame is compared by its number.
 #[derive(Clone, Copy)]
-enum Latest {
+enum LatestTime {
     Seconds(f64),
     Frame(u64),
 }
 
-fn seconds_of(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<Option<Latest>> {
-    let Some(at) = arguments.parsed::<Bound>("at")? else { return Ok(None) };
+fn seconds_of(capture: &OpenedCapture, arguments: &CallArguments) -> anyhow::Result<Option<LatestTime>> {
+    let Some(at) = arguments.parse_argument::<RangeBound>("at")? else { return Ok(None) };
     #[expect(clippy::cast_precision_loss, reason = "only compared")]
-    let seconds = |nanoseconds: i64| Latest::Seconds(nanoseconds as f64 / 1e9);
-    Ok(Some(match capture.resolve(at, BoundSide::At)? {
-        Bound::Frame(frame) => Latest::Frame(frame),
-        Bound::Offset(offset) => seconds(offset),
-        Bound::Moment(moment) => seconds(moment.since(capture.zero().unwrap_or(moment))),
-        Bound::Clock(_) => bail!("at: the capture has no date"),
+    let seconds = |nanoseconds: i64| LatestTime::Seconds(nanoseconds as f64 / 1e9);
+    Ok(Some(match capture.resolve_bound(at, BoundSide::At)? {
+        RangeBound::Frame(frame) => LatestTime::Frame(frame),
+        RangeBound::Offset(offset) => seconds(offset),
+        RangeBound::Moment(moment) => seconds(moment.since(capture.zero().unwrap_or(moment))),
+        RangeBound::Clock(_) => bail!("at: the capture has no date"),
     }))
 }
 
-fn is_by(story: &Value, latest: Latest) -> bool {
+fn is_by(story: &Value, latest: LatestTime) -> bool {
     match latest {
-        Latest::Seconds(at) => story["seconds"].as_f64().is_none_or(|seconds| seconds <= at),
-        Latest::Frame(frame) => {
+        LatestTime::Seconds(at) => story["seconds"].as_f64().is_none_or(|seconds| seconds <= at),
+        LatestTime::Frame(frame) => {
             story["frames"].get(0).and_then(Value::as_u64).is_none_or(|first| first <= frame)
         }
     }
@@ -123,13 +123,13 @@ fn is_of(value: &Value, node: Option<&NodeArg>) -> bool {
 ///
 /// # Errors
 /// An argument is not valid.
-pub(super) fn findings(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<String> {
+pub(super) fn findings_answer(capture: &OpenedCapture, arguments: &CallArguments) -> anyhow::Result<String> {
     const ORDER: [&str; 3] = ["error", "warning", "note"];
-    let node = arguments.parsed::<NodeArg>("node")?;
+    let node = arguments.parse_argument::<NodeArg>("node")?;
     capture.ensure_node(node.as_ref())?;
     let rank = |severity: &str| ORDER.iter().position(|known| *known == severity).unwrap_or(ORDER.len());
-    let least = arguments.text("severity").map_or(ORDER.len(), rank);
-    let rule = arguments.text("rule");
+    let least = arguments.text_argument("severity").map_or(ORDER.len(), rank);
+    let rule = arguments.text_argument("rule");
     capture.ensure_rule(rule)?;
     let found = capture.results.findings.iter().filter(|line| counts_as_finding(line)).filter(|line| {
         rank(line["severity"].as_str().unwrap_or_default()) <= least
@@ -139,7 +139,7 @@ pub(super) fn findings(capture: &OpenedCapture, arguments: &Arguments) -> anyhow
     let found: Vec<_> = found.cloned().collect();
     let summary =
         capture.results.findings.iter().find(|line| line["kind"] == "summary").unwrap_or(&Value::Null);
-    let rows = list(summary, "rules");
+    let rows = value_list(summary, "rules");
     let mut verdicts: Map<String, Value> = Map::new();
     for row in rows {
         let verdict = row["verdict"].as_str().unwrap_or_default();
@@ -149,7 +149,7 @@ pub(super) fn findings(capture: &OpenedCapture, arguments: &Arguments) -> anyhow
     // A rule without a finding passed, or was not exercised: that is a difference.
     let row = rule.and_then(|rule| rows.iter().find(|row| row["rule"] == rule));
     let warnings = &capture.results.warnings;
-    Ok(fit(json!({
+    Ok(fit_value(json!({
         "findings": found, "rules": verdicts, "rule": row, "quality": summary["quality"], "warnings": warnings,
     })))
 }
@@ -158,22 +158,26 @@ pub(super) fn findings(capture: &OpenedCapture, arguments: &Arguments) -> anyhow
 ///
 /// # Errors
 /// The node is not known, or the time is not in the capture.
-pub(super) fn objects(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<String> {
-    let at = arguments.parsed::<Bound>("at")?;
+pub(super) fn objects_answer(capture: &OpenedCapture, arguments: &CallArguments) -> anyhow::Result<String> {
+    let at = arguments.parse_argument::<RangeBound>("at")?;
     let Some(at) = at else { return objects_of(capture.results.decoder.buses(), capture, arguments) };
-    let at = capture.resolve(at, BoundSide::At)?;
-    let mut walk = capture.indexed.walk(capture.start(Some(at)))?;
+    let at = capture.resolve_bound(at, BoundSide::At)?;
+    let mut walk = capture.indexed.walk_from(capture.walk_start(Some(at)))?;
     let first = capture.zero();
     loop {
-        let is_over = walk.peek()?.is_some_and(|frame| at.is_before(frame, first));
-        if is_over || !walk.step(&mut |_| ())? {
+        let is_over = walk.peek_frame()?.is_some_and(|frame| at.is_before(frame, first));
+        if is_over || !walk.step_item(&mut |_| ())? {
             return objects_of(walk.world.buses(), capture, arguments);
         }
     }
 }
 
-fn objects_of(buses: Buses<'_>, capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<String> {
-    let Some(node) = arguments.parsed::<NodeArg>("node")? else {
+fn objects_of(
+    buses: Buses<'_>,
+    capture: &OpenedCapture,
+    arguments: &CallArguments,
+) -> anyhow::Result<String> {
+    let Some(node) = arguments.parse_argument::<NodeArg>("node")? else {
         let nodes = buses.iter().flat_map(|bus| {
             let count = |node: &cobscope_decoder::session::Node| {
                 json!({"bus": bus.name(), "node": node.id().to_string(), "name": node.name(), "device": node.device_id(), "objects": node.store().len()})
@@ -182,9 +186,9 @@ fn objects_of(buses: Buses<'_>, capture: &OpenedCapture, arguments: &Arguments) 
             let shown = bus.nodes().filter(|node| node.last_seen().0 > 0 || !node.store().is_empty());
             shown.map(count).collect::<Vec<_>>()
         });
-        return Ok(fit(json!({"nodes": nodes.collect::<Vec<_>>()})));
+        return Ok(fit_value(json!({"nodes": nodes.collect::<Vec<_>>()})));
     };
-    let prefix = arguments.text("object").unwrap_or_default().to_uppercase();
+    let prefix = arguments.text_argument("object").unwrap_or_default().to_uppercase();
     let prefix = prefix.strip_prefix("0X").unwrap_or(&prefix);
     let (bus, found) = node_in(buses, &node)?;
     let all = found.store().sorted();
@@ -200,7 +204,7 @@ fn objects_of(buses: Buses<'_>, capture: &OpenedCapture, arguments: &Arguments) 
             Ok(record)
         })
         .collect::<anyhow::Result<Vec<_>>>()?;
-    Ok(fit(
+    Ok(fit_value(
         json!({"capture": capture.name, "bus": bus.name(), "node": node.id.to_string(), "objects": records}),
     ))
 }

@@ -6,8 +6,8 @@ use anyhow::{Context as _, anyhow, bail, ensure};
 use clap::Parser as _;
 use serde_json::{Map, Value, json};
 
-use super::folders::Folders;
-use crate::cli::{Cli, Command, InputArgs};
+use super::folders::AllowedFolders;
+use crate::cli::{Cli, CliCommand, InputArgs};
 use crate::cmd::input::files_named;
 
 /// All tools with their parameters.
@@ -28,14 +28,14 @@ const CAPTURE: &str = r#"{
 }"#;
 
 /// A tool with its schema.
-pub(super) struct Tool {
+pub(super) struct McpTool {
     pub(super) name: String,
     description: String,
     parameters: Map<String, Value>,
 }
 
 /// All tools.
-pub(super) fn tools() -> Vec<Tool> {
+pub(super) fn all_tools() -> Vec<McpTool> {
     let parse = |text: &str| serde_json::from_str::<Value>(text).unwrap_or_default();
     let members = |value: Value| match value {
         Value::Object(members) => members,
@@ -53,14 +53,14 @@ pub(super) fn tools() -> Vec<Tool> {
         if parameters.remove("decoding").is_some() || has_capture {
             parameters.extend(members(parse(DECODING)));
         }
-        Tool { name: text("name"), description: text("description"), parameters }
+        McpTool { name: text("name"), description: text("description"), parameters }
     })
     .collect()
 }
 
-impl Tool {
+impl McpTool {
     /// The tool as `tools/list` describes it.
-    pub(super) fn listed(&self) -> Value {
+    pub(super) fn tool_listing(&self) -> Value {
         let mut properties = Map::new();
         let mut required = Vec::new();
         for (name, parameter) in &self.parameters {
@@ -89,7 +89,7 @@ impl Tool {
     ///
     /// # Errors
     /// One is missing, unknown, of another type or outside its limits.
-    pub(super) fn arguments(&self, given: &Value) -> anyhow::Result<Arguments> {
+    pub(super) fn parse_arguments(&self, given: &Value) -> anyhow::Result<CallArguments> {
         let Some(given) = given.as_object() else {
             bail!("expected the arguments as an object; found {given}")
         };
@@ -98,17 +98,17 @@ impl Tool {
                 let known: Vec<_> = self.parameters.keys().map(String::as_str).collect();
                 bail!("unknown argument {name:?}; expected {}", known.join(", "));
             };
-            check(name, value, parameter)?;
+            check_value(name, value, parameter)?;
         }
         for (name, parameter) in &self.parameters {
             let is_required = parameter.get("required").is_some();
             ensure!(!is_required || given.contains_key(name), "argument {name:?} is missing");
         }
-        Ok(Arguments(given.clone()))
+        Ok(CallArguments(given.clone()))
     }
 }
 
-fn check(name: &str, value: &Value, parameter: &Value) -> anyhow::Result<()> {
+fn check_value(name: &str, value: &Value, parameter: &Value) -> anyhow::Result<()> {
     let kind = parameter["type"].as_str().unwrap_or_default();
     let is_valid = match kind {
         "string" => value.is_string(),
@@ -132,14 +132,14 @@ fn check(name: &str, value: &Value, parameter: &Value) -> anyhow::Result<()> {
 }
 
 /// Checked arguments of a call.
-pub(super) struct Arguments(Map<String, Value>);
+pub(super) struct CallArguments(Map<String, Value>);
 
-impl Arguments {
-    pub(super) fn text(&self, name: &str) -> Option<&str> {
+impl CallArguments {
+    pub(super) fn text_argument(&self, name: &str) -> Option<&str> {
         self.0.get(name)?.as_str()
     }
 
-    pub(super) fn number(&self, name: &str) -> Option<usize> {
+    pub(super) fn number_argument(&self, name: &str) -> Option<usize> {
         usize::try_from(self.0.get(name)?.as_u64()?).ok()
     }
 
@@ -147,7 +147,7 @@ impl Arguments {
         self.0.get(name) == Some(&Value::Bool(true))
     }
 
-    pub(super) fn list(&self, name: &str) -> Vec<&str> {
+    pub(super) fn list_argument(&self, name: &str) -> Vec<&str> {
         self.0.get(name).and_then(Value::as_array).into_iter().flatten().filter_map(Value::as_str).collect()
     }
 
@@ -155,53 +155,57 @@ impl Arguments {
     ///
     /// # Errors
     /// The text is not valid.
-    pub(super) fn parsed<T: std::str::FromStr<Err: std::fmt::Display>>(
+    pub(super) fn parse_argument<T: std::str::FromStr<Err: std::fmt::Display>>(
         &self,
         name: &str,
     ) -> anyhow::Result<Option<T>> {
         let parse = |text: &str| text.parse().map_err(|error| anyhow!("{name}: found {text:?}; {error}"));
-        self.text(name).map(parse).transpose()
+        self.text_argument(name).map(parse).transpose()
     }
 
     /// The captures named by `names`, and the options of the command line for decoding them.
     ///
     /// # Errors
     /// A file is outside the folders, or an option is not valid.
-    pub(super) fn words(&self, names: &[&str], folders: &Folders) -> anyhow::Result<Vec<String>> {
+    pub(super) fn command_words(
+        &self,
+        names: &[&str],
+        folders: &AllowedFolders,
+    ) -> anyhow::Result<Vec<String>> {
         let path = |text: &str| {
-            let path = folders.file(text)?;
+            let path = folders.find_file(text)?;
             path.into_os_string().into_string().map_err(|_| anyhow!("{text}: the name is not UTF-8"))
         };
         let mut words = Vec::new();
-        for node in self.list("nodes") {
+        for node in self.list_argument("nodes") {
             ensure!(
                 node.contains('='),
                 "nodes: found {node:?}, expected a node with its profile: 2=rexroth-sydfec"
             );
             words.push(format!("--node={node}"));
         }
-        for eds in self.list("eds") {
+        for eds in self.list_argument("eds") {
             let (node, file) =
                 eds.split_once('=').with_context(|| format!("eds: found {eds:?}, expected 5=pump.eds"))?;
             words.push(format!("--eds={node}={}", path(file)?));
         }
-        for file in self.list("dbc") {
+        for file in self.list_argument("dbc") {
             words.push(format!("--dbc={}", path(file)?));
         }
-        if let Some(file) = self.text("bus_file") {
+        if let Some(file) = self.text_argument("bus_file") {
             let file = path(file)?;
             // A bus file names further files, which are read, too.
             for named in files_named(Path::new(&file)) {
-                folders.file(&named.to_string_lossy()).context("named in the bus file")?;
+                folders.find_file(&named.to_string_lossy()).context("named in the bus file")?;
             }
             words.push(format!("--bus={file}"));
         }
         words.push("--".to_owned());
         for name in names {
-            match self.text(name) {
+            match self.text_argument(name) {
                 Some(file) => words.push(path(file)?),
                 None => self
-                    .list(name)
+                    .list_argument(name)
                     .into_iter()
                     .try_for_each(|file| path(file).map(|file| words.push(file)))?,
             }
@@ -214,7 +218,7 @@ impl Arguments {
 ///
 /// # Errors
 /// They are not valid.
-pub(super) fn input(words: &[String], profiles: &[PathBuf]) -> anyhow::Result<InputArgs> {
+pub(super) fn parse_input(words: &[String], profiles: &[PathBuf]) -> anyhow::Result<InputArgs> {
     let start = ["cobscope", "stats"].map(str::to_owned);
     let parsed = Cli::try_parse_from(start.iter().chain(words)).map_err(|error| {
         let text = error.to_string();
@@ -224,7 +228,7 @@ pub(super) fn input(words: &[String], profiles: &[PathBuf]) -> anyhow::Result<In
     })?;
     parsed.command.check_nodes().map_err(|error| anyhow!(error))?;
     match parsed.command {
-        Command::Stats(mut arguments) => {
+        CliCommand::Stats(mut arguments) => {
             arguments.input.profiles = profiles.to_vec();
             Ok(arguments.input)
         }
@@ -236,23 +240,23 @@ pub(super) fn input(words: &[String], profiles: &[PathBuf]) -> anyhow::Result<In
 mod tests {
     use super::*;
 
-    fn tool(name: &str) -> Tool {
-        tools().into_iter().find(|tool| tool.name == name).unwrap()
+    fn tool(name: &str) -> McpTool {
+        all_tools().into_iter().find(|tool| tool.name == name).unwrap()
     }
 
     #[test]
     fn each_tool_has_a_schema() {
-        let names: Vec<_> = tools().iter().map(|tool| tool.name.clone()).collect();
+        let names: Vec<_> = all_tools().iter().map(|tool| tool.name.clone()).collect();
         let expected =
             ["captures", "summary", "why", "findings", "events", "objects", "signals", "explain", "diff"];
         assert_eq!(names, expected);
-        let events = tool("events").listed();
+        let events = tool("events").tool_listing();
         let schema = &events["inputSchema"];
         assert_eq!(schema["required"], json!(["capture"]));
         assert_eq!(schema["properties"]["limit"]["maximum"], 500);
         assert!(schema["properties"]["bus_file"].is_object());
         assert!(schema["properties"]["capture"].get("required").is_none());
-        for tool in tools() {
+        for tool in all_tools() {
             for (name, parameter) in &tool.parameters {
                 assert!(parameter["description"].is_string(), "{} {name}", tool.name);
             }
@@ -261,7 +265,7 @@ mod tests {
 
     #[test]
     fn arguments_are_checked() {
-        let error = |arguments: Value| tool("events").arguments(&arguments).err().unwrap().to_string();
+        let error = |arguments: Value| tool("events").parse_arguments(&arguments).err().unwrap().to_string();
         assert_eq!(error(json!({})), "argument \"capture\" is missing");
         assert_eq!(error(json!({"capture": 1})), "capture: found 1, expected string");
         assert_eq!(error(json!({"capture": "a", "limit": 501})), "limit: found 501, expected 1 to 500");
@@ -275,19 +279,20 @@ mod tests {
         );
         assert_eq!(error(json!([])), "expected the arguments as an object; found []");
         let severity = json!({"capture": "a", "severity": "bad"});
-        let text = tool("findings").arguments(&severity).err().unwrap().to_string();
+        let text = tool("findings").parse_arguments(&severity).err().unwrap().to_string();
         assert_eq!(text, "severity: found \"bad\", expected error, warning, note");
-        let arguments = tool("events").arguments(&json!({"capture": "a", "from": "x"})).unwrap();
-        let text = arguments.parsed::<crate::select::Bound>("from").unwrap_err().to_string();
+        let arguments = tool("events").parse_arguments(&json!({"capture": "a", "from": "x"})).unwrap();
+        let text = arguments.parse_argument::<crate::select::RangeBound>("from").unwrap_err().to_string();
         assert!(text.starts_with("from: found \"x\"; expected seconds"), "{text}");
     }
 
     #[test]
     fn options_are_those_of_the_command_line() {
         let words = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>();
-        let found = input(&words(&["--node=2=rexroth-sydfec", "--", "-f"]), &["p".into()]).unwrap();
+        let found = parse_input(&words(&["--node=2=rexroth-sydfec", "--", "-f"]), &["p".into()]).unwrap();
         assert_eq!((found.captures, found.profiles), (vec!["-f".into()], vec!["p".into()]));
-        let text = input(&words(&["--node=200=rexroth-sydfec", "--", "a"]), &[]).unwrap_err().to_string();
+        let text =
+            parse_input(&words(&["--node=200=rexroth-sydfec", "--", "a"]), &[]).unwrap_err().to_string();
         assert!(text.contains("expected a node-ID"), "{text}");
     }
 }

@@ -6,24 +6,26 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow, bail, ensure};
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::{Bus, Buses, Node};
 
 use crate::cli::{InputArgs, NodeArg};
-use crate::cmd::input::{catalogue, join_options, options_of, read_options, series, setup};
-use crate::cmd::results::Results;
-use crate::select::{Bound, BoundSide};
+use crate::cmd::input::{
+    build_setup, capture_series, join_options, load_catalogue, options_of, read_options,
+};
+use crate::cmd::results::PassResults;
+use crate::select::{BoundSide, RangeBound};
 use crate::source::time_span;
-use crate::timeline::{Captures, IndexedCapture, WalkStart};
+use crate::timeline::{IndexedCapture, TimelineCaptures, WalkStart};
 
 /// A capture with its results.
 pub(super) struct OpenedCapture {
     pub(super) name: String,
     input: InputArgs,
     parts: Vec<PathBuf>,
-    pub(super) results: Results,
+    pub(super) results: PassResults,
     pub(super) indexed: IndexedCapture,
-    rules: Arc<Setup>,
+    rules: Arc<RuleSetup>,
 }
 
 impl OpenedCapture {
@@ -32,14 +34,14 @@ impl OpenedCapture {
     /// # Errors
     /// It cannot be opened, has an unknown format, or its files are parts of several captures.
     pub(super) fn open(input: InputArgs) -> anyhow::Result<Self> {
-        let options = options_of(&input, catalogue(&input.profiles))?;
-        let all = series(&input);
+        let options = options_of(&input, load_catalogue(&input.profiles))?;
+        let all = capture_series(&input);
         ensure!(all.len() == 1, "the files are {} captures, expected the parts of one", all.len());
         let Some(series) = all.into_iter().next() else { bail!("no capture") };
-        let rules = Arc::new(setup(&input, &options.catalogue, None)?);
-        let mut results = Results::of(&series, &input, &options, &rules)?;
+        let rules = Arc::new(build_setup(&input, &options.catalogue, None)?);
+        let mut results = PassResults::of(&series, &input, &options, &rules)?;
         results.warnings.extend(results.failure.clone());
-        let captures = Captures {
+        let captures = TimelineCaptures {
             paths: series.parts.clone(),
             align: false,
             join: join_options(&input),
@@ -77,16 +79,18 @@ impl OpenedCapture {
     ///
     /// # Errors
     /// A time is requested and the capture has no timestamps, or a time of day is ambiguous.
-    pub(super) fn resolve(&self, bound: Bound, side: BoundSide) -> anyhow::Result<Bound> {
-        bound.resolve(side, &self.results.first, &mut || time_span(&self.parts, &read_options(&self.input)))
+    pub(super) fn resolve_bound(&self, bound: RangeBound, side: BoundSide) -> anyhow::Result<RangeBound> {
+        bound.resolve_bound(side, &self.results.first, &mut || {
+            time_span(&self.parts, &read_options(&self.input))
+        })
     }
 
     /// The start of a walk that reaches a bound.
-    pub(super) fn start(&self, bound: Option<Bound>) -> WalkStart {
+    pub(super) fn walk_start(&self, bound: Option<RangeBound>) -> WalkStart {
         match (bound, self.zero()) {
-            (Some(Bound::Frame(frame)), _) => WalkStart::Frame(frame),
-            (Some(Bound::Moment(moment)), _) => WalkStart::Time(moment),
-            (Some(Bound::Offset(offset)), Some(zero)) => WalkStart::Time(zero.plus(offset)),
+            (Some(RangeBound::Frame(frame)), _) => WalkStart::Frame(frame),
+            (Some(RangeBound::Moment(moment)), _) => WalkStart::Time(moment),
+            (Some(RangeBound::Offset(offset)), Some(zero)) => WalkStart::Time(zero.plus(offset)),
             _ => WalkStart::Frame(1),
         }
     }
@@ -99,5 +103,5 @@ impl OpenedCapture {
 pub(super) fn node_in<'a>(buses: Buses<'a>, node: &NodeArg) -> anyhow::Result<(&'a Bus, &'a Node)> {
     let on = buses.iter().filter(|bus| node.bus.as_deref().is_none_or(|name| name == bus.name()));
     let mut known = on.filter_map(|bus| Some((bus, bus.node(node.id)?)));
-    known.next().with_context(|| format!("node {}: not in this capture", node.shown()))
+    known.next().with_context(|| format!("node {}: not in this capture", node.typed_text()))
 }

@@ -12,7 +12,7 @@ const FEW: usize = 8;
 
 /// The value as JSON text that fits. Omitted elements are counted in `omitted`, by the path of their list; texts that are
 /// too long end with `…`.
-pub(super) fn fit(value: Value) -> String {
+pub(super) fn fit_value(value: Value) -> String {
     fit_within(value, LONGEST)
 }
 
@@ -20,10 +20,10 @@ pub(super) fn fit(value: Value) -> String {
 pub(super) fn fit_within(mut value: Value, longest: usize) -> String {
     loop {
         let text = escape_json(&value.to_string()).into_owned();
-        if written(&text) <= longest {
+        if json_length(&text) <= longest {
             return text;
         }
-        if !shorten(&mut value) {
+        if !shorten_longest(&mut value) {
             return json!({"omitted": "the answer is too long"}).to_string();
         }
     }
@@ -32,7 +32,7 @@ pub(super) fn fit_within(mut value: Value, longest: usize) -> String {
 /// The text, cut to the limit.
 pub(super) fn fit_text(text: &str) -> String {
     let mut text = escape_json(text).into_owned();
-    while written(&text) > LONGEST {
+    while json_length(&text) > LONGEST {
         text.truncate(text.floor_char_boundary(text.len().saturating_mul(9) / 10));
         text.push('…');
     }
@@ -40,14 +40,14 @@ pub(super) fn fit_text(text: &str) -> String {
 }
 
 /// Length of a text as a JSON string.
-pub(super) fn written(text: &str) -> usize {
+pub(super) fn json_length(text: &str) -> usize {
     Value::from(text).to_string().len()
 }
 
 /// Halves the longest list or text; false if nothing is left to shorten.
-fn shorten(value: &mut Value) -> bool {
-    let mut longest = Longest::default();
-    longest.visit(value, &mut Vec::new());
+fn shorten_longest(value: &mut Value) -> bool {
+    let mut longest = LongestFit::default();
+    longest.visit_value(value, &mut Vec::new());
     let Some((path, _)) = longest.found else { return false };
     let pointer =
         path.iter().fold(String::new(), |all, step| all + "/" + &step.replace('~', "~0").replace('/', "~1"));
@@ -68,12 +68,12 @@ fn shorten(value: &mut Value) -> bool {
     if dropped > 0
         && let Some(members) = value.as_object_mut()
     {
-        count(members, &path.join("."), dropped);
+        count_dropped(members, &path.join("."), dropped);
     }
     true
 }
 
-fn count(members: &mut Map<String, Value>, path: &str, dropped: usize) {
+fn count_dropped(members: &mut Map<String, Value>, path: &str, dropped: usize) {
     let omitted = members.entry("omitted").or_insert_with(|| json!({}));
     if let Some(omitted) = omitted.as_object_mut() {
         let before = omitted.get(path).and_then(Value::as_u64).unwrap_or(0);
@@ -83,40 +83,40 @@ fn count(members: &mut Map<String, Value>, path: &str, dropped: usize) {
 
 /// Search for the list or text with the longest JSON text.
 #[derive(Default)]
-struct Longest {
+struct LongestFit {
     found: Option<(Vec<String>, usize)>,
 }
 
-impl Longest {
-    fn visit(&mut self, value: &Value, path: &mut Vec<String>) {
+impl LongestFit {
+    fn visit_value(&mut self, value: &Value, path: &mut Vec<String>) {
         match value {
             Value::Array(list) => {
                 // A short list, as that of the buses, is rather kept than the lists in it.
                 let weight = if list.len() > FEW { 64 } else { 1 };
                 if list.len() > 1 {
-                    self.offer(path, value.to_string().len().saturating_mul(weight));
+                    self.offer_path(path, value.to_string().len().saturating_mul(weight));
                 }
                 for (index, value) in list.iter().enumerate() {
                     path.push(index.to_string());
-                    self.visit(value, path);
+                    self.visit_value(value, path);
                     path.pop();
                 }
             }
             Value::Object(members) => {
                 for (key, value) in members.iter().filter(|(key, _)| *key != "omitted") {
                     path.push(key.clone());
-                    self.visit(value, path);
+                    self.visit_value(value, path);
                     path.pop();
                 }
             }
             Value::String(text) if text.chars().count() > 1_000 => {
-                self.offer(path, text.len().saturating_mul(64));
+                self.offer_path(path, text.len().saturating_mul(64));
             }
             _ => {}
         }
     }
 
-    fn offer(&mut self, path: &[String], length: usize) {
+    fn offer_path(&mut self, path: &[String], length: usize) {
         if self.found.as_ref().is_none_or(|(_, longest)| length > *longest) {
             self.found = Some((path.to_vec(), length));
         }
@@ -130,15 +130,15 @@ mod tests {
     #[test]
     fn short_answers_are_unchanged() {
         let value = json!({"a": [1, 2, 3], "b": "text"});
-        assert_eq!(fit(value.clone()), value.to_string());
+        assert_eq!(fit_value(value.clone()), value.to_string());
         assert_eq!(fit_text("text"), "text");
     }
 
     #[test]
     fn long_lists_are_shortened_and_counted() {
         let value = json!({"few": [1, 2], "inner": {"many": vec!["0123456789"; 10_000]}});
-        let text = fit(value);
-        assert!(written(&text) <= LONGEST && written(&text) > LONGEST / 4, "{}", text.len());
+        let text = fit_value(value);
+        assert!(json_length(&text) <= LONGEST && json_length(&text) > LONGEST / 4, "{}", text.len());
         let value: Value = serde_json::from_str(&text).unwrap();
         let kept = value["inner"]["many"].as_array().unwrap().len();
         assert_eq!(value["omitted"]["inner.many"], 10_000 - kept);
@@ -148,17 +148,17 @@ mod tests {
     #[test]
     fn a_long_text_is_cut_between_characters() {
         let text = fit_text(&"ü\u{1b}".repeat(100_000));
-        assert!(written(&text) <= LONGEST && text.ends_with('…'));
-        let value: Value = serde_json::from_str(&fit(json!({"text": "ü".repeat(100_000)}))).unwrap();
+        assert!(json_length(&text) <= LONGEST && text.ends_with('…'));
+        let value: Value = serde_json::from_str(&fit_value(json!({"text": "ü".repeat(100_000)}))).unwrap();
         assert!(value["text"].as_str().unwrap().ends_with('…'));
     }
 
     #[test]
     fn keys_with_any_characters_are_found() {
         let value = json!({"a/b~c": vec![0; 100_000]});
-        let value: Value = serde_json::from_str(&fit(value)).unwrap();
+        let value: Value = serde_json::from_str(&fit_value(value)).unwrap();
         assert!(!value["a/b~c"].as_array().unwrap().is_empty());
         let keys: Map<String, Value> = (0..100_000).map(|key| (key.to_string(), json!(0))).collect();
-        assert_eq!(fit(Value::Object(keys)), r#"{"omitted":"the answer is too long"}"#);
+        assert_eq!(fit_value(Value::Object(keys)), r#"{"omitted":"the answer is too long"}"#);
     }
 }

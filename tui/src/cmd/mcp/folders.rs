@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail, ensure};
 
-use crate::path_text::shown;
+use crate::path_text::path_text;
 
 /// Maximum number of files in a list.
 pub(super) const MOST_FILES: usize = 500;
@@ -13,15 +13,15 @@ pub(super) const MOST_FILES: usize = 500;
 const DEEPEST: usize = 8;
 
 /// Folders, as the operating system names them.
-pub(super) struct Folders(Vec<PathBuf>);
+pub(super) struct AllowedFolders(Vec<PathBuf>);
 
-impl Folders {
+impl AllowedFolders {
     /// # Errors
     /// A path names something else than a folder.
     pub(super) fn open(paths: &[PathBuf]) -> anyhow::Result<Self> {
         let open = |path: &PathBuf| {
-            let real = path.canonicalize().with_context(|| shown(path))?;
-            ensure!(real.is_dir(), "{}: expected a folder", shown(path));
+            let real = path.canonicalize().with_context(|| path_text(path))?;
+            ensure!(real.is_dir(), "{}: expected a folder", path_text(path));
             Ok(real)
         };
         paths.iter().map(open).collect::<anyhow::Result<_>>().map(Self)
@@ -32,21 +32,21 @@ impl Folders {
     ///
     /// # Errors
     /// The file does not exist, is outside the folders, or is a device or a pipe.
-    pub(super) fn file(&self, text: &str) -> anyhow::Result<PathBuf> {
+    pub(super) fn find_file(&self, text: &str) -> anyhow::Result<PathBuf> {
         let path = Path::new(text);
         let candidates: Vec<_> = self.0.iter().map(|folder| folder.join(path)).collect();
         let real = candidates.iter().find_map(|candidate| candidate.canonicalize().ok());
         // Whether a file outside exists is not disclosed.
         let Some(real) = real.filter(|real| self.0.iter().any(|folder| real.starts_with(folder))) else {
-            bail!("{}: no such file in the folders of this server", shown(path));
+            bail!("{}: no such file in the folders of this server", path_text(path));
         };
-        ensure!(real.is_file(), "{}: expected a file", shown(path));
+        ensure!(real.is_file(), "{}: expected a file", path_text(path));
         Ok(real)
     }
 
     /// Files in the folders and their subfolders, by name, and whether there are more. Links and hidden files are
     /// left out.
-    pub(super) fn list(&self) -> (Vec<PathBuf>, bool) {
+    pub(super) fn list_files(&self) -> (Vec<PathBuf>, bool) {
         let mut files = Vec::new();
         let is_complete = self.0.iter().all(|folder| add_files(folder, DEEPEST, &mut files));
         (files, !is_complete)
@@ -87,13 +87,13 @@ mod tests {
         std::fs::create_dir(&inner).unwrap();
         std::fs::write(inner.join("a.log"), "").unwrap();
         std::fs::write(folder.path().join("secret"), "").unwrap();
-        let folders = Folders::open(std::slice::from_ref(&inner)).unwrap();
+        let folders = AllowedFolders::open(std::slice::from_ref(&inner)).unwrap();
         let real = inner.canonicalize().unwrap().join("a.log");
-        assert_eq!(folders.file("a.log").unwrap(), real);
-        assert_eq!(folders.file(real.to_str().unwrap()).unwrap(), real);
-        assert_eq!(folders.list(), (vec![real], false));
+        assert_eq!(folders.find_file("a.log").unwrap(), real);
+        assert_eq!(folders.find_file(real.to_str().unwrap()).unwrap(), real);
+        assert_eq!(folders.list_files(), (vec![real], false));
         for path in ["../secret", "b.log", "/etc/passwd", "a.log/../../secret", "", "\0"] {
-            let error = folders.file(path).unwrap_err().to_string();
+            let error = folders.find_file(path).unwrap_err().to_string();
             assert!(
                 error.contains("no such file in the folders") || error.contains("expected a file"),
                 "{error}"
@@ -110,10 +110,10 @@ mod tests {
         std::fs::write(folder.path().join("secret"), "").unwrap();
         std::os::unix::fs::symlink("../secret", inner.join("link.log")).unwrap();
         std::os::unix::fs::symlink("..", inner.join("up")).unwrap();
-        let folders = Folders::open(&[inner]).unwrap();
-        assert!(folders.file("link.log").is_err());
-        assert!(folders.file("up/secret").is_err());
-        assert_eq!(folders.list(), (Vec::new(), false));
-        assert!(Folders::open(&[folder.path().join("secret")]).is_err());
+        let folders = AllowedFolders::open(&[inner]).unwrap();
+        assert!(folders.find_file("link.log").is_err());
+        assert!(folders.find_file("up/secret").is_err());
+        assert_eq!(folders.list_files(), (Vec::new(), false));
+        assert!(AllowedFolders::open(&[folder.path().join("secret")]).is_err());
     }
 }

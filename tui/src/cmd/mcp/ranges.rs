@@ -13,11 +13,11 @@ use cobscope_decoder::replay::EventPosition;
 use cobscope_decoder::session::Bus;
 use serde_json::{Value, json};
 
-use super::arguments::Arguments;
+use super::arguments::CallArguments;
 use super::capture::OpenedCapture;
-use super::fit::{fit, fit_within, written};
+use super::fit::{fit_value, fit_within, json_length};
 use crate::cli::NodeArg;
-use crate::select::{Bound, BoundSide, ensure_order};
+use crate::select::{BoundSide, RangeBound, ensure_order};
 use crate::timeline::WalkStart;
 
 /// Maximum number of frames that are read for an answer; it takes about half a second.
@@ -32,16 +32,19 @@ const SAMPLES: usize = 20;
 const MOST_TRACKS: usize = 20;
 
 /// Bounds of a request in one capture.
-struct Range {
-    from: Option<Bound>,
-    to: Option<Bound>,
+struct RequestRange {
+    from: Option<RangeBound>,
+    to: Option<RangeBound>,
     zero: Option<Timestamp>,
 }
 
-impl Range {
-    fn of(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<Self> {
+impl RequestRange {
+    fn range_of(capture: &OpenedCapture, arguments: &CallArguments) -> anyhow::Result<Self> {
         let resolve = |name: &str, side| {
-            arguments.parsed::<Bound>(name)?.map(|bound| capture.resolve(bound, side)).transpose()
+            arguments
+                .parse_argument::<RangeBound>(name)?
+                .map(|bound| capture.resolve_bound(bound, side))
+                .transpose()
         };
         let (from, to) = (resolve("from", BoundSide::From)?, resolve("to", BoundSide::To)?);
         ensure_order(from, to).context("the range is empty")?;
@@ -49,28 +52,28 @@ impl Range {
     }
 
     /// Order of a frame number and time relative to a bound.
-    fn order(&self, bound: Bound, frame: u64, time: Option<Timestamp>) -> Option<Ordering> {
+    fn compare_bound(&self, bound: RangeBound, frame: u64, time: Option<Timestamp>) -> Option<Ordering> {
         match bound {
-            Bound::Frame(number) => Some(frame.cmp(&number)),
-            Bound::Moment(moment) => Some(time?.cmp(&moment)),
-            Bound::Offset(offset) => Some(time?.since(self.zero?).cmp(&offset)),
-            Bound::Clock(_) => None,
+            RangeBound::Frame(number) => Some(frame.cmp(&number)),
+            RangeBound::Moment(moment) => Some(time?.cmp(&moment)),
+            RangeBound::Offset(offset) => Some(time?.since(self.zero?).cmp(&offset)),
+            RangeBound::Clock(_) => None,
         }
     }
 
     fn contains(&self, event: &Event) -> bool {
-        let order = |bound| self.order(bound, event.frames.last, event.time);
+        let order = |bound| self.compare_bound(bound, event.frames.last, event.time);
         self.from.is_none_or(|from| order(from).is_some_and(Ordering::is_ge))
             && self.to.is_none_or(|to| order(to).is_none_or(Ordering::is_le))
     }
 
     fn is_over(&self, frame: u64, time: Option<Timestamp>) -> bool {
-        self.to.is_some_and(|to| self.order(to, frame, time).is_some_and(Ordering::is_gt))
+        self.to.is_some_and(|to| self.compare_bound(to, frame, time).is_some_and(Ordering::is_gt))
     }
 }
 
 /// A position as text: `604:2`.
-fn position(text: &str) -> anyhow::Result<EventPosition> {
+fn parse_position(text: &str) -> anyhow::Result<EventPosition> {
     let parsed = text.split_once(':').and_then(|(frame, ordinal)| {
         Some(EventPosition { frame: frame.parse().ok()?, ordinal: ordinal.parse().ok()? })
     });
@@ -81,28 +84,28 @@ fn position(text: &str) -> anyhow::Result<EventPosition> {
 ///
 /// # Errors
 /// An argument is not valid, or the capture cannot be read any more.
-pub(super) fn events(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<String> {
-    let range = Range::of(capture, arguments)?;
-    let filter = arguments.parsed::<Filter>("filter")?;
-    let after = arguments.text("after").map(position).transpose()?;
-    let limit = arguments.number("limit").unwrap_or(EVENTS);
+pub(super) fn range_events(capture: &OpenedCapture, arguments: &CallArguments) -> anyhow::Result<String> {
+    let range = RequestRange::range_of(capture, arguments)?;
+    let filter = arguments.parse_argument::<Filter>("filter")?;
+    let after = arguments.text_argument("after").map(parse_position).transpose()?;
+    let limit = arguments.number_argument("limit").unwrap_or(EVENTS);
     let is_all = arguments.is_set("all");
-    let start = after.map_or(capture.start(range.from), |after| WalkStart::Frame(after.frame));
-    let mut walk = capture.indexed.walk(start)?;
+    let start = after.map_or(capture.walk_start(range.from), |after| WalkStart::Frame(after.frame));
+    let mut walk = capture.indexed.walk_from(start)?;
     let begin = walk.world.frames();
     let mut found: Vec<String> = Vec::new();
     let (mut length, mut last, mut is_full) = (0_usize, after, false);
     let is_complete = loop {
-        let is_left = walk.step(&mut |placed| {
+        let is_left = walk.step_item(&mut |placed| {
             let is_new = after.is_none_or(|after| placed.spot > after);
             if is_full || !is_new || !(is_all || placed.is_news) || !range.contains(placed.event) {
                 return;
             }
-            if filter.as_ref().is_some_and(|filter| !filter.matches(placed.event, placed.bus, None)) {
+            if filter.as_ref().is_some_and(|filter| !filter.matches_event(placed.event, placed.bus, None)) {
                 return;
             }
-            let text = line(placed.event, placed.bus);
-            let written = written(&text);
+            let text = event_line(placed.event, placed.bus);
+            let written = json_length(&text);
             is_full = found.len() >= limit || length.saturating_add(written) > MOST_TEXT;
             if !is_full {
                 length = length.saturating_add(written);
@@ -110,7 +113,7 @@ pub(super) fn events(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::
                 found.push(text);
             }
         })?;
-        let (frames, time) = (walk.world.frames(), walk.world.time());
+        let (frames, time) = (walk.world.frames(), walk.world.last_time());
         if is_full {
             break false;
         }
@@ -118,7 +121,7 @@ pub(super) fn events(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::
             break true;
         }
         if frames.saturating_sub(begin) >= MOST_FRAMES {
-            last = Some(EventPosition::after(frames));
+            last = Some(EventPosition::after_frame(frames));
             break false;
         }
     };
@@ -131,42 +134,42 @@ pub(super) fn events(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::
 }
 
 /// An event as a line of `decode -f jsonl`; an event that alone is too long is shortened.
-fn line(event: &Event, bus: &Bus) -> String {
+fn event_line(event: &Event, bus: &Bus) -> String {
     let object = EventObject::new(event, bus);
     let text = format_line(&object).trim_end().to_owned();
-    if written(&text) <= MOST_TEXT {
+    if json_length(&text) <= MOST_TEXT {
         return text;
     }
     serde_json::to_value(&object).map_or(text, |value| fit_within(value, MOST_TEXT))
 }
 
 /// A signal over the range.
-struct Track {
+struct RangeSignal {
     name: ListedSignal,
     count: u64,
     /// Value in its unit, time in s, text, frame; of the lowest and of the highest value.
-    least: Option<(f64, Sample)>,
-    most: Option<(f64, Sample)>,
-    samples: Vec<Sample>,
+    least: Option<(f64, RangeSample)>,
+    most: Option<(f64, RangeSample)>,
+    samples: Vec<RangeSample>,
     /// Every value of so many is kept.
     stride: u64,
 }
 
 #[derive(Clone)]
-struct Sample {
+struct RangeSample {
     seconds: Option<f64>,
     frame: u64,
     text: String,
 }
 
-impl Sample {
-    fn json(&self) -> Value {
+impl RangeSample {
+    fn to_json(&self) -> Value {
         json!({"seconds": self.seconds, "frame": self.frame, "value": self.text})
     }
 }
 
-impl Track {
-    fn add(&mut self, number: Option<f64>, sample: Sample, most: usize) {
+impl RangeSignal {
+    fn add_number(&mut self, number: Option<f64>, sample: RangeSample, most: usize) {
         if let Some(number) = number.filter(|number| number.is_finite()) {
             if self.least.as_ref().is_none_or(|(least, _)| number < *least) {
                 self.least = Some((number, sample.clone()));
@@ -189,15 +192,15 @@ impl Track {
         }
     }
 
-    fn json(&self) -> Value {
+    fn to_json(&self) -> Value {
         let ListedSignal { bus, node, object, name, unit } = &self.name;
-        let extreme = |end: &Option<(f64, Sample)>| end.as_ref().map(|(_, sample)| sample.json());
+        let extreme = |end: &Option<(f64, RangeSample)>| end.as_ref().map(|(_, sample)| sample.to_json());
         json!({
             "bus": bus, "node": node, "object": object, "name": name, "unit": unit,
             "count": self.count,
             "min": extreme(&self.least),
             "max": extreme(&self.most),
-            "samples": self.samples.iter().map(Sample::json).collect::<Vec<_>>(),
+            "samples": self.samples.iter().map(RangeSample::to_json).collect::<Vec<_>>(),
         })
     }
 }
@@ -206,9 +209,9 @@ impl Track {
 ///
 /// # Errors
 /// An argument is not valid, no signal has the name, or the capture cannot be read any more.
-pub(super) fn signals(capture: &OpenedCapture, arguments: &Arguments) -> anyhow::Result<String> {
-    let node = arguments.parsed::<NodeArg>("node")?;
-    let wanted = arguments.text("signal").map(str::to_lowercase);
+pub(super) fn range_signals(capture: &OpenedCapture, arguments: &CallArguments) -> anyhow::Result<String> {
+    let node = arguments.parse_argument::<NodeArg>("node")?;
+    let wanted = arguments.text_argument("signal").map(str::to_lowercase);
     let is_wanted = |signal: &ListedSignal| {
         node.as_ref().is_none_or(|node| {
             signal.node == node.id.to_string() && node.bus.as_ref().is_none_or(|known| *known == signal.bus)
@@ -224,12 +227,12 @@ pub(super) fn signals(capture: &OpenedCapture, arguments: &Arguments) -> anyhow:
     );
     ensure!(!chosen.is_empty(), "no signal with this name or node; signals without arguments lists all");
     if wanted.is_none() {
-        return Ok(fit(json!({"signals": chosen})));
+        return Ok(fit_value(json!({"signals": chosen})));
     }
-    let range = Range::of(capture, arguments)?;
-    let most = arguments.number("samples").unwrap_or(SAMPLES);
+    let range = RequestRange::range_of(capture, arguments)?;
+    let most = arguments.number_argument("samples").unwrap_or(SAMPLES);
     let track = |name: &&ListedSignal| {
-        let track = Track {
+        let track = RangeSignal {
             name: (*name).clone(),
             count: 0,
             least: None,
@@ -239,16 +242,17 @@ pub(super) fn signals(capture: &OpenedCapture, arguments: &Arguments) -> anyhow:
         };
         ((*name).clone(), track)
     };
-    let mut tracks: BTreeMap<ListedSignal, Track> = chosen.iter().take(MOST_TRACKS).map(track).collect();
-    let mut walk = capture.indexed.walk(capture.start(range.from))?;
+    let mut tracks: BTreeMap<ListedSignal, RangeSignal> =
+        chosen.iter().take(MOST_TRACKS).map(track).collect();
+    let mut walk = capture.indexed.walk_from(capture.walk_start(range.from))?;
     let begin = walk.world.frames();
     let is_complete = loop {
-        let is_left = walk.step(&mut |placed| {
+        let is_left = walk.step_item(&mut |placed| {
             if range.contains(placed.event) {
-                add(placed.event, placed.bus, &mut tracks, (range.zero, most));
+                add_samples(placed.event, placed.bus, &mut tracks, (range.zero, most));
             }
         })?;
-        let (frames, time) = (walk.world.frames(), walk.world.time());
+        let (frames, time) = (walk.world.frames(), walk.world.last_time());
         if !is_left || range.is_over(frames, time) {
             break true;
         }
@@ -256,16 +260,16 @@ pub(super) fn signals(capture: &OpenedCapture, arguments: &Arguments) -> anyhow:
             break false;
         }
     };
-    let list: Vec<_> = tracks.values().map(Track::json).collect();
+    let list: Vec<_> = tracks.values().map(RangeSignal::to_json).collect();
     let more = chosen.len().saturating_sub(list.len());
     let next = (!is_complete).then(|| format!("#{}", walk.world.frames().saturating_add(1)));
-    Ok(fit(json!({"signals": list, "more_signals": more, "complete": is_complete, "next_from": next})))
+    Ok(fit_value(json!({"signals": list, "more_signals": more, "complete": is_complete, "next_from": next})))
 }
 
-fn add(
+fn add_samples(
     event: &Event,
     bus: &Bus,
-    tracks: &mut BTreeMap<ListedSignal, Track>,
+    tracks: &mut BTreeMap<ListedSignal, RangeSignal>,
     (zero, most): (Option<Timestamp>, usize),
 ) {
     let node = event.node.map_or(String::new(), |node| node.to_string());
@@ -273,11 +277,11 @@ fn add(
     if !tracks.keys().any(|signal| signal.node == node) {
         return;
     }
-    for signal in event.signals() {
+    for signal in event.decode_signals() {
         let Some(track) = tracks.get_mut(&ListedSignal::of(event, bus, signal.field)) else { continue };
         #[expect(clippy::cast_precision_loss, reason = "only for display")]
         let seconds = event.time.zip(zero).map(|(time, zero)| time.since(zero) as f64 / 1e9);
-        let sample = Sample { seconds, frame: event.frames.last, text: signal.text() };
-        track.add(signal.field.plotted(&signal.value), sample, most);
+        let sample = RangeSample { seconds, frame: event.frames.last, text: signal.text() };
+        track.add_number(signal.field.plot_number(&signal.value), sample, most);
     }
 }

@@ -9,14 +9,14 @@ pub(super) const LONGEST: usize = 1 << 20;
 
 /// Error codes of JSON-RPC 2.0, section 5.1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum ErrorCode {
+pub(super) enum RpcErrorCode {
     Parse,
     InvalidRequest,
     MethodNotFound,
     InvalidParams,
 }
 
-impl ErrorCode {
+impl RpcErrorCode {
     const fn number(self) -> i32 {
         match self {
             Self::Parse => -32_700,
@@ -29,7 +29,7 @@ impl ErrorCode {
 
 /// A request, or a notification if it has no `id`.
 #[derive(Debug, PartialEq)]
-pub(super) struct Request {
+pub(super) struct RpcRequest {
     pub(super) id: Option<Value>,
     pub(super) method: String,
     pub(super) params: Value,
@@ -37,7 +37,7 @@ pub(super) struct Request {
 
 /// A line of input.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Line {
+pub(super) enum RpcLine {
     /// A whole line is in the buffer.
     Whole,
     /// A line above [`LONGEST`]; it was skipped.
@@ -47,7 +47,7 @@ pub(super) enum Line {
 }
 
 /// Reads a line without its end into `line`.
-pub(super) fn read_line(input: &mut impl BufRead, line: &mut Vec<u8>) -> io::Result<Line> {
+pub(super) fn read_line(input: &mut impl BufRead, line: &mut Vec<u8>) -> io::Result<RpcLine> {
     line.clear();
     let (mut is_any, mut is_long) = (false, false);
     loop {
@@ -57,7 +57,7 @@ pub(super) fn read_line(input: &mut impl BufRead, line: &mut Vec<u8>) -> io::Res
             Err(error) => return Err(error),
         };
         if piece.is_empty() {
-            return Ok(if is_any { whole(is_long) } else { Line::End });
+            return Ok(if is_any { line_end(is_long) } else { RpcLine::End });
         }
         is_any = true;
         let end = piece.iter().position(|byte| *byte == b'\n');
@@ -69,24 +69,25 @@ pub(super) fn read_line(input: &mut impl BufRead, line: &mut Vec<u8>) -> io::Res
         let taken = part.len().saturating_add(usize::from(end.is_some()));
         input.consume(taken);
         if end.is_some() {
-            return Ok(whole(is_long));
+            return Ok(line_end(is_long));
         }
     }
 }
 
-const fn whole(is_long: bool) -> Line {
-    if is_long { Line::TooLong } else { Line::Whole }
+const fn line_end(is_long: bool) -> RpcLine {
+    if is_long { RpcLine::TooLong } else { RpcLine::Whole }
 }
 
-impl Request {
+impl RpcRequest {
     /// Parses a line; the error is the answer to it.
     pub(super) fn parse(line: &[u8]) -> Result<Self, String> {
-        let request: Value = serde_json::from_slice(line)
-            .map_err(|error| failure(Value::Null, ErrorCode::Parse, &format!("not JSON: {error}")))?;
+        let request: Value = serde_json::from_slice(line).map_err(|error| {
+            failure_answer(Value::Null, RpcErrorCode::Parse, &format!("not JSON: {error}"))
+        })?;
         let id = request.get("id").cloned();
         let refuse = |text: &str| {
             let id = id.clone().filter(|id| id.is_string() || id.is_number()).unwrap_or(Value::Null);
-            failure(id, ErrorCode::InvalidRequest, text)
+            failure_answer(id, RpcErrorCode::InvalidRequest, text)
         };
         let Some(members) = request.as_object() else {
             return Err(refuse("expected one JSON object per line"));
@@ -106,13 +107,13 @@ impl Request {
 }
 
 /// The answer to a request.
-pub(super) fn success(id: &Value, result: &Value) -> String {
+pub(super) fn success_answer(id: &Value, result: &Value) -> String {
     json!({"jsonrpc": "2.0", "id": id, "result": result}).to_string()
 }
 
 /// The answer to a request that failed.
 #[expect(clippy::needless_pass_by_value, reason = "most callers create the id")]
-pub(super) fn failure(id: Value, code: ErrorCode, text: &str) -> String {
+pub(super) fn failure_answer(id: Value, code: RpcErrorCode, text: &str) -> String {
     json!({"jsonrpc": "2.0", "id": id, "error": {"code": code.number(), "message": text}}).to_string()
 }
 
@@ -120,13 +121,13 @@ pub(super) fn failure(id: Value, code: ErrorCode, text: &str) -> String {
 mod tests {
     use super::*;
 
-    fn lines(text: &[u8], capacity: usize) -> Vec<(Line, Vec<u8>)> {
+    fn lines(text: &[u8], capacity: usize) -> Vec<(RpcLine, Vec<u8>)> {
         let mut input = io::BufReader::with_capacity(capacity, text);
         let mut found = Vec::new();
         loop {
             let mut line = Vec::new();
             let kind = read_line(&mut input, &mut line).unwrap();
-            if kind == Line::End {
+            if kind == RpcLine::End {
                 return found;
             }
             found.push((kind, line));
@@ -146,18 +147,18 @@ mod tests {
     fn a_line_that_is_too_long_is_skipped() {
         let text = [vec![b'x'; LONGEST + 1], b"\nnext\n".to_vec()].concat();
         let found = lines(&text, 8_192);
-        assert_eq!(found[0].0, Line::TooLong);
-        assert_eq!(found[1], (Line::Whole, b"next".to_vec()));
+        assert_eq!(found[0].0, RpcLine::TooLong);
+        assert_eq!(found[1], (RpcLine::Whole, b"next".to_vec()));
         let most = [vec![b'x'; LONGEST], b"\n".to_vec()].concat();
-        assert_eq!(lines(&most, 8_192)[0].0, Line::Whole);
+        assert_eq!(lines(&most, 8_192)[0].0, RpcLine::Whole);
     }
 
     #[test]
     fn requests_and_what_is_none() {
-        let request = Request::parse(br#"{"jsonrpc":"2.0","id":7,"method":"ping"}"#).unwrap();
-        assert_eq!(request, Request { id: Some(json!(7)), method: "ping".into(), params: json!({}) });
+        let request = RpcRequest::parse(br#"{"jsonrpc":"2.0","id":7,"method":"ping"}"#).unwrap();
+        assert_eq!(request, RpcRequest { id: Some(json!(7)), method: "ping".into(), params: json!({}) });
         let error = |line: &[u8], code: i32| {
-            let answer: Value = serde_json::from_str(&Request::parse(line).unwrap_err()).unwrap();
+            let answer: Value = serde_json::from_str(&RpcRequest::parse(line).unwrap_err()).unwrap();
             assert_eq!(answer["error"]["code"], code, "{answer}");
             answer["id"].clone()
         };

@@ -9,21 +9,21 @@ use std::fmt::Write as _;
 use cobscope_decoder::answers::format_line;
 use cobscope_decoder::answers::objects::{ObjectCount, ObjectRecord};
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::profile::{Persistence, Value};
-use cobscope_decoder::session::{Bus, Buses, Entry, Node};
+use cobscope_decoder::profile::{DecodedValue, Persistence};
+use cobscope_decoder::session::{Bus, Buses, Node, StoredObject};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::ObjectAddress;
-use cobscope_decoder::words::plural;
+use cobscope_decoder::words::count_noun;
 
 use super::decoding::{CaptureJob, report};
-use super::messages::complain;
+use super::messages::print_error;
 use crate::cli::{ObjectsArgs, ReportFormat};
-use crate::exit_code::Exit;
+use crate::exit_code::ExitStatus;
 use crate::select::TimeLimit;
-use crate::words::present;
-use entry::{label, place};
-use want::Want;
+use crate::words::present_nodes;
+use entry::{node_label, value_place};
+use want::ExpectedValues;
 
 /// Maximum widths of the name and value columns; most lines then fit 100 columns.
 const WIDEST_NAME: usize = 50;
@@ -33,19 +33,19 @@ const WIDEST_VALUE: usize = 24;
 const SHOWN_BYTES: usize = 16;
 
 /// Runs the command.
-pub fn run(arguments: &ObjectsArgs) -> Exit {
-    let want = match arguments.want.as_deref().map(|path| Want::new(path, arguments)).transpose() {
+pub fn run(arguments: &ObjectsArgs) -> ExitStatus {
+    let want = match arguments.want.as_deref().map(|path| ExpectedValues::new(path, arguments)).transpose() {
         Ok(want) => want,
         Err(error) => {
-            complain(&error);
-            return Exit::Profile;
+            print_error(&error);
+            return ExitStatus::Profile;
         }
     };
     let several = arguments.input.captures.len() > 1;
     report(&arguments.input, |series, options, output| {
         let job = CaptureJob::new(series, &arguments.input, options, None);
         let until = TimeLimit::new(arguments.at, None);
-        let read = job.read_from(until, |until, first, span| until.begin(first, span))?;
+        let read = job.read_from(until, |until, first, span| until.begin_capture(first, span))?;
         let name = series.name();
         read.report();
         let (until, buses) = (&read.summary.part, read.summary.buses());
@@ -56,17 +56,18 @@ pub fn run(arguments: &ObjectsArgs) -> Exit {
             let _ = writeln!(output, "== {}", escape(&name));
         }
         if let Some(want) = &want {
-            want.compare(buses, until.first(), &name, output);
+            want.compare_nodes(buses, until.first_time(), &name, output);
         } else {
             for bus in buses {
-                print_bus(bus, arguments, until.first(), &name, output);
+                print_bus(bus, arguments, until.first_time(), &name, output);
             }
         }
         // A node of `--node` is reported for every command.
-        let of_file = want.as_ref().filter(|_| arguments.input.node.is_empty()).map(Want::chosen);
-        let absent = of_file.and_then(|chosen| absent(buses, chosen, until.passed().as_deref()));
+        let of_file =
+            want.as_ref().filter(|_| arguments.input.node.is_empty()).map(ExpectedValues::chosen_node);
+        let absent = of_file.and_then(|chosen| absent_node(buses, chosen, until.passed_bound().as_deref()));
         if let Some(absent) = absent {
-            complain(&anyhow::anyhow!("{name}: {absent}"));
+            print_error(&anyhow::anyhow!("{name}: {absent}"));
         }
         Ok(read.failure)
     })
@@ -83,7 +84,7 @@ fn print_bus(
     let nodes = bus.nodes().filter(|node| !node.store().is_empty());
     let Some(wanted) = arguments.input.node.iter().find(|node| node.profile.is_none()) else {
         for node in nodes {
-            overview(bus, node, arguments.format, capture, output);
+            node_overview(bus, node, arguments.format, capture, output);
         }
         return;
     };
@@ -92,60 +93,60 @@ fn print_bus(
     }
     let Some(node) = bus.node(wanted.id) else { return };
     if arguments.format == ReportFormat::Text {
-        let _ = writeln!(output, "{}: {}", label(bus, node), plural(node.store().len(), "object"));
+        let _ = writeln!(output, "{}: {}", node_label(bus, node), count_noun(node.store().len(), "object"));
     }
     if arguments.format == ReportFormat::Text {
-        return table(node, first, output);
+        return object_table(node, first, output);
     }
     for object in node.store().sorted() {
         output.push_str(&format_line(&ObjectRecord::new((bus, node), object, capture)));
     }
 }
 
-fn overview(bus: &Bus, node: &Node, format: ReportFormat, capture: &str, output: &mut String) {
+fn node_overview(bus: &Bus, node: &Node, format: ReportFormat, capture: &str, output: &mut String) {
     match format {
         ReportFormat::Text => {
-            let count = plural(node.store().len(), "object");
-            let _ = writeln!(output, "{}: {count} (--node {})", label(bus, node), node.id());
+            let count = count_noun(node.store().len(), "object");
+            let _ = writeln!(output, "{}: {count} (--node {})", node_label(bus, node), node.id());
         }
         ReportFormat::Json => output.push_str(&format_line(&ObjectCount::new(bus, node, capture))),
     }
 }
 
 /// Prints all objects in columns; long names and values are truncated.
-fn table(node: &Node, first: Option<Timestamp>, output: &mut String) {
-    let row = |(object, entry)| Row::of(node, object, entry);
+fn object_table(node: &Node, first: Option<Timestamp>, output: &mut String) {
+    let row = |(object, entry)| ObjectLine::row_of(node, object, entry);
     let rows: Vec<_> = node.store().sorted().into_iter().map(row).collect();
-    let names = rows.iter().map(|row| column(&row.name, WIDEST_NAME)).max().unwrap_or_default();
-    let values = rows.iter().map(|row| column(&row.value, WIDEST_VALUE)).max().unwrap_or_default();
+    let names = rows.iter().map(|row| column_width(&row.name, WIDEST_NAME)).max().unwrap_or_default();
+    let values = rows.iter().map(|row| column_width(&row.value, WIDEST_VALUE)).max().unwrap_or_default();
     for row in &rows {
-        let (name, value) = (cut(&row.name, names), cut(&row.value, values));
+        let (name, value) = (cut_cell(&row.name, names), cut_cell(&row.value, values));
         let line = format!(
             "{}  {name:<names$}  {value:<values$}  {:<7}{}  {}{}",
             row.object,
-            row.entry.origin.kind.verb(),
-            place(row.entry, first),
-            data(row.entry),
-            future(node, row.object),
+            row.entry.origin.kind.origin_text(),
+            value_place(row.entry, first),
+            value_bytes(row.entry),
+            pending_value(node, row.object),
         );
         let _ = writeln!(output, "{}", line.trim_end());
     }
 }
 
 /// One object with escaped texts.
-struct Row<'a> {
+struct ObjectLine<'a> {
     object: ObjectAddress,
     name: String,
     value: String,
-    entry: &'a Entry,
+    entry: &'a StoredObject,
 }
 
-impl<'a> Row<'a> {
-    fn of(node: &Node, object: ObjectAddress, entry: &'a Entry) -> Self {
+impl<'a> ObjectLine<'a> {
+    fn row_of(node: &Node, object: ObjectAddress, entry: &'a StoredObject) -> Self {
         let known = node.meaning(object);
         let value = match known.as_ref().map(|known| (known, known.decode(&entry.value))) {
-            Some((_, Value::Bytes(_))) | None => String::new(),
-            Some((known, value)) => known.show(&value),
+            Some((_, DecodedValue::Bytes(_))) | None => String::new(),
+            Some((known, value)) => known.format_value(&value),
         };
         let stale = if entry.stale { "?" } else { "" };
         let name = known.as_ref().map_or(String::new(), |known| escape(&known.name).into_owned());
@@ -154,12 +155,12 @@ impl<'a> Row<'a> {
 }
 
 /// Width of a cell, limited to `most`.
-fn column(cell: &str, most: usize) -> usize {
+fn column_width(cell: &str, most: usize) -> usize {
     cell.chars().count().min(most)
 }
 
 /// A cell truncated to `width`.
-fn cut(cell: &str, width: usize) -> Cow<'_, str> {
+fn cut_cell(cell: &str, width: usize) -> Cow<'_, str> {
     if cell.chars().count() <= width {
         return cell.into();
     }
@@ -169,27 +170,27 @@ fn cut(cell: &str, width: usize) -> Cow<'_, str> {
 }
 
 /// Bytes of a value, truncated if there are many.
-fn data(entry: &Entry) -> String {
+fn value_bytes(entry: &StoredObject) -> String {
     let shown = entry.value.get(..SHOWN_BYTES).unwrap_or(&entry.value);
-    let data = Value::Bytes(shown.to_vec());
+    let data = DecodedValue::Bytes(shown.to_vec());
     if entry.size > shown.len() as u64 {
-        format!("{data} … {}", plural(entry.size, "byte"))
+        format!("{data} … {}", count_noun(entry.size, "byte"))
     } else {
         data.to_string()
     }
 }
 
 /// Pending new value and storage of an object.
-fn future(node: &Node, object: ObjectAddress) -> String {
-    let waiting = node.store().waiting(object).map_or(String::new(), |waiting| {
+fn pending_value(node: &Node, object: ObjectAddress) -> String {
+    let waiting = node.store().waiting_value(object).map_or(String::new(), |waiting| {
         let meaning = node.meaning(object);
         let shown = meaning.map_or_else(
-            || Value::Bytes(waiting.value.clone()).to_string(),
-            |meaning| meaning.show(&meaning.decode(&waiting.value)),
+            || DecodedValue::Bytes(waiting.value.clone()).to_string(),
+            |meaning| meaning.format_value(&meaning.decode(&waiting.value)),
         );
-        format!("  → {} {}{}", escape(&shown), waiting.effect.when(), waiting.origin.place())
+        format!("  → {} {}{}", escape(&shown), waiting.effect.time_text(), waiting.origin.origin_place())
     });
-    let persists = match node.persists(object) {
+    let persists = match node.persistence_text(object) {
         Some(Persistence::No) => "  lost at a restart",
         Some(Persistence::NotStored) => "  not stored",
         _ => "",
@@ -198,7 +199,7 @@ fn future(node: &Node, object: ObjectAddress) -> String {
 }
 
 /// Message if the chosen node is not present; `None` for an unknown bus, which was already reported.
-fn absent(buses: Buses<'_>, (bus, node): (Option<&str>, NodeId), end: Option<&str>) -> Option<String> {
+fn absent_node(buses: Buses<'_>, (bus, node): (Option<&str>, NodeId), end: Option<&str>) -> Option<String> {
     let is_meant = |own: &&Bus| bus.is_none_or(|name| name == own.name());
     let is_present = |node: &Node| node.last_seen().0 > 0 || node.was_present() || !node.store().is_empty();
     let is_there = buses.iter().filter(is_meant).any(|bus| bus.node(node).is_some_and(is_present));
@@ -206,6 +207,6 @@ fn absent(buses: Buses<'_>, (bus, node): (Option<&str>, NodeId), end: Option<&st
         return None;
     }
     let end = end.map_or_else(String::new, |end| format!(" up to {end}"));
-    let present = present(buses);
-    Some(format!("{} not present{end}; nodes present: {present}", node.words()))
+    let present = present_nodes(buses);
+    Some(format!("{} not present{end}; nodes present: {present}", node.sentence_label()))
 }

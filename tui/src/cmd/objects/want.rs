@@ -7,23 +7,23 @@ use std::sync::Arc;
 use cobscope_decoder::answers::format_line;
 use cobscope_decoder::answers::objects::WantedObject;
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::profile::device_file::{Access, DeviceFile, DeviceObject, Kind};
-use cobscope_decoder::profile::{DataType, Value};
-use cobscope_decoder::session::{Bus, Buses, Entry, Node};
+use cobscope_decoder::profile::device_file::{DescriptionKind, DeviceFile, DeviceObject, EntryAccess};
+use cobscope_decoder::profile::{DataType, DecodedValue};
+use cobscope_decoder::session::{Bus, Buses, Node, StoredObject};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
-use super::entry::{label, place};
+use super::entry::{node_label, value_place};
 use crate::cli::{ObjectsArgs, ReportFormat};
 use crate::cmd::input::device_files;
-use crate::path_text::shown;
+use crate::path_text::path_text;
 
 /// Store and restore parameters: a read returns the capability of the device, not a configured value.
 const COMMANDS: [u16; 2] = [0x1010, 0x1011];
 
 /// Expected values of one node.
-pub(super) struct Want {
+pub(super) struct ExpectedValues {
     file: Arc<DeviceFile>,
     name: String,
     bus: Option<String>,
@@ -35,20 +35,22 @@ pub(super) struct Want {
 struct ValueComparison<'a> {
     object: &'a DeviceObject,
     wanted: Vec<u8>,
-    is: Option<&'a Entry>,
+    is: Option<&'a StoredObject>,
 }
 
-impl Want {
+impl ExpectedValues {
     /// # Errors
     /// If the file is unreadable or contains no values, or if the node is unknown.
     pub(super) fn new(path: &Path, arguments: &ObjectsArgs) -> anyhow::Result<Self> {
-        let shown = shown(path);
-        let file = device_files::read(path)?;
+        let shown = path_text(path);
+        let file = device_files::read_device_file(path)?;
         let wants = file.objects.iter().any(|object| object.value.is_some());
         let why = match file.kind {
-            Kind::Eds | Kind::Xdd => "EDS and XDD files have no values; use a DCF or XDC",
-            Kind::Dcf => "no ParameterValue",
-            Kind::Xdc => "no actualValue",
+            DescriptionKind::Eds | DescriptionKind::Xdd => {
+                "EDS and XDD files have no values; use a DCF or XDC"
+            }
+            DescriptionKind::Dcf => "no ParameterValue",
+            DescriptionKind::Xdc => "no actualValue",
         };
         anyhow::ensure!(wants, "{shown}: no values to compare: {why}");
         let chosen = arguments.input.node.iter().find(|node| node.profile.is_none());
@@ -56,7 +58,7 @@ impl Want {
             anyhow::bail!("{shown}: no node-ID in the file; add --node");
         };
         Ok(Self {
-            name: device_files::name(path),
+            name: device_files::file_name(path),
             bus: chosen.and_then(|node| node.bus.clone()),
             node,
             format: arguments.format,
@@ -65,12 +67,12 @@ impl Want {
     }
 
     /// The node, and its bus if one is given.
-    pub(super) fn chosen(&self) -> (Option<&str>, NodeId) {
+    pub(super) fn chosen_node(&self) -> (Option<&str>, NodeId) {
         (self.bus.as_deref(), self.node)
     }
 
     /// Compares the node on all its buses.
-    pub(super) fn compare(
+    pub(super) fn compare_nodes(
         &self,
         buses: Buses<'_>,
         first: Option<Timestamp>,
@@ -81,32 +83,32 @@ impl Want {
         for bus in buses.iter().filter(wanted) {
             let Some(node) = bus.node(self.node) else { continue };
             match self.format {
-                ReportFormat::Text => self.text(bus, node, first, output),
-                ReportFormat::Json => self.json(bus, node, capture, output),
+                ReportFormat::Text => self.push_text(bus, node, first, output),
+                ReportFormat::Json => self.push_json(bus, node, capture, output),
             }
         }
     }
 
     /// All objects of the file that can be compared.
-    fn compared<'a>(&'a self, node: &'a Node) -> impl Iterator<Item = ValueComparison<'a>> {
+    fn compared_values<'a>(&'a self, node: &'a Node) -> impl Iterator<Item = ValueComparison<'a>> {
         let objects = self.file.objects.iter().filter(|object| !COMMANDS.contains(&object.address.index));
         objects.filter_map(|object| {
-            let wanted = object.wanted(self.node.number())?;
-            Some(ValueComparison { object, wanted, is: node.store().seen(object.address) })
+            let wanted = object.configured_bytes(self.node.number())?;
+            Some(ValueComparison { object, wanted, is: node.store().seen_value(object.address) })
         })
     }
 
-    fn text(&self, bus: &Bus, node: &Node, first: Option<Timestamp>, output: &mut String) {
+    fn push_text(&self, bus: &Bus, node: &Node, first: Option<Timestamp>, output: &mut String) {
         let (mut equal, mut differing, mut unseen) = (0, String::new(), Vec::new());
         let mut differ = 0;
-        for compared in self.compared(node) {
-            match compared.result() {
-                Outcome::Equal => equal += 1,
-                Outcome::Unseen if compared.object.access == Some(Access::Wo) => {}
-                Outcome::Unseen => unseen.push(compared.object.address),
-                Outcome::Differs => {
+        for compared in self.compared_values(node) {
+            match compared.comparison_result() {
+                ExpectationOutcome::Equal => equal += 1,
+                ExpectationOutcome::Unseen if compared.object.access == Some(EntryAccess::Wo) => {}
+                ExpectationOutcome::Unseen => unseen.push(compared.object.address),
+                ExpectationOutcome::Differs => {
                     differ += 1;
-                    compared.row(node, first, &mut differing);
+                    compared.push_row(node, first, &mut differing);
                 }
             }
         }
@@ -114,17 +116,17 @@ impl Want {
         let _ = writeln!(
             output,
             "{} against {}: {differ} different, {equal} equal, {unknown} unknown",
-            label(bus, node),
+            node_label(bus, node),
             escape(&self.name)
         );
         output.push_str(&differing);
         list_unknown(&unseen, output);
     }
 
-    fn json(&self, bus: &Bus, node: &Node, capture: &str, output: &mut String) {
-        for compared in self.compared(node) {
+    fn push_json(&self, bus: &Bus, node: &Node, capture: &str, output: &mut String) {
+        for compared in self.compared_values(node) {
             let object = (compared.object.address, compared.is);
-            let result = (compared.result().name(), compared.wanted.as_slice());
+            let result = (compared.comparison_result().name(), compared.wanted.as_slice());
             output.push_str(&format_line(&WantedObject::new((bus, node), object, result, capture)));
         }
     }
@@ -163,13 +165,13 @@ fn list_unknown(unseen: &[ObjectAddress], output: &mut String) {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Outcome {
+enum ExpectationOutcome {
     Equal,
     Differs,
     Unseen,
 }
 
-impl Outcome {
+impl ExpectationOutcome {
     const fn name(self) -> &'static str {
         match self {
             Self::Equal => "equal",
@@ -180,40 +182,45 @@ impl Outcome {
 }
 
 impl ValueComparison<'_> {
-    fn result(&self) -> Outcome {
-        let Some(entry) = self.is else { return Outcome::Unseen };
+    fn comparison_result(&self) -> ExpectationOutcome {
+        let Some(entry) = self.is else { return ExpectationOutcome::Unseen };
         let decode = |bytes: &[u8]| self.object.data_type.map(|data_type| data_type.decode(bytes));
-        if decode(&self.wanted) == decode(&entry.value) { Outcome::Equal } else { Outcome::Differs }
+        if decode(&self.wanted) == decode(&entry.value) {
+            ExpectationOutcome::Equal
+        } else {
+            ExpectationOutcome::Differs
+        }
     }
 
     /// Appends `1017:00  Producer heartbeat time   expected 500 ms, is 1000 ms  written {88} 1.234 s`.
-    fn row(&self, node: &Node, first: Option<Timestamp>, output: &mut String) {
+    fn push_row(&self, node: &Node, first: Option<Timestamp>, output: &mut String) {
         let Some(entry) = self.is else { return };
         let object = self.object.address;
         let meaning = node.meaning(object);
         let show = |bytes: &[u8]| match meaning.as_ref().map(|meaning| (meaning, meaning.decode(bytes))) {
-            Some((_, Value::Bytes(_))) | None => plain(bytes, self.object.data_type),
-            Some((meaning, value)) => meaning.show(&value),
+            Some((_, DecodedValue::Bytes(_))) | None => plain_value(bytes, self.object.data_type),
+            Some((meaning, value)) => meaning.format_value(&value),
         };
         let name = meaning.as_ref().map_or(self.object.object_name.as_str(), |meaning| meaning.name.as_str());
         let stale = if entry.stale { "?" } else { "" };
-        let waiting = node.store().waiting(object).filter(|waiting| waiting.value == self.wanted);
-        let waits = waiting
-            .map_or(String::new(), |waiting| format!(", expected value active {}", waiting.effect.when()));
+        let waiting = node.store().waiting_value(object).filter(|waiting| waiting.value == self.wanted);
+        let waits = waiting.map_or(String::new(), |waiting| {
+            format!(", expected value active {}", waiting.effect.time_text())
+        });
         let line = format!(
             "{object}  {name:<50}  expected {}, is {}{stale}  {}{}{waits}",
             show(&self.wanted),
             show(&entry.value),
-            entry.origin.kind.verb(),
-            place(entry, first),
+            entry.origin.kind.origin_text(),
+            value_place(entry, first),
         );
         let _ = writeln!(output, "{}", escape(&line));
     }
 }
 
 /// A value with the data type from the file.
-fn plain(bytes: &[u8], data_type: Option<DataType>) -> String {
-    data_type.map_or(Value::Bytes(bytes.to_vec()), |data_type| data_type.decode(bytes)).to_string()
+fn plain_value(bytes: &[u8], data_type: Option<DataType>) -> String {
+    data_type.map_or(DecodedValue::Bytes(bytes.to_vec()), |data_type| data_type.decode(bytes)).to_string()
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! Numbers of entries in profiles.
 
-use cobscope_decoder::profile::Device;
+use cobscope_decoder::profile::DeviceProfile;
 
 /// Numbers of entries by kind.
-pub(super) fn counts(device: &Device) -> [(&'static str, usize); 12] {
+pub(super) fn entry_counts(device: &DeviceProfile) -> [(&'static str, usize); 12] {
     let fields = device.pdos.iter().map(|pdo| pdo.fields.len()).sum::<usize>();
     let states = device.machines.iter().map(|machine| machine.states.len()).sum::<usize>();
     [

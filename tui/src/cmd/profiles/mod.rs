@@ -8,40 +8,42 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use cobscope_decoder::profile::device::ProfileFile;
-use cobscope_decoder::profile::{Catalogue, Device, ProfileError, check, check_ids, imported};
+use cobscope_decoder::profile::{Catalogue, DeviceProfile, ProfileError, check_device, check_ids, imported};
 use cobscope_decoder::rules::check_names;
 use cobscope_decoder::samples::check_samples;
 use cobscope_decoder::sink::escape;
-use cobscope_decoder::words::plural;
+use cobscope_decoder::words::count_noun;
 
 use super::input::{add_siblings, device_files, limited};
-use super::messages::warn;
-use super::output::print;
+use super::messages::print_warning;
+use super::output::print_text;
 use crate::cli::{PageFormat, ProfilesCommand};
-use crate::exit_code::Exit;
+use crate::exit_code::ExitStatus;
 use crate::path_text;
-use counts::counts;
-use markdown::markdown;
-use page::page;
+use counts::entry_counts;
+use markdown::profile_markdown;
+use page::profile_page;
 
 /// Runs the command.
-pub fn run(command: &ProfilesCommand, catalogue: &Catalogue) -> Exit {
+pub fn run(command: &ProfilesCommand, catalogue: &Catalogue) -> ExitStatus {
     match command {
-        ProfilesCommand::List => list(catalogue),
-        ProfilesCommand::Show { profile, count: true, .. } => show(catalogue, profile, counted),
-        ProfilesCommand::Show { profile, format: PageFormat::Text, .. } => show(catalogue, profile, page),
+        ProfilesCommand::List => list_devices(catalogue),
+        ProfilesCommand::Show { profile, count: true, .. } => show_profile(catalogue, profile, counts_text),
+        ProfilesCommand::Show { profile, format: PageFormat::Text, .. } => {
+            show_profile(catalogue, profile, profile_page)
+        }
         ProfilesCommand::Show { profile, format: PageFormat::Markdown, .. } => {
-            show(catalogue, profile, markdown)
+            show_profile(catalogue, profile, profile_markdown)
         }
         ProfilesCommand::Check { files } => check_files(files),
-        ProfilesCommand::Import { file } => import(file),
+        ProfilesCommand::Import { file } => import_file(file),
     }
 }
 
 /// Prints one line per device and variant.
-fn list(catalogue: &Catalogue) -> Exit {
+fn list_devices(catalogue: &Catalogue) -> ExitStatus {
     let mut text = String::new();
-    let mut exit = Exit::Clean;
+    let mut exit = ExitStatus::Clean;
     for id in catalogue.ids() {
         match catalogue.device(&id) {
             Ok(device) => {
@@ -60,51 +62,55 @@ fn list(catalogue: &Catalogue) -> Exit {
             Err(error) => {
                 // An unreadable file has no content and was already reported.
                 if catalogue.content_of(&id).is_none_or(|origin| !origin.is_empty()) {
-                    warn(&error.to_string());
+                    print_warning(&error.to_string());
                 }
                 let _ = writeln!(text, "{:<24} invalid", escape(&id));
-                exit = Exit::Profile;
+                exit = ExitStatus::Profile;
             }
         }
     }
-    exit.max(print(text.as_bytes()))
+    exit.max(print_text(text.as_bytes()))
 }
 
-fn show(catalogue: &Catalogue, profile: &str, shown: impl Fn(&Device) -> String) -> Exit {
+fn show_profile(
+    catalogue: &Catalogue,
+    profile: &str,
+    shown: impl Fn(&DeviceProfile) -> String,
+) -> ExitStatus {
     match catalogue.device(profile) {
-        Ok(device) => print(shown(&device).as_bytes()),
+        Ok(device) => print_text(shown(&device).as_bytes()),
         Err(error @ ProfileError::Broken { .. }) => {
-            warn(&error.to_string());
-            Exit::Profile
+            print_warning(&error.to_string());
+            ExitStatus::Profile
         }
         Err(error) => {
-            warn(&format!("{error} (cobscope profiles list)"));
-            Exit::Usage
+            print_warning(&format!("{error} (cobscope profiles list)"));
+            ExitStatus::Usage
         }
     }
 }
 
-fn counted(device: &Device) -> String {
+fn counts_text(device: &DeviceProfile) -> String {
     let mut text = format!("{}\n", device.full_id);
-    for (name, number) in counts(device) {
+    for (name, number) in entry_counts(device) {
         let _ = writeln!(text, "  {name:<16} {number}");
     }
     text
 }
 
-fn check_files(files: &[std::path::PathBuf]) -> Exit {
-    let mut exit = Exit::Clean;
+fn check_files(files: &[std::path::PathBuf]) -> ExitStatus {
+    let mut exit = ExitStatus::Clean;
     for path in files {
         let name = path.display().to_string();
         if device_files::is_device_file(path) {
             exit = exit.max(check_device_file(path));
             continue;
         }
-        match limited::text(path) {
+        match limited::read_text(path) {
             Ok(text) => exit = exit.max(check_one(path, &name, &text)),
             Err(error) => {
-                warn(&format!("{error:#}"));
-                exit = Exit::Profile;
+                print_warning(&format!("{error:#}"));
+                exit = ExitStatus::Profile;
             }
         }
     }
@@ -112,77 +118,78 @@ fn check_files(files: &[std::path::PathBuf]) -> Exit {
 }
 
 /// Prints the problems of a device file.
-fn check_device_file(path: &Path) -> Exit {
-    let file = match device_files::read(path) {
+fn check_device_file(path: &Path) -> ExitStatus {
+    let file = match device_files::read_device_file(path) {
         Ok(file) => file,
         Err(error) => {
-            warn(&format!("{error:#}"));
-            return Exit::Profile;
+            print_warning(&format!("{error:#}"));
+            return ExitStatus::Profile;
         }
     };
     let lines = device_files::problem_lines(path, &file);
     for line in &lines {
-        warn(line);
+        print_warning(line);
     }
     if !lines.is_empty() {
-        return Exit::Profile;
+        return ExitStatus::Profile;
     }
-    let shown = path_text::shown(path);
-    print(format!("{shown}: ok, {}\n", plural(file.objects.len(), "object")).as_bytes())
+    let shown = path_text::path_text(path);
+    print_text(format!("{shown}: ok, {}\n", count_noun(file.objects.len(), "object")).as_bytes())
 }
 
 /// Prints the profile generated from a device file.
-fn import(path: &Path) -> Exit {
-    match device_files::read(path) {
-        Ok(file) => print(imported::toml(&file, &device_files::name(path)).as_bytes()),
+fn import_file(path: &Path) -> ExitStatus {
+    match device_files::read_device_file(path) {
+        Ok(file) => print_text(imported::write_profile(&file, &device_files::file_name(path)).as_bytes()),
         Err(error) => {
-            warn(&format!("{error:#}"));
-            Exit::Profile
+            print_warning(&format!("{error:#}"));
+            ExitStatus::Profile
         }
     }
 }
 
 /// Checks all variants of a profile and its samples; standards are built in or in the folder of the file.
-fn check_one(path: &Path, name: &str, text: &str) -> Exit {
+fn check_one(path: &Path, name: &str, text: &str) -> ExitStatus {
     let mut catalogue = Catalogue::default();
     let folder = path.parent().unwrap_or(Path::new("."));
     add_siblings(&mut catalogue, folder, path);
     if let Err(error) = catalogue.add_text(name, text) {
-        warn(&error.to_string());
-        return Exit::Profile;
+        print_warning(&error.to_string());
+        return ExitStatus::Profile;
     }
-    let Ok(file) = ProfileFile::parse(text) else { return Exit::Profile };
+    let Ok(file) = ProfileFile::parse(text) else { return ExitStatus::Profile };
     let ids = check_ids(text);
     if !ids.is_empty() {
         for error in &ids {
-            warn(&error.show(name));
+            print_warning(&error.show_in_file(name));
         }
-        return Exit::Profile;
+        return ExitStatus::Profile;
     }
     let variants: Vec<Option<&str>> = match file.variants() {
         [] => vec![None],
         variants => variants.iter().map(|variant| Some(variant.id.as_str())).collect(),
     };
-    let mut problems: Vec<String> = check_names(text, &file).iter().map(|error| error.show(name)).collect();
+    let mut problems: Vec<String> =
+        check_names(text, &file).iter().map(|error| error.show_in_file(name)).collect();
     let mut samples = 0;
     for variant in variants {
         let id = variant.map_or(file.id().to_owned(), |variant| format!("{}:{variant}", file.id()));
         match catalogue.device(&id) {
             Ok(device) => {
                 samples += device.samples.len();
-                let wrong = [check(text, &file, &device), check_samples(text, &device)].concat();
-                problems.extend(wrong.iter().map(|error| error.show(name)));
+                let wrong = [check_device(text, &file, &device), check_samples(text, &device)].concat();
+                problems.extend(wrong.iter().map(|error| error.show_in_file(name)));
             }
             Err(error) => problems.push(error.to_string()),
         }
     }
     problems.dedup();
     for error in &problems {
-        warn(error);
+        print_warning(error);
     }
     if !problems.is_empty() {
-        return Exit::Profile;
+        return ExitStatus::Profile;
     }
     let hint = if samples == 0 { "; values not verified" } else { "" };
-    print(format!("{}: ok, {}{hint}\n", escape(name), plural(samples, "sample")).as_bytes())
+    print_text(format!("{}: ok, {}{hint}\n", escape(name), count_noun(samples, "sample")).as_bytes())
 }

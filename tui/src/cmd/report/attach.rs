@@ -9,12 +9,12 @@ use base64::engine::general_purpose::STANDARD;
 use cobscope_decoder::report::Attachment;
 
 use super::provenance::sha256;
-use super::reading::{Composed, CutStart};
+use super::reading::{ComposedReport, ReportCutStart};
 use crate::cli::{AttachPlace, PageStyle, ReportArgs};
 use crate::cmd::cut;
-use crate::cmd::messages::{Refusal, note};
-use crate::cmd::replaced::{OwnFile, replacing};
-use crate::exit_code::Exit;
+use crate::cmd::messages::{Refusal, print_note};
+use crate::cmd::replaced::{OwnFile, open_replacing};
+use crate::exit_code::ExitStatus;
 
 /// Suffix of the cut-out capture.
 const SUFFIX: &str = "pcapng";
@@ -44,18 +44,18 @@ pub(super) fn check(arguments: &ReportArgs) -> anyhow::Result<()> {
 /// # Errors
 /// If the file cannot be created or written, or is one of the files `read`.
 pub(super) fn attach(
-    composed: &mut Composed,
+    composed: &mut ComposedReport,
     place: Option<AttachPlace>,
     page: Option<&Path>,
     read: &[PathBuf],
 ) -> Result<(), Refusal> {
     let Some(place) = place else { return Ok(()) };
     if composed.excerpt.is_empty() {
-        note(&format!("{}: no claim; no capture attached", composed.report.capture.name));
+        print_note(&format!("{}: no claim; no capture attached", composed.report.capture.name));
         return Ok(());
     }
-    let bytes = composed.excerpt.pcapng().context("cannot write the cut-out capture");
-    let bytes = bytes.map_err(|error| (Exit::Capture, error))?;
+    let bytes = composed.excerpt.to_pcapng().context("cannot write the cut-out capture");
+    let bytes = bytes.map_err(|error| (ExitStatus::Capture, error))?;
     let path = page.map_or_else(|| PathBuf::from("report"), Path::to_owned).with_extension(SUFFIX);
     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let embedded = match place {
@@ -84,13 +84,14 @@ pub(super) fn attach(
 /// # Errors
 /// If the file cannot be written, or is one of the files `read`.
 fn write_bus_file(
-    start: Option<CutStart>,
+    start: Option<ReportCutStart>,
     capture: &Path,
     read: &[PathBuf],
 ) -> Result<Option<String>, Refusal> {
-    let Some(CutStart { state, input, title }) = start else { return Ok(None) };
+    let Some(ReportCutStart { state, input, title }) = start else { return Ok(None) };
     let path = capture.with_extension(BUS_FILE_SUFFIX);
-    let text = cut::text(state, &input, &path, &title).map_err(|error| (Exit::Profile, error))?;
+    let text =
+        cut::snapshot_text(state, &input, &path, &title).map_err(|error| (ExitStatus::Profile, error))?;
     write(&path, OwnFile::BusFile, read, text.as_bytes())?;
     Ok(path.file_name().map(|name| name.to_string_lossy().into_owned()))
 }
@@ -100,7 +101,7 @@ fn write_bus_file(
 /// # Errors
 /// If it is refused, or incomplete.
 fn write(path: &Path, kind: OwnFile, read: &[PathBuf], content: &[u8]) -> Result<(), Refusal> {
-    let mut file = replacing(Some(path), kind, read).map_err(|error| (Exit::Usage, error))?;
+    let mut file = open_replacing(Some(path), kind, read).map_err(|error| (ExitStatus::Usage, error))?;
     let written = file.write_all(content).and_then(|()| file.finish());
-    written.map_err(|error| (Exit::Capture, error.into()))
+    written.map_err(|error| (ExitStatus::Capture, error.into()))
 }

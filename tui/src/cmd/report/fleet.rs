@@ -10,22 +10,22 @@ use super::provenance::command;
 use crate::cmd::lake_index;
 use crate::cmd::messages::Refusal;
 use crate::cmd::output::write_result;
-use crate::cmd::replaced::{OwnFile, replacing};
-use crate::exit_code::Exit;
+use crate::cmd::replaced::{OwnFile, open_replacing};
+use crate::exit_code::ExitStatus;
 
 /// Writes the page to a file, else to stdout.
 ///
 /// # Errors
 /// The folder is not a lake, or the file cannot be created.
-pub(super) fn write(lake: &Path, path: Option<&Path>) -> Result<Exit, Refusal> {
-    let usage = |error| (Exit::Usage, error);
+pub(super) fn write(lake: &Path, path: Option<&Path>) -> Result<ExitStatus, Refusal> {
+    let usage = |error| (ExitStatus::Usage, error);
     let page = FleetPage {
         name: lake.display().to_string(),
-        fleet: Fleet::of(lake_index::read_all(lake).map_err(usage)?),
+        fleet: Fleet::sort_captures(lake_index::read_all(lake).map_err(usage)?),
         command: command(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
     };
     let text = write_fleet(&page);
-    let mut output = replacing(path, OwnFile::Page, []).map_err(usage)?;
+    let mut output = open_replacing(path, OwnFile::Page, []).map_err(usage)?;
     Ok(write_result(output.write_all(text.as_bytes()).and_then(|()| output.finish())))
 }

@@ -6,21 +6,21 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use cobscope_decoder::finding::{Group, Severity};
+use cobscope_decoder::finding::{FindingGroup, Severity};
 use cobscope_decoder::report::html::{IndexPage, IndexRow, RuleCount, write_index};
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::SessionOptions;
-use cobscope_decoder::words::plural;
+use cobscope_decoder::words::count_noun;
 
 use super::provenance::command;
-use super::reading::{Composed, ReportScope, compose};
+use super::reading::{ComposedReport, ReportScope, compose};
 use super::{attach, page};
 use crate::cli::{AttachPlace, PageStyle, ReportArgs};
 use crate::cmd::captures::{SourceSeries, is_no_capture, passed_over, without_captures};
-use crate::cmd::messages::{Refusal, complain, exit_of, note, warn};
+use crate::cmd::messages::{Refusal, exit_of, print_error, print_note, print_warning};
 use crate::cmd::output::{ensure_not_read, files_read, write_result};
-use crate::cmd::replaced::{OwnFile, replacing};
-use crate::exit_code::Exit;
+use crate::cmd::replaced::{OwnFile, open_replacing};
+use crate::exit_code::ExitStatus;
 use crate::path_text;
 
 /// Name of the index page.
@@ -43,7 +43,7 @@ pub(in crate::cmd) struct FolderCapture<'a> {
     /// Name of the capture.
     pub(in crate::cmd) capture: &'a str,
     /// Its report, if there is one.
-    pub(in crate::cmd) composed: Option<&'a mut Composed>,
+    pub(in crate::cmd) composed: Option<&'a mut ComposedReport>,
     /// Verdict, or why the capture was not read.
     pub(in crate::cmd) remark: String,
     /// Rules with findings.
@@ -60,7 +60,7 @@ impl PageFolder {
         style: PageStyle,
         read: Vec<PathBuf>,
     ) -> anyhow::Result<Self> {
-        let shown = path_text::shown(folder);
+        let shown = path_text::path_text(folder);
         std::fs::create_dir_all(folder).with_context(|| format!("{shown}: cannot create the folder"))?;
         let names = BTreeSet::from([INDEX.to_owned()]);
         Ok(Self { folder: folder.to_owned(), style, names, rows: Vec::new(), read })
@@ -74,9 +74,9 @@ impl PageFolder {
         &mut self,
         own: FolderCapture<'_>,
         place: Option<AttachPlace>,
-    ) -> Result<Exit, Refusal> {
+    ) -> Result<ExitStatus, Refusal> {
         let FolderCapture { capture, composed, remark, rules } = own;
-        let mut exit = Exit::Clean;
+        let mut exit = ExitStatus::Clean;
         let mut written = None;
         let mut remark = remark;
         if let Some(composed) = composed {
@@ -84,9 +84,9 @@ impl PageFolder {
             let path = self.folder.join(&name);
             attach::attach(composed, place, Some(&path), &self.read)?;
             exit = page::write(&composed.report, self.style, Some(&path), &self.read)?;
-            written = Some(name).filter(|_| exit == Exit::Clean);
+            written = Some(name).filter(|_| exit == ExitStatus::Clean);
         }
-        if exit != Exit::Clean {
+        if exit != ExitStatus::Clean {
             remark.push_str(", page incomplete");
         }
         self.rows.push(IndexRow { capture: capture.to_owned(), page: written, rules, remark });
@@ -117,9 +117,9 @@ impl PageFolder {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub(in crate::cmd) fn finish(self, name: &str) -> Result<Exit, Refusal> {
+    pub(in crate::cmd) fn finish(self, name: &str) -> Result<ExitStatus, Refusal> {
         if self.rows.is_empty() {
-            return Ok(Exit::Clean);
+            return Ok(ExitStatus::Clean);
         }
         let path = self.folder.join(format!("{INDEX}.html"));
         let pages = self.rows.iter().filter(|row| row.page.is_some()).count();
@@ -129,14 +129,14 @@ impl PageFolder {
             command: command(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
         };
-        let mut output =
-            replacing(Some(&path), OwnFile::Page, &self.read).map_err(|error| (Exit::Usage, error))?;
+        let mut output = open_replacing(Some(&path), OwnFile::Page, &self.read)
+            .map_err(|error| (ExitStatus::Usage, error))?;
         let text = write_index(&index);
         let exit = write_result(output.write_all(text.as_bytes()).and_then(|()| output.finish()));
-        let folder = path_text::shown(&self.folder);
-        match (plural(pages, "report"), exit) {
-            (reports, Exit::Clean) => note(&format!("{folder}: {reports} and {INDEX}.html")),
-            (reports, _) if pages > 0 => note(&format!("{folder}: {reports}, no {INDEX}.html")),
+        let folder = path_text::path_text(&self.folder);
+        match (count_noun(pages, "report"), exit) {
+            (reports, ExitStatus::Clean) => print_note(&format!("{folder}: {reports} and {INDEX}.html")),
+            (reports, _) if pages > 0 => print_note(&format!("{folder}: {reports}, no {INDEX}.html")),
             _ => {}
         }
         Ok(exit)
@@ -144,7 +144,7 @@ impl PageFolder {
 }
 
 /// Findings per rule, in order of names.
-pub(in crate::cmd) fn counts<'a>(groups: impl Iterator<Item = &'a Group>) -> Vec<RuleCount> {
+pub(in crate::cmd) fn counts<'a>(groups: impl Iterator<Item = &'a FindingGroup>) -> Vec<RuleCount> {
     let mut rules: BTreeMap<&str, (usize, Severity)> = BTreeMap::new();
     for group in groups {
         let known = rules.entry(&group.rule).or_insert((0, group.severity));
@@ -159,9 +159,9 @@ pub(super) fn write(
     all: &[SourceSeries],
     arguments: &ReportArgs,
     options: &SessionOptions,
-    rules: &Arc<Setup>,
-) -> Result<Exit, Refusal> {
-    let usage = |error| (Exit::Usage, error);
+    rules: &Arc<RuleSetup>,
+) -> Result<ExitStatus, Refusal> {
+    let usage = |error| (ExitStatus::Usage, error);
     let inputs = &arguments.input.captures;
     if all.is_empty() {
         return Ok(report_empty(inputs, &[]));
@@ -173,18 +173,18 @@ pub(super) fn write(
     ensure_not_read(folder, &read).map_err(usage)?;
     let read = read.into_iter().chain(files_read(&arguments.input)).collect();
     let mut pages = PageFolder::create(folder, arguments.format, read).map_err(usage)?;
-    let mut exit = Exit::Clean;
+    let mut exit = ExitStatus::Clean;
     let mut found = Vec::new();
     for source in all {
         let name = source.series.name();
         match compose(&source.series, &ReportScope::of(arguments), options, rules) {
             Ok(mut composed) => {
-                let counted = counts(composed.findings.counting());
+                let counted = counts(composed.findings.reported_groups());
                 let mut remark = verdict(&composed);
                 if let Some(failure) = &composed.failure {
-                    complain(failure);
+                    print_error(failure);
                     remark.push_str(", incomplete");
-                    exit = exit.max(Exit::Capture);
+                    exit = exit.max(ExitStatus::Capture);
                 }
                 let own =
                     FolderCapture { capture: &name, composed: Some(&mut composed), remark, rules: counted };
@@ -192,12 +192,12 @@ pub(super) fn write(
                 found.push(source);
             }
             Err(error) if source.folder.is_some() && is_no_capture(&error) => {
-                if let Some(text) = passed_over(source.series.first(), &error) {
-                    note(&text);
+                if let Some(text) = passed_over(source.series.first_path(), &error) {
+                    print_note(&text);
                 }
             }
             Err(error) => {
-                complain(&error);
+                print_error(&error);
                 exit = exit.max(exit_of(&error));
                 let remark = format!("{error:#}");
                 let own = FolderCapture { capture: &name, composed: None, remark, rules: Vec::new() };
@@ -212,23 +212,26 @@ pub(super) fn write(
 }
 
 /// Reports the folders without any of the captures `found`; returns the exit status.
-fn report_empty(named: &[PathBuf], found: &[&SourceSeries]) -> Exit {
+fn report_empty(named: &[PathBuf], found: &[&SourceSeries]) -> ExitStatus {
     let empty = without_captures(named, found);
     for folder in &empty {
-        warn(&format!("{}: no captures", path_text::shown(folder)));
+        print_warning(&format!("{}: no captures", path_text::path_text(folder)));
     }
-    if empty.is_empty() { Exit::Clean } else { Exit::Capture }
+    if empty.is_empty() { ExitStatus::Clean } else { ExitStatus::Capture }
 }
 
 /// `2 errors, 4 warnings`, `no finding`.
-fn verdict(composed: &Composed) -> String {
-    let number = |severity| composed.findings.number(severity);
+fn verdict(composed: &ComposedReport) -> String {
+    let number = |severity| composed.findings.reported_count(severity);
     let parts = [
         (number(Severity::Error), "error"),
         (number(Severity::Warning), "warning"),
         (number(Severity::Note), "note"),
     ];
-    let parts: Vec<_> =
-        parts.into_iter().filter(|(count, _)| *count > 0).map(|(count, what)| plural(count, what)).collect();
+    let parts: Vec<_> = parts
+        .into_iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| count_noun(count, what))
+        .collect();
     if parts.is_empty() { "no finding".to_owned() } else { parts.join(", ") }
 }

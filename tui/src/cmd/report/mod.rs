@@ -17,7 +17,7 @@ mod reading;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::SessionOptions;
 
 pub(super) use background::PageJob;
@@ -26,38 +26,38 @@ pub(super) use provenance::provenance;
 pub(super) use reading::{ReportScope, compose};
 
 use super::captures::{self, SourceSeries};
-use super::input::{check_rules_of, session_options, setup};
-use super::messages::{Refusal, complain, exit_of};
+use super::input::{build_setup, check_rules_of, session_options};
+use super::messages::{Refusal, exit_of, print_error};
 use super::output::files_read;
 use super::replaced::{OwnFile, ensure_replaceable};
 use crate::cli::ReportArgs;
-use crate::exit_code::Exit;
+use crate::exit_code::ExitStatus;
 
 /// Runs the command.
-pub fn run(arguments: &ReportArgs) -> Exit {
+pub fn run(arguments: &ReportArgs) -> ExitStatus {
     match reported(arguments) {
         Ok(exit) => exit,
         Err((exit, error)) => {
-            complain(&error);
+            print_error(&error);
             exit
         }
     }
 }
 
-fn reported(arguments: &ReportArgs) -> Result<Exit, Refusal> {
+fn reported(arguments: &ReportArgs) -> Result<ExitStatus, Refusal> {
     #[cfg(feature = "parquet")]
     if let Some(lake) = &arguments.lake {
         return fleet::write(lake, arguments.output.as_deref());
     }
-    let usage = |error| (Exit::Usage, error);
-    let profile = |error| (Exit::Profile, error);
+    let usage = |error| (ExitStatus::Usage, error);
+    let profile = |error| (ExitStatus::Profile, error);
     arguments.select.selection().map_err(usage)?;
     attach::check(arguments).map_err(usage)?;
     let input = &arguments.input;
     let named = &input.captures;
     ensure_files(named).map_err(usage)?;
     let options = session_options(input).map_err(profile)?;
-    let rules = Arc::new(setup(input, &options.catalogue, None).map_err(profile)?);
+    let rules = Arc::new(build_setup(input, &options.catalogue, None).map_err(profile)?);
     if let Some(crate::cli::FindingArg::Rule(rule)) = &arguments.finding {
         rules.check_name(rule).map_err(|error| usage(anyhow::anyhow!("--finding: {error}")))?;
     }
@@ -84,18 +84,18 @@ fn single(
     source: &SourceSeries,
     arguments: &ReportArgs,
     options: &SessionOptions,
-    rules: &Arc<Setup>,
-) -> Result<Exit, Refusal> {
+    rules: &Arc<RuleSetup>,
+) -> Result<ExitStatus, Refusal> {
     let read = files_read(&arguments.input);
     let path = arguments.output.as_deref();
-    ensure_replaceable(path, OwnFile::Page, &read).map_err(|error| (Exit::Usage, error))?;
+    ensure_replaceable(path, OwnFile::Page, &read).map_err(|error| (ExitStatus::Usage, error))?;
     let mut composed = compose(&source.series, &ReportScope::of(arguments), options, rules)
         .map_err(|error| (exit_of(&error), error))?;
     attach::attach(&mut composed, arguments.attach, path, &read)?;
     let mut exit = page::write(&composed.report, arguments.format, path, &read)?;
     if let Some(failure) = &composed.failure {
-        complain(failure);
-        exit = exit.max(Exit::Capture);
+        print_error(failure);
+        exit = exit.max(ExitStatus::Capture);
     }
     Ok(exit)
 }

@@ -3,27 +3,27 @@
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
-use cobscope_decoder::report::{Report, html, markdown};
+use cobscope_decoder::report::{CaptureReport, html, markdown};
 
 use crate::cli::PageStyle;
 use crate::cmd::messages::Refusal;
 use crate::cmd::output::write_result;
-use crate::cmd::replaced::{OwnFile, replacing};
-use crate::exit_code::Exit;
-use crate::output_file::{self, Existing};
+use crate::cmd::replaced::{OwnFile, open_replacing};
+use crate::exit_code::ExitStatus;
+use crate::output_file::{self, ExistingFile};
 
 /// Writes a page to a file, which is none of the files `read`, else to stdout.
 ///
 /// # Errors
 /// If the file is an input, or cannot be created.
 pub(super) fn write(
-    report: &Report,
+    report: &CaptureReport,
     style: PageStyle,
     path: Option<&Path>,
     read: &[PathBuf],
-) -> Result<Exit, Refusal> {
+) -> Result<ExitStatus, Refusal> {
     let text = text(report, style);
-    let mut output = replacing(path, OwnFile::Page, read).map_err(|error| (Exit::Usage, error))?;
+    let mut output = open_replacing(path, OwnFile::Page, read).map_err(|error| (ExitStatus::Usage, error))?;
     Ok(write_result(output.write_all(text.as_bytes()).and_then(|()| output.finish())))
 }
 
@@ -31,13 +31,13 @@ pub(super) fn write(
 ///
 /// # Errors
 /// If the file exists, or cannot be written.
-pub(super) fn create(report: &Report, style: PageStyle, path: &Path) -> io::Result<()> {
-    output_file::write(path, Existing::Keep, text(report, style).as_bytes())
+pub(super) fn create(report: &CaptureReport, style: PageStyle, path: &Path) -> io::Result<()> {
+    output_file::write_file(path, ExistingFile::Keep, text(report, style).as_bytes())
 }
 
-fn text(report: &Report, style: PageStyle) -> String {
+fn text(report: &CaptureReport, style: PageStyle) -> String {
     match style {
-        PageStyle::Html => html::write(report),
-        PageStyle::Md => markdown::write(report),
+        PageStyle::Html => html::write_page(report),
+        PageStyle::Md => markdown::write_report(report),
     }
 }

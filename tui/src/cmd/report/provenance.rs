@@ -12,14 +12,14 @@ use sha2::{Digest as _, Sha256};
 
 use crate::cli::InputArgs;
 use crate::cmd::input::files_named;
-use crate::source::Series;
+use crate::source::CaptureSeries;
 
 /// Size of the blocks that are hashed, in bytes.
 const BLOCK: usize = 256 * 1024;
 
 /// Command, version and hashes of all files that a report is made from.
 pub(in crate::cmd) fn provenance(
-    series: &Series,
+    series: &CaptureSeries,
     input: &InputArgs,
     (catalogue, buses): (&Catalogue, Buses<'_>),
 ) -> Provenance {
@@ -36,7 +36,7 @@ pub(in crate::cmd) fn provenance(
 /// Profiles of the nodes that were present.
 fn profiles(catalogue: &Catalogue, buses: Buses<'_>) -> Vec<HashedFile> {
     let nodes = buses.iter().flat_map(Bus::nodes);
-    let used = nodes.filter(|node| node.last_seen().0 > 0 && node.assigned().is_some());
+    let used = nodes.filter(|node| node.last_seen().0 > 0 && node.assigned_by().is_some());
     let mut ids: Vec<String> = used.map(|node| node.device().id.clone()).collect();
     ids.sort_unstable();
     ids.dedup();

@@ -6,22 +6,22 @@ use std::sync::Arc;
 use cobscope_decoder::Summary;
 use cobscope_decoder::diagnosis;
 use cobscope_decoder::event::Event;
-use cobscope_decoder::finding::Findings;
+use cobscope_decoder::finding::CaptureFindings;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::reading::{FrameDemand, ReadingPart};
-use cobscope_decoder::report::{Draft, Excerpt, Ground, Report};
-use cobscope_decoder::rules::Setup;
-use cobscope_decoder::session::{Bus, BusSnapshot, Preview, SessionOptions};
+use cobscope_decoder::report::{CaptureReport, CommentedExcerpt, ReportDraft, ReportGround};
+use cobscope_decoder::rules::RuleSetup;
+use cobscope_decoder::session::{Bus, BusSnapshot, MessagePreview, SessionOptions};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::Statistics;
-use cobscope_decoder::why::Question;
+use cobscope_decoder::why::WhyScope;
 
 use super::provenance::provenance;
 use crate::cli::{AttachPlace, FindingArg, InputArgs, ReportArgs, SelectArgs};
 use crate::cmd::decoding::{CaptureJob, ReadCapture};
-use crate::cmd::facts::{Facts, diagnosis, ensure_story, question, unknown_buses};
-use crate::cmd::messages::{absent_value, note, warn};
-use crate::source::Series;
+use crate::cmd::facts::{SelectedFacts, diagnosis, ensure_story, question, unknown_buses};
+use crate::cmd::messages::{absent_value, print_note, print_warning};
+use crate::source::CaptureSeries;
 
 /// What to report on.
 pub(in crate::cmd) struct ReportScope<'a> {
@@ -30,7 +30,7 @@ pub(in crate::cmd) struct ReportScope<'a> {
     /// Range, filter and nodes.
     pub(in crate::cmd) select: &'a SelectArgs,
     /// Chosen node and story.
-    pub(in crate::cmd) question: Question,
+    pub(in crate::cmd) question: WhyScope,
     /// Only stories with this finding.
     pub(in crate::cmd) finding: Option<&'a FindingArg>,
     /// Only stories with one of these findings; `None` for all.
@@ -57,21 +57,21 @@ impl<'a> ReportScope<'a> {
 }
 
 /// A report with the frames around its claims.
-pub(in crate::cmd) struct Composed {
+pub(in crate::cmd) struct ComposedReport {
     /// The report.
-    pub(in crate::cmd) report: Report,
+    pub(in crate::cmd) report: CaptureReport,
     /// Frames around the claims.
-    pub(in crate::cmd) excerpt: Excerpt,
+    pub(in crate::cmd) excerpt: CommentedExcerpt,
     /// All findings.
-    pub(in crate::cmd) findings: Findings,
+    pub(in crate::cmd) findings: CaptureFindings,
     /// Error that ended reading early.
     pub(in crate::cmd) failure: Option<anyhow::Error>,
     /// State before the frames around the claims, for a file next to the page.
-    pub(in crate::cmd) start: Option<CutStart>,
+    pub(in crate::cmd) start: Option<ReportCutStart>,
 }
 
 /// State before a cut-out capture.
-pub(in crate::cmd) struct CutStart {
+pub(in crate::cmd) struct ReportCutStart {
     /// State of all buses.
     pub(super) state: BusSnapshot,
     /// Options with the files of the user.
@@ -85,14 +85,14 @@ pub(in crate::cmd) struct CutStart {
 /// # Errors
 /// If the capture cannot be opened or recognised, contains no frames, or the requested story or finding does not exist.
 pub(in crate::cmd) fn compose(
-    series: &Series,
+    series: &CaptureSeries,
     scope: &ReportScope<'_>,
     options: &SessionOptions,
-    setup: &Arc<Setup>,
-) -> anyhow::Result<Composed> {
+    setup: &Arc<RuleSetup>,
+) -> anyhow::Result<ComposedReport> {
     let name = series.name();
     let job = CaptureJob::new(series, scope.input, options, Some(setup)).quiet(scope.is_quiet);
-    let facts = Facts::new(scope.question.clone(), scope.select)?;
+    let facts = SelectedFacts::new(scope.question.clone(), scope.select)?;
     let read =
         job.read_from((Statistics::default(), facts), |part, first, span| part.1.begin(first, span))?;
     if !scope.is_quiet {
@@ -105,7 +105,7 @@ pub(in crate::cmd) fn compose(
     let Summary { findings, part: (statistics, facts), decoder, .. } = summary;
     let buses = decoder.buses();
     let (why, selected, limits) = facts.results(&findings, first);
-    let setting = diagnosis::Setting { zero: first, end: None, is_growing: false };
+    let setting = diagnosis::DiagnosisContext { zero: first, end: None, is_growing: false };
     let mut diagnosis = diagnosis(&findings, &selected, setting, (&scope.question, buses));
     let wanted = wanted(scope, &findings);
     diagnosis
@@ -120,8 +120,8 @@ pub(in crate::cmd) fn compose(
         let text = format!("{name}: --finding {shown}: {}", without_story(&findings, wanted.as_ref()));
         return Err(absent_value(text, failure.as_ref()));
     }
-    let answer = why.report(diagnosis, buses, &options.catalogue);
-    let draft = Draft::new(&Ground {
+    let answer = why.build_report(diagnosis, buses, &options.catalogue);
+    let draft = ReportDraft::new(&ReportGround {
         answer: &answer,
         findings: &findings,
         statistics: &statistics,
@@ -135,19 +135,19 @@ pub(in crate::cmd) fn compose(
     let evidence = CaptureJob { setup: None, ..job };
     let Summary { part: draft, decoder, .. } = evidence.read(draft)?.summary;
     let made = provenance(series, scope.input, (&options.catalogue, decoder.buses()));
-    let (report, excerpt) = draft.finish(decoder.buses(), made);
-    let first = excerpt.first().filter(|_| scope.is_cut);
+    let (report, excerpt) = draft.finish_report(decoder.buses(), made);
+    let first = excerpt.first_frame().filter(|_| scope.is_cut);
     let start = first.map(|first| start_of_cut(series, scope.input, options, first)).transpose()?;
-    Ok(Composed { report, excerpt, findings, failure, start })
+    Ok(ComposedReport { report, excerpt, findings, failure, start })
 }
 
 /// Prints notes on a range after the end of the capture, and on unknown buses.
-fn report_selection<P>(name: &str, select: &SelectArgs, summary: &Summary<(P, Facts)>) {
+fn report_selection<P>(name: &str, select: &SelectArgs, summary: &Summary<(P, SelectedFacts)>) {
     if let Some(missed) = summary.part.1.missed(summary.frames(), summary.last_time()) {
-        note(&format!("{name}: {missed}"));
+        print_note(&format!("{name}: {missed}"));
     }
     for unknown in unknown_buses(name, select, summary.buses()) {
-        warn(&unknown);
+        print_warning(&unknown);
     }
 }
 
@@ -156,14 +156,14 @@ fn report_selection<P>(name: &str, select: &SelectArgs, summary: &Summary<(P, Fa
 /// # Errors
 /// If the capture can no longer be read.
 fn start_of_cut(
-    series: &Series,
+    series: &CaptureSeries,
     input: &InputArgs,
     options: &SessionOptions,
     first: u64,
-) -> anyhow::Result<CutStart> {
+) -> anyhow::Result<ReportCutStart> {
     let read = CaptureJob::new(series, input, options, None).quiet(true).read(UntilFrame(first))?;
     let title = format!("State before frame {first} of {}", escape(&series.name()));
-    Ok(CutStart { state: BusSnapshot::of(read.summary.buses()), input: input.clone(), title })
+    Ok(ReportCutStart { state: BusSnapshot::snapshot_of(read.summary.buses()), input: input.clone(), title })
 }
 
 /// Ends decoding before a frame.
@@ -172,7 +172,7 @@ struct UntilFrame(u64);
 impl ReadingPart for UntilFrame {
     fn event(&mut self, _event: &Event, _bus: &Bus) {}
 
-    fn need(&self, _preview: &Preview, _bus: &Bus) -> bool {
+    fn need(&self, _preview: &MessagePreview, _bus: &Bus) -> bool {
         false
     }
 
@@ -186,7 +186,7 @@ impl ReadingPart for UntilFrame {
 }
 
 /// Findings of the stories to report; `None` for all.
-fn wanted(scope: &ReportScope<'_>, findings: &Findings) -> Option<BTreeSet<u64>> {
+fn wanted(scope: &ReportScope<'_>, findings: &CaptureFindings) -> Option<BTreeSet<u64>> {
     let is_meant = |id: u64, rule: &str| match scope.finding {
         Some(FindingArg::Id(wanted)) => *wanted == id,
         Some(FindingArg::Rule(wanted)) => wanted == rule,
@@ -199,8 +199,8 @@ fn wanted(scope: &ReportScope<'_>, findings: &Findings) -> Option<BTreeSet<u64>>
 }
 
 /// Reason why no story contains the requested findings.
-fn without_story(findings: &Findings, wanted: Option<&BTreeSet<u64>>) -> String {
-    let reason = wanted.into_iter().flatten().find_map(|id| findings.group(*id)?.omission());
+fn without_story(findings: &CaptureFindings, wanted: Option<&BTreeSet<u64>>) -> String {
+    let reason = wanted.into_iter().flatten().find_map(|id| findings.group_by_id(*id)?.omission());
     let no_such = "no such finding (cobscope check -f jsonl)".to_owned();
     reason.map_or(no_such, |reason| format!("{reason}, in no story; a report needs a story"))
 }

@@ -5,13 +5,13 @@ use serde_json::{Value, json};
 use super::ListedRule;
 
 /// The array with a line end.
-pub(super) fn list(rules: &[ListedRule]) -> String {
-    let all: Vec<Value> = rules.iter().map(record).collect();
+pub(super) fn rules_json(rules: &[ListedRule]) -> String {
+    let all: Vec<Value> = rules.iter().map(rule_record).collect();
     let text = serde_json::to_string_pretty(&all).unwrap_or_default();
     format!("{text}\n")
 }
 
-fn record(rule: &ListedRule) -> Value {
+fn rule_record(rule: &ListedRule) -> Value {
     let tolerances = rule.tolerances.iter().map(|tolerance| {
         json!({
             "key": tolerance.key,

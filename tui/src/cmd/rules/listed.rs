@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use cobscope_decoder::finding::{RuleOrigin, Severity};
 use cobscope_decoder::profile::device::{DeviceRule, RuleTolerance};
-use cobscope_decoder::profile::{Catalogue, Device};
-use cobscope_decoder::query::fields::distance;
-use cobscope_decoder::rules::{Tolerance, declarations};
+use cobscope_decoder::profile::{Catalogue, DeviceProfile};
+use cobscope_decoder::query::fields::edit_distance;
+use cobscope_decoder::rules::{Tolerance, all_declarations};
 
 /// Description of a rule.
 pub(in crate::cmd) struct ListedRule {
@@ -54,9 +54,9 @@ impl From<RuleTolerance> for ListedTolerance {
 }
 
 /// All rules in alphabetical order, general ones first.
-pub(in crate::cmd) fn listed(catalogue: &Catalogue) -> Vec<ListedRule> {
-    let devices = devices(catalogue);
-    let mut general: Vec<ListedRule> = declarations()
+pub(in crate::cmd) fn list_rules(catalogue: &Catalogue) -> Vec<ListedRule> {
+    let devices = all_devices(catalogue);
+    let mut general: Vec<ListedRule> = all_declarations()
         .map(|rule| ListedRule {
             name: rule.name.to_owned(),
             severity: rule.severity,
@@ -64,13 +64,13 @@ pub(in crate::cmd) fn listed(catalogue: &Catalogue) -> Vec<ListedRule> {
             is_timing: rule.is_timing,
             origin: RuleOrigin::General,
             title: rule.title.to_owned(),
-            explanation: rule.manual(),
+            explanation: rule.manual_text(),
             tolerances: rule.tolerances.iter().map(ListedTolerance::from).collect(),
             cases: rule.cases.iter().map(|case| (*case).to_owned()).collect(),
-            source: rule.section("Source").map(|text| text.trim().to_owned()).unwrap_or_default(),
+            source: rule.doc_section("Source").map(|text| text.trim().to_owned()).unwrap_or_default(),
             note: String::new(),
             variants: Vec::new(),
-            waivers: waivers(rule.name, &devices),
+            waivers: rule_waivers(rule.name, &devices),
         })
         .collect();
     general.sort_by(|one, other| one.name.cmp(&other.name));
@@ -79,31 +79,31 @@ pub(in crate::cmd) fn listed(catalogue: &Catalogue) -> Vec<ListedRule> {
 }
 
 /// The rule with a given name.
-pub(in crate::cmd) fn find(catalogue: &Catalogue, name: &str) -> Option<ListedRule> {
-    let is_general = declarations().any(|rule| rule.name == name);
+pub(in crate::cmd) fn find_rule(catalogue: &Catalogue, name: &str) -> Option<ListedRule> {
+    let is_general = all_declarations().any(|rule| rule.name == name);
     // Profiles are loaded only for the rule of a profile or the waivers of a rule.
     let may_be =
         is_general || name.split_once(':').is_some_and(|(id, _)| catalogue.ids().contains(&id.to_owned()));
-    may_be.then(|| listed(catalogue).into_iter().find(|rule| rule.name == name)).flatten()
+    may_be.then(|| list_rules(catalogue).into_iter().find(|rule| rule.name == name)).flatten()
 }
 
 /// Nearest rule name, which differs in up to two letters, or starts with `name`.
-pub(in crate::cmd) fn meant(catalogue: &Catalogue, name: &str) -> Option<String> {
+pub(in crate::cmd) fn nearest_name(catalogue: &Catalogue, name: &str) -> Option<String> {
     const SLIPS: usize = 2;
     const BEGINNING: usize = 4;
     // Hexadecimal codes and identifiers are not rule names.
     let is_word =
         name.len() >= BEGINNING && name.chars().any(|it| it.is_ascii_lowercase() && !it.is_ascii_hexdigit());
-    let names = listed(catalogue).into_iter().filter(|_| is_word).map(|rule| rule.name);
+    let names = list_rules(catalogue).into_iter().filter(|_| is_word).map(|rule| rule.name);
     let near = names.filter_map(|known| {
-        let slips = if known.starts_with(name) { 0 } else { distance(name, &known) };
+        let slips = if known.starts_with(name) { 0 } else { edit_distance(name, &known) };
         (slips <= SLIPS).then_some((slips, known))
     });
     near.min().map(|(_, known)| known)
 }
 
 /// All devices in all variants, except invalid profiles.
-fn devices(catalogue: &Catalogue) -> Vec<(String, Arc<Device>)> {
+fn all_devices(catalogue: &Catalogue) -> Vec<(String, Arc<DeviceProfile>)> {
     let mut all = Vec::new();
     for id in catalogue.ids() {
         let Ok(device) = catalogue.device(&id) else { continue };
@@ -120,7 +120,7 @@ fn devices(catalogue: &Catalogue) -> Vec<(String, Arc<Device>)> {
     all
 }
 
-fn waivers(rule: &str, devices: &[(String, Arc<Device>)]) -> Vec<(String, String)> {
+fn rule_waivers(rule: &str, devices: &[(String, Arc<DeviceProfile>)]) -> Vec<(String, String)> {
     let mut all = Vec::new();
     for (_, device) in devices {
         for waiver in device.waivers.iter().filter(|waiver| waiver.rule.get_ref() == rule) {
@@ -133,7 +133,7 @@ fn waivers(rule: &str, devices: &[(String, Arc<Device>)]) -> Vec<(String, String
 }
 
 /// Device rules by profile and name; a rule of several variants is listed once.
-fn of_devices(devices: &[(String, Arc<Device>)]) -> Vec<ListedRule> {
+fn of_devices(devices: &[(String, Arc<DeviceProfile>)]) -> Vec<ListedRule> {
     let mut all: BTreeMap<String, (ListedRule, usize)> = BTreeMap::new();
     for (id, device) in devices {
         let number = devices.iter().filter(|(other, _)| other == id).count();
@@ -152,7 +152,7 @@ fn of_devices(devices: &[(String, Arc<Device>)]) -> Vec<ListedRule> {
     finished.collect()
 }
 
-fn of_device(name: String, rule: &DeviceRule, device: &Device) -> ListedRule {
+fn of_device(name: String, rule: &DeviceRule, device: &DeviceProfile) -> ListedRule {
     let parts = [device.source.as_str(), rule.source.as_str()];
     let source: Vec<_> = parts.into_iter().filter(|part| !part.is_empty()).collect();
     ListedRule {
@@ -174,7 +174,7 @@ fn of_device(name: String, rule: &DeviceRule, device: &Device) -> ListedRule {
 
 impl ListedRule {
     /// Bus file lines that configure the rule, with the default values.
-    pub(super) fn snippet(&self) -> String {
+    pub(super) fn bus_file_snippet(&self) -> String {
         // TOML requires quotes for a key with a colon.
         let name = if self.name.contains(':') { format!("{:?}", self.name) } else { self.name.clone() };
         let severity = if self.is_on { self.severity.name() } else { "off" };

@@ -9,24 +9,24 @@ use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::reading::{FrameDemand, ReadingPart};
-use cobscope_decoder::session::{Bus, Buses, Preview, SessionOptions};
+use cobscope_decoder::session::{Bus, Buses, MessagePreview, SessionOptions};
 use cobscope_decoder::statistics::Statistics;
 
 use super::decoding::{CaptureJob, ReadCapture, report_with};
-use super::input::{check_rules_of, session_options, setup};
-use super::messages::{Refusal, complain, warn};
+use super::input::{build_setup, check_rules_of, session_options};
+use super::messages::{Refusal, print_error, print_warning};
 use crate::cli::{ReportFormat, StatsArgs};
-use crate::exit_code::Exit;
+use crate::exit_code::ExitStatus;
 use crate::select::Selection;
 use crate::words::unknown_bus;
-use report::Report;
+use report::StatisticsReport;
 
 /// Runs the command.
-pub fn run(arguments: &StatsArgs) -> Exit {
-    let options = match ready(arguments) {
+pub fn run(arguments: &StatsArgs) -> ExitStatus {
+    let options = match prepare_options(arguments) {
         Ok(options) => options,
         Err((exit, error)) => {
-            complain(&error);
+            print_error(&error);
             return exit;
         }
     };
@@ -34,21 +34,23 @@ pub fn run(arguments: &StatsArgs) -> Exit {
         let selection = arguments.select.selection()?;
         let part = SelectedStatistics { statistics: Statistics::default(), selection };
         let job = CaptureJob::new(series, &arguments.input, options, None);
-        let read = job.read_from(part, |part, first, span| part.selection.begin(first, span))?;
-        read.warnings.iter().for_each(|text| warn(text));
+        let read = job.read_from(part, |part, first, span| part.selection.begin_capture(first, span))?;
+        read.warnings.iter().for_each(|text| print_warning(text));
         let ReadCapture { summary, format, failure, .. } = read;
         let has: Vec<_> = summary.buses().iter().map(Bus::name).collect();
         let named = arguments.bitrate.iter().filter_map(|rate| rate.bus.as_deref());
         let capture = series.name();
-        named.filter_map(|bus| unknown_bus(&capture, bus, "--bitrate", &has)).for_each(|text| warn(&text));
-        let missed = summary.part.selection.missed(summary.frames(), summary.last_time());
+        named
+            .filter_map(|bus| unknown_bus(&capture, bus, "--bitrate", &has))
+            .for_each(|text| print_warning(&text));
+        let missed = summary.part.selection.missed_text(summary.frames(), summary.last_time());
         if let Some(missed) = missed {
-            warn(&format!("{capture}: {missed}"));
+            print_warning(&format!("{capture}: {missed}"));
         }
         let (statistics, decoder) = (summary.part.statistics, summary.decoder);
-        let report = Report { capture, format, statistics, decoder, arguments };
+        let report = StatisticsReport { capture, format, statistics, decoder, arguments };
         match arguments.format {
-            ReportFormat::Text => text::write(&report, output),
+            ReportFormat::Text => text::write_text(&report, output),
             ReportFormat::Json => output.push_str(&format_line(&report.figures())),
         }
         Ok(failure)
@@ -59,13 +61,13 @@ pub fn run(arguments: &StatsArgs) -> Exit {
 ///
 /// # Errors
 /// If an option, the bus file or a profile is not valid.
-fn ready(arguments: &StatsArgs) -> Result<SessionOptions, Refusal> {
-    let (usage, profile) = (|error| (Exit::Usage, error), |error| (Exit::Profile, error));
+fn prepare_options(arguments: &StatsArgs) -> Result<SessionOptions, Refusal> {
+    let (usage, profile) = (|error| (ExitStatus::Usage, error), |error| (ExitStatus::Profile, error));
     arguments.select.selection().map_err(usage)?;
     let options = session_options(&arguments.input).map_err(profile)?;
     // The command has no findings, but a misspelt rule is an error in the filters of all commands.
-    if let Some(filter) = arguments.select.filter.as_ref().filter(|it| !it.compared("rule").is_empty()) {
-        let setup = setup(&arguments.input, &options.catalogue, None).map_err(profile)?;
+    if let Some(filter) = arguments.select.filter.as_ref().filter(|it| !it.compared_with("rule").is_empty()) {
+        let setup = build_setup(&arguments.input, &options.catalogue, None).map_err(profile)?;
         check_rules_of(Some(filter), &setup).map_err(usage)?;
     }
     Ok(options)
@@ -79,18 +81,18 @@ struct SelectedStatistics {
 
 impl ReadingPart for SelectedStatistics {
     fn event(&mut self, event: &Event, bus: &Bus) {
-        self.selection.see(event, bus);
-        if self.selection.admits(event, bus) {
-            self.statistics.event(event);
+        self.selection.on_event(event, bus);
+        if self.selection.admits_event(event, bus) {
+            self.statistics.count_event(event);
         }
     }
 
-    fn need(&self, _preview: &Preview, _bus: &Bus) -> bool {
+    fn need(&self, _preview: &MessagePreview, _bus: &Bus) -> bool {
         self.selection.is_limited()
     }
 
-    fn skip(&mut self, preview: &Preview, bus: &Bus) {
-        self.statistics.skip(preview, bus);
+    fn skip(&mut self, preview: &MessagePreview, bus: &Bus) {
+        self.statistics.skip_event(preview, bus);
     }
 
     fn demand(&self) -> FrameDemand {
@@ -105,19 +107,19 @@ impl ReadingPart for SelectedStatistics {
         if self.selection.has_filter() {
             self.selection.begin_frame(frame);
         } else if self.selection.admits_frame(frame) {
-            self.statistics.frame(frame);
+            self.statistics.count_frame(frame);
         }
     }
 
     fn frames(&mut self, frames: &[Frame], _names: &BusNames) {
         if frames.first().is_some_and(|first| self.selection.admits_frame(first)) {
-            self.statistics.frames(frames);
+            self.statistics.count_frames(frames);
         }
     }
 
     fn frame_decoded(&mut self, frame: &Frame, bus: &Bus) {
         if self.selection.admits_frame(frame) && self.selection.admits_decoded(bus) {
-            self.statistics.frame(frame);
+            self.statistics.count_frame(frame);
         }
     }
 

@@ -8,7 +8,7 @@ use cobscope_decoder::statistics::Statistics;
 use crate::cli::StatsArgs;
 
 /// Statistics of one capture, and the decoder after the last frame.
-pub(super) struct Report<'a> {
+pub(super) struct StatisticsReport<'a> {
     pub(super) capture: String,
     pub(super) format: &'static str,
     pub(super) statistics: Statistics,
@@ -16,7 +16,7 @@ pub(super) struct Report<'a> {
     pub(super) arguments: &'a StatsArgs,
 }
 
-impl Report<'_> {
+impl StatisticsReport<'_> {
     /// All figures.
     pub(super) fn figures(&self) -> CaptureStatistics {
         let name = (self.capture.as_str(), self.format);

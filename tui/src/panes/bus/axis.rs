@@ -12,7 +12,7 @@ pub(super) const MOST_ZOOM: u32 = 24;
 
 /// Times of the columns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Axis {
+pub(super) struct TimeAxis {
     /// Time of the first column, in ns.
     pub(super) start: i64,
     /// Duration of a column, in ns.
@@ -23,7 +23,7 @@ pub(super) struct Axis {
 
 /// Content of a column.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct Content {
+pub(super) struct AxisColumnContent {
     /// Bits per second of its busiest step.
     pub(super) bits: u64,
     /// Frames per second of its busiest step.
@@ -32,7 +32,7 @@ pub(super) struct Content {
     pub(super) errors: u64,
 }
 
-impl Axis {
+impl TimeAxis {
     /// The range from `first` to `last`, or the part of it that contains the cursor.
     pub(super) fn new(first: i64, last: i64, cursor: i64, zoom: u32, columns: u16) -> Self {
         let whole = last.saturating_sub(first).max(1);
@@ -44,7 +44,7 @@ impl Axis {
     }
 
     /// End of the last column.
-    pub(super) fn end(&self) -> i64 {
+    pub(super) fn axis_end(&self) -> i64 {
         self.start.saturating_add(self.column.saturating_mul(i64::from(self.columns)))
     }
 
@@ -61,32 +61,34 @@ impl Axis {
     }
 
     /// Content of all columns.
-    pub(super) fn contents(&self, load: &LoadOverTime) -> Vec<Content> {
-        (0..self.columns).map(|column| self.content(load, column)).collect()
+    pub(super) fn column_contents(&self, load: &LoadOverTime) -> Vec<AxisColumnContent> {
+        (0..self.columns).map(|column| self.column_content(load, column)).collect()
     }
 
-    fn content(&self, load: &LoadOverTime, column: u16) -> Content {
-        let Some(start) = load.start() else { return Content::default() };
+    fn column_content(&self, load: &LoadOverTime, column: u16) -> AxisColumnContent {
+        let Some(start) = load.start() else { return AxisColumnContent::default() };
         let begin = self.start.saturating_add(self.column.saturating_mul(i64::from(column)));
         let end = begin.saturating_add(self.column - 1);
         let place = |time: i64| usize::try_from(time.saturating_sub(start).div_euclid(load.step())).ok();
         // A column that starts before the first step may still overlap it.
-        let Some(last) = place(end) else { return Content::default() };
+        let Some(last) = place(end) else { return AxisColumnContent::default() };
         let steps =
             load.steps().get(place(begin).unwrap_or(0)..=last.min(load.steps().len().wrapping_sub(1)));
         let step = load.step().unsigned_abs().max(1);
         let rate = |count: u64| u128::from(count) * 1_000_000_000 / u128::from(step);
         let rate = |count: u64| u64::try_from(rate(count)).unwrap_or(u64::MAX);
-        steps.unwrap_or_default().iter().fold(Content::default(), |sum, step: &LoadStep| Content {
-            bits: sum.bits.max(rate(step.bits)),
-            frames: sum.frames.max(rate(step.frames)),
-            errors: sum.errors + step.errors,
+        steps.unwrap_or_default().iter().fold(AxisColumnContent::default(), |sum, step: &LoadStep| {
+            AxisColumnContent {
+                bits: sum.bits.max(rate(step.bits)),
+                frames: sum.frames.max(rate(step.frames)),
+                errors: sum.errors + step.errors,
+            }
         })
     }
 }
 
 /// Time at least one column to the right of `time`, far enough that a frame is in between.
-pub(super) fn further(loads: &[LoadOverTime], time: i64, by: i64) -> Option<i64> {
+pub(super) fn further_time(loads: &[LoadOverTime], time: i64, by: i64) -> Option<i64> {
     loads.iter().filter_map(|load| further_on(load, time, by)).min()
 }
 
@@ -116,44 +118,44 @@ mod tests {
     fn load(milliseconds: &[i64]) -> LoadOverTime {
         let mut load = LoadOverTime::default();
         for time in milliseconds {
-            let mut frame = Frame::data_frame(CanId::standard(0x555), &[]);
+            let mut frame = Frame::data_frame(CanId::from_standard(0x555), &[]);
             if *time < 0 {
                 frame.flags = FrameFlags::ERROR;
             }
             frame.time = Some(Timestamp(time.abs() * 1_000_000));
-            load.add(&frame);
+            load.count_frame(&frame);
         }
         load
     }
 
     #[test]
     fn columns_go_from_the_first_frame_to_the_last() {
-        let axis = Axis::new(1_000, 2_000, 1_000, 0, 10);
+        let axis = TimeAxis::new(1_000, 2_000, 1_000, 0, 10);
         assert_eq!(
             (axis.start, axis.column, axis.column_of(2_000), axis.column_of(999)),
             (1_000, 101, Some(9), None)
         );
         // The third of four pages contains the cursor.
-        let axis = Axis::new(1_000, 2_000, 1_500, 2, 10);
+        let axis = TimeAxis::new(1_000, 2_000, 1_500, 2, 10);
         assert_eq!((axis.start, axis.column, axis.column_of(1_500)), (1_500, 26, Some(0)));
-        assert_eq!(Axis::new(5, 5, 5, 3, 0).column_of(5), None);
+        assert_eq!(TimeAxis::new(5, 5, 5, 3, 0).column_of(5), None);
     }
 
     #[test]
     fn a_column_tells_the_busiest_step_in_it_and_all_its_error_frames() {
         // Steps of 100 ms: two frames, one, none, an error frame.
         let load = load(&[0, 50, 100, -350]);
-        let axis = Axis::new(0, 350_000_000, 0, 0, 2);
-        let told = axis.contents(&load);
-        assert_eq!(told[0], Content { bits: 960, frames: 20, errors: 0 });
+        let axis = TimeAxis::new(0, 350_000_000, 0, 0, 2);
+        let told = axis.column_contents(&load);
+        assert_eq!(told[0], AxisColumnContent { bits: 960, frames: 20, errors: 0 });
         assert_eq!((told[1].frames, told[1].errors), (10, 1));
     }
 
     #[test]
     fn a_step_on_the_right_reaches_the_next_frame() {
         let load = [load(&[0, 50, 120, 900])];
-        assert_eq!(further(&load, 0, 1), Some(199_999_999));
-        assert_eq!(further(&load, 120_000_000, 1), Some(999_999_999));
-        assert_eq!(further(&load, 900_000_000, 1), None);
+        assert_eq!(further_time(&load, 0, 1), Some(199_999_999));
+        assert_eq!(further_time(&load, 120_000_000, 1), Some(999_999_999));
+        assert_eq!(further_time(&load, 900_000_000, 1), None);
     }
 }

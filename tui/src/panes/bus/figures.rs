@@ -12,50 +12,54 @@
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::BusStatistics;
-use cobscope_decoder::words::plural;
+use cobscope_decoder::words::count_noun;
 use ratatui::text::Line;
 
-use crate::figures::bytes;
+use crate::figures::format_bytes;
 use crate::panes::common::LabelledLines;
-use crate::state::Core;
-use crate::theme::Role;
+use crate::state::UiState;
+use crate::theme::TextRole;
 use crate::timeline::SurveyResults;
-use crate::words::{commands, error_frames, faults, rates, stamps};
+use crate::words::{capture_defects, command_texts, error_frames, granularity_text, rate_texts};
 
 /// Width of the labels.
 const LABEL: u16 = 12;
 
 /// All lines; defects have the role of an error or warning.
-pub(super) fn lines(
-    core: &Core,
+pub(super) fn figure_lines(
+    core: &UiState,
     survey: &SurveyResults,
     bus: Option<(&Bus, &BusStatistics)>,
     buses: usize,
 ) -> LabelledLines {
     let mut told = Vec::new();
     if !survey.is_complete {
-        told.push(("progress", Role::Note, format!("{} analysed", plural(survey.frames, "frame"))));
+        told.push(("progress", TextRole::Note, format!("{} analysed", count_noun(survey.frames, "frame"))));
     }
     if let Some((bus, statistics)) = bus {
-        told.extend(rates_of(survey, bus, statistics).into_iter().map(|text| ("frames", Role::Text, text)));
+        told.extend(
+            rates_of(survey, bus, statistics).into_iter().map(|text| ("frames", TextRole::Text, text)),
+        );
         let quality = &survey.overview.statistics.quality;
-        told.extend(commands(statistics, quality).into_iter().map(|text| ("master", Role::Text, text)));
+        told.extend(
+            command_texts(statistics, quality).into_iter().map(|text| ("master", TextRole::Text, text)),
+        );
         if statistics.undecoded + statistics.malformed > 0 {
-            let role = if statistics.malformed > 0 { Role::Caution } else { Role::Text };
+            let role = if statistics.malformed > 0 { TextRole::Caution } else { TextRole::Text };
             let (undecoded, malformed) = (statistics.undecoded, statistics.malformed);
             told.push((
                 "unknown",
                 role,
-                format!("{} of unknown services, {malformed} malformed", plural(undecoded, "frame")),
+                format!("{} of unknown services, {malformed} malformed", count_noun(undecoded, "frame")),
             ));
         }
     }
-    told.extend(bus.and_then(|(bus, _)| controller(core, bus)));
-    told.extend(quality(core, survey, buses));
-    told.extend(core.unknown_buses(survey).into_iter().map(|text| ("names", Role::Caution, text)));
-    told.extend(files(core).into_iter().map(|text| ("capture", Role::Text, text)));
-    let line = |(label, role, text): (&'static str, Role, String)| {
-        (label, Line::styled(escape(&text).into_owned(), core.theme.style(role)))
+    told.extend(bus.and_then(|(bus, _)| controller_figure(core, bus)));
+    told.extend(quality_figures(core, survey, buses));
+    told.extend(core.unknown_buses(survey).into_iter().map(|text| ("names", TextRole::Caution, text)));
+    told.extend(file_texts(core).into_iter().map(|text| ("capture", TextRole::Text, text)));
+    let line = |(label, role, text): (&'static str, TextRole, String)| {
+        (label, Line::styled(escape(&text).into_owned(), core.theme.role_style(role)))
     };
     LabelledLines { room: LABEL, lines: told.into_iter().map(line).collect() }
 }
@@ -64,49 +68,53 @@ pub(super) fn lines(
 pub(super) fn rates_of(survey: &SurveyResults, bus: &Bus, statistics: &BusStatistics) -> Vec<String> {
     let quality = &survey.overview.statistics.quality;
     let hint = format!("set bitrate = 250000 in [bus.{}] of a bus file (--bus)", bus.name());
-    rates(statistics, quality.duration(), quality.first.unwrap_or(0), bus.bit_rate(), &hint)
+    rate_texts(statistics, quality.duration(), quality.first.unwrap_or(0), bus.bit_rate(), &hint)
 }
 
 /// Mode of the controller of a live bus: one in normal mode takes part in the traffic.
-fn controller(core: &Core, bus: &Bus) -> Option<(&'static str, Role, String)> {
+fn controller_figure(core: &UiState, bus: &Bus) -> Option<(&'static str, TextRole, String)> {
     let live = core.timeline.live()?.get();
     let mode = live.buses.iter().find(|status| status.name == bus.name())?.mode?;
-    let role = if mode.is_listen_only() { Role::Text } else { Role::Caution };
-    Some(("controller", role, mode.text().to_owned()))
+    let role = if mode.is_listen_only() { TextRole::Text } else { TextRole::Caution };
+    Some(("controller", role, mode.mode_text().to_owned()))
 }
 
 /// Quality of the capture.
-fn quality(core: &Core, survey: &SurveyResults, buses: usize) -> Vec<(&'static str, Role, String)> {
+fn quality_figures(
+    core: &UiState,
+    survey: &SurveyResults,
+    buses: usize,
+) -> Vec<(&'static str, TextRole, String)> {
     let quality = &survey.overview.statistics.quality;
     let mut told = Vec::new();
     if quality.error_frames == 0 {
         let text = "cannot be judged: this capture has no error frames";
-        told.push(("wiring", Role::Note, text.to_owned()));
+        told.push(("wiring", TextRole::Note, text.to_owned()));
     } else {
         let of = if buses > 1 { ", all buses" } else { "" };
-        told.push(("wiring", Role::Bad, format!("{}{of}", error_frames(quality))));
+        told.push(("wiring", TextRole::Bad, format!("{}{of}", error_frames(quality))));
     }
-    match stamps(quality) {
+    match granularity_text(quality) {
         Some(text) => {
-            let role = if quality.is_timed() { Role::Text } else { Role::Caution };
+            let role = if quality.is_timed() { TextRole::Text } else { TextRole::Caution };
             let figure = text.strip_prefix("timestamps ").unwrap_or(&text).to_owned();
             told.push(("timestamps", role, figure));
         }
-        None => told.push(("timestamps", Role::Caution, "none".to_owned())),
+        None => told.push(("timestamps", TextRole::Caution, "none".to_owned())),
     }
-    told.extend(faults(quality).into_iter().map(|text| ("quality", Role::Bad, text)));
+    told.extend(capture_defects(quality).into_iter().map(|text| ("quality", TextRole::Bad, text)));
     if let Some(failure) = core.timeline.failure() {
-        told.push(("failure", Role::Bad, failure));
+        told.push(("failure", TextRole::Bad, failure));
     }
     told
 }
 
 /// The captures with their format and size.
-fn files(core: &Core) -> Vec<String> {
-    let file = |lane: &crate::timeline::Lane| {
+fn file_texts(core: &UiState) -> Vec<String> {
+    let file = |lane: &crate::timeline::TimelineCapture| {
         let (length, is_all) = lane.store.length();
         let so_far = if is_all { "" } else { " so far" };
-        format!("{}: {}, {}{so_far}", lane.store.name(), lane.format, bytes(length))
+        format!("{}: {}, {}{so_far}", lane.store.name(), lane.format, format_bytes(length))
     };
-    core.timeline.lanes().iter().map(file).collect()
+    core.timeline.open_captures().iter().map(file).collect()
 }

@@ -7,23 +7,23 @@
 //! ```
 
 use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::profile::{Device, emcy_codes};
+use cobscope_decoder::profile::{DeviceProfile, emcy_codes};
 use cobscope_decoder::session::Node;
 
-use super::item::Item;
-use crate::theme::Role;
+use super::item::DetailItem;
+use crate::theme::TextRole;
 
 /// Advice for an error event or a change of the device state; empty for other events.
-pub(super) fn items(node: Option<&Node>, event: &Event) -> Vec<Item> {
+pub(super) fn advice_items(node: Option<&Node>, event: &Event) -> Vec<DetailItem> {
     let device = node.map(|node| &**node.device());
     let mut rows: Vec<(&str, String)> = Vec::new();
     match &event.kind {
         EventKind::Emcy(emergency) => {
             let Some(code) = emergency.code.filter(|code| *code != 0) else { return Vec::new() };
-            emcy(device, code, &mut rows);
+            push_emcy(device, code, &mut rows);
         }
         EventKind::Dtc(dtc) => {
-            let Some(known) = device.and_then(|device| device.dtc(dtc.spn, dtc.fmi)) else {
+            let Some(known) = device.and_then(|device| device.trouble_code_entry(dtc.spn, dtc.fmi)) else {
                 return Vec::new();
             };
             rows.push(("fault", known.text.clone()));
@@ -38,12 +38,13 @@ pub(super) fn items(node: Option<&Node>, event: &Event) -> Vec<Item> {
         _ => {}
     }
     let told = rows.iter().filter(|(_, text)| !text.is_empty());
-    told.map(|(key, text)| Item::new(&format!("{key}: {text}"), Role::Text)).collect()
+    told.map(|(key, text)| DetailItem::new(&format!("{key}: {text}"), TextRole::Text)).collect()
 }
 
-fn emcy(device: Option<&Device>, code: u16, rows: &mut Vec<(&str, String)>) {
-    let standard = emcy_codes().find(u32::from(code)).map(|known| format!("{}. {}", known.text, known.hint));
-    if let Some((device, known)) = device.and_then(|device| Some((device, device.error(code)?))) {
+fn push_emcy(device: Option<&DeviceProfile>, code: u16, rows: &mut Vec<(&str, String)>) {
+    let standard =
+        emcy_codes().find_code(u32::from(code)).map(|known| format!("{}. {}", known.text, known.hint));
+    if let Some((device, known)) = device.and_then(|device| Some((device, device.error_entry(code)?))) {
         rows.push(("device reaction", known.reaction.clone().unwrap_or_default()));
         rows.extend(known.causes.iter().map(|cause| ("check", cause.clone())));
         rows.push(("note", known.note.clone()));

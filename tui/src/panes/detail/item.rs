@@ -4,7 +4,7 @@ use cobscope_decoder::sink::escape;
 use ratatui::text::{Line, Span};
 
 use crate::state::JumpPlace;
-use crate::theme::{Role, Theme};
+use crate::theme::{TextRole, Theme};
 
 /// Target of an item.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,11 +21,11 @@ pub(super) enum ItemTarget {
 
 /// A line with its target and filter.
 #[derive(Debug, Clone)]
-pub(super) struct Item {
+pub(super) struct DetailItem {
     /// Words before the text, styled like a heading.
     label: String,
     text: String,
-    role: Role,
+    role: TextRole,
     /// Lines shown below while the item is selected.
     pub(super) notes: Vec<String>,
     /// Target of Enter.
@@ -35,9 +35,9 @@ pub(super) struct Item {
     is_heading: bool,
 }
 
-impl Item {
+impl DetailItem {
     /// An item without a target.
-    pub(super) fn new(text: &str, role: Role) -> Self {
+    pub(super) fn new(text: &str, role: TextRole) -> Self {
         Self {
             label: String::new(),
             text: escape(text).into_owned(),
@@ -50,32 +50,32 @@ impl Item {
     }
 
     /// An item of minor importance.
-    pub(super) fn quiet(text: &str) -> Self {
-        Self::new(text, Role::Quiet)
+    pub(super) fn minor_item(text: &str) -> Self {
+        Self::new(text, TextRole::Quiet)
     }
 
     /// A heading; it cannot be selected.
-    pub(super) fn heading(text: &str) -> Self {
-        Self { is_heading: true, ..Self::new(text, Role::Title) }
+    pub(super) fn heading_item(text: &str) -> Self {
+        Self { is_heading: true, ..Self::new(text, TextRole::Title) }
     }
 
     /// A paragraph with its heading in front.
-    pub(super) fn headed(label: &str, text: &str) -> Self {
-        Self { label: escape(label).into_owned(), ..Self::new(text, Role::Text) }
+    pub(super) fn headed_item(label: &str, text: &str) -> Self {
+        Self { label: escape(label).into_owned(), ..Self::new(text, TextRole::Text) }
     }
 
     /// Sets the target.
-    pub(super) fn leading(self, leads: ItemTarget) -> Self {
+    pub(super) fn with_target(self, leads: ItemTarget) -> Self {
         Self { leads, ..self }
     }
 
     /// Sets a frame as the target.
-    pub(super) fn at(self, frame: u64) -> Self {
-        self.leading(ItemTarget::Place(JumpPlace::Frame(frame)))
+    pub(super) fn at_frame(self, frame: u64) -> Self {
+        self.with_target(ItemTarget::Place(JumpPlace::Frame(frame)))
     }
 
     /// Sets the filter.
-    pub(super) fn filtered(self, filter: Option<String>) -> Self {
+    pub(super) fn with_filter(self, filter: Option<String>) -> Self {
         Self { filter, ..self }
     }
 
@@ -85,21 +85,21 @@ impl Item {
     }
 
     /// Text for the clipboard.
-    pub(super) fn text(&self) -> String {
+    pub(super) fn clipboard_text(&self) -> String {
         format!("{}{}", self.label, self.text).trim().to_owned()
     }
 
     /// The item as styled lines; with its notes if it is selected.
-    pub(super) fn lines(&self, theme: &Theme, is_selected: bool) -> Vec<Line<'static>> {
-        let mut style = theme.style(self.role);
+    pub(super) fn styled_lines(&self, theme: &Theme, is_selected: bool) -> Vec<Line<'static>> {
+        let mut style = theme.role_style(self.role);
         if is_selected {
-            style = style.patch(theme.selection(true));
+            style = style.patch(theme.selection_style(true));
         }
-        let label = Span::styled(self.label.clone(), theme.style(Role::Title));
+        let label = Span::styled(self.label.clone(), theme.role_style(TextRole::Title));
         let text = Span::styled(self.text.clone(), style);
         let first = if self.label.is_empty() { Line::from(text) } else { Line::from(vec![label, text]) };
         let notes = self.notes.iter().filter(|_| is_selected);
-        let note = |note: &String| Line::styled(format!("    {note}"), theme.style(Role::Quiet));
+        let note = |note: &String| Line::styled(format!("    {note}"), theme.role_style(TextRole::Quiet));
         std::iter::once(first).chain(notes.map(note)).collect()
     }
 }

@@ -7,20 +7,20 @@
 //! ```
 
 use cobscope_decoder::finding::phrase::fact_text;
-use cobscope_decoder::finding::{Cause, Findings, Group, Occurrence, RuleInfo};
-use cobscope_decoder::rules::{declarations, manual, sections};
+use cobscope_decoder::finding::{CaptureFindings, FindingCause, FindingGroup, Occurrence, RuleInfo};
+use cobscope_decoder::rules::{all_declarations, all_sections, format_manual};
 
-use super::item::{Item, ItemTarget};
+use super::item::{DetailItem, ItemTarget};
 use crate::panes::common::severity_role;
-use crate::state::{Core, JumpPlace};
-use crate::theme::Role;
-use crate::timeline::{Row, SurveyResults};
+use crate::state::{JumpPlace, UiState};
+use crate::theme::TextRole;
+use crate::timeline::{ReplayRow, SurveyResults};
 
 /// Maximum length of a chain of causes.
 const LONGEST_CHAIN: usize = 8;
 
 /// Items of the findings with evidence at the cursor.
-pub(super) fn items(core: &Core, row: Option<&Row>) -> Vec<Item> {
+pub(super) fn finding_items(core: &UiState, row: Option<&ReplayRow>) -> Vec<DetailItem> {
     let frames: Vec<u64> = match row {
         Some(row) => vec![row.event.frames.first, row.event.frames.last, core.cursor.frame],
         None => vec![core.cursor.frame],
@@ -32,14 +32,14 @@ pub(super) fn items(core: &Core, row: Option<&Row>) -> Vec<Item> {
             let here = |occurrence: &Occurrence| {
                 frames.contains(&occurrence.frames.first) || frames.contains(&occurrence.frames.last)
             };
-            let is_here = |group: &&Group| group.first.iter().chain(&group.last).any(here);
+            let is_here = |group: &&FindingGroup| group.first.iter().chain(&group.last).any(here);
             for group in findings.groups.iter().filter(is_here) {
                 of_group(core, findings, group, &mut items);
                 // The text of a rule is shown once for all its findings.
                 if !told.contains(&group.key.rule) {
                     told.push(group.key.rule);
                     if let Some(rule) = findings.rules.get(usize::from(group.key.rule)) {
-                        explanation(rule, &mut items);
+                        push_explanation(rule, &mut items);
                     }
                 }
             }
@@ -49,86 +49,97 @@ pub(super) fn items(core: &Core, row: Option<&Row>) -> Vec<Item> {
     items
 }
 
-fn of_group(core: &Core, findings: &Findings, group: &Group, items: &mut Vec<Item>) {
+fn of_group(core: &UiState, findings: &CaptureFindings, group: &FindingGroup, items: &mut Vec<DetailItem>) {
     let head = format!("{} {}: {}", group.severity.name(), group.rule, group.text);
-    items.push(Item::new(&head, severity_role(group.severity)));
+    items.push(DetailItem::new(&head, severity_role(group.severity)));
     let mut facts = Vec::new();
     if group.count > 1 {
-        facts.push(format!("{} times, first {}", group.count, place(core, &group.began())));
+        facts.push(format!(
+            "{} times, first {}",
+            group.count,
+            occurrence_text(core, &group.first_occurrence())
+        ));
     }
     if let Some((_, text, worst)) = &group.worst {
-        facts.push(format!("worst {}: {text}", place(core, worst)));
+        facts.push(format!("worst {}: {text}", occurrence_text(core, worst)));
     }
     facts.extend(group.downgraded.as_ref().map(|why| format!("severity downgraded: {why}")));
     facts.extend(group.manual.as_ref().map(|manual| format!("manual: {manual}")));
     facts.extend(group.suppressed.as_ref().map(|why| format!("suppressed by the bus file: {why}")));
-    items.extend(facts.iter().map(|fact| Item::quiet(&format!("  {fact}"))));
-    chain(core, findings, group, items);
+    items.extend(facts.iter().map(|fact| DetailItem::minor_item(&format!("  {fact}"))));
+    push_chain(core, findings, group, items);
 }
 
 /// The chain of causes of a finding, and its effects.
-fn chain(core: &Core, findings: &Findings, group: &Group, items: &mut Vec<Item>) {
+fn push_chain(core: &UiState, findings: &CaptureFindings, group: &FindingGroup, items: &mut Vec<DetailItem>) {
     let mut of = group;
     for _ in 0..LONGEST_CHAIN {
         match &of.cause {
-            Some(Cause::Group(id)) => {
-                let Some(cause) = findings.group(*id) else { break };
-                items.push(link(core, "caused by", cause));
+            Some(FindingCause::Group(id)) => {
+                let Some(cause) = findings.group_by_id(*id) else { break };
+                items.push(link_item(core, "caused by", cause));
                 of = cause;
             }
-            Some(Cause::Quality(text)) => {
-                items.push(Item::quiet(&format!("  explained by {text}")));
+            Some(FindingCause::Quality(text)) => {
+                items.push(DetailItem::minor_item(&format!("  explained by {text}")));
                 break;
             }
-            Some(Cause::Fact(fact)) => {
-                items.push(Item::quiet(&format!("  caused by {}", fact_text(fact))));
+            Some(FindingCause::Fact(fact)) => {
+                items.push(DetailItem::minor_item(&format!("  caused by {}", fact_text(fact))));
                 break;
             }
             None => break,
         }
     }
-    items.extend(findings.effects(group.id).take(LONGEST_CHAIN).map(|effect| link(core, "causes", effect)));
+    items.extend(
+        findings.effects_of(group.id).take(LONGEST_CHAIN).map(|effect| link_item(core, "causes", effect)),
+    );
 }
 
-fn link(core: &Core, word: &str, group: &Group) -> Item {
-    let began = group.began();
-    let text = format!("  {word} {} {}: {}", place(core, &began), group.rule, group.text);
-    Item::new(&text, Role::Link).leading(ItemTarget::Place(JumpPlace::Frame(began.frames.last)))
+fn link_item(core: &UiState, word: &str, group: &FindingGroup) -> DetailItem {
+    let began = group.first_occurrence();
+    let text = format!("  {word} {} {}: {}", occurrence_text(core, &began), group.rule, group.text);
+    DetailItem::new(&text, TextRole::Link).with_target(ItemTarget::Place(JumpPlace::Frame(began.frames.last)))
 }
 
-fn place(core: &Core, occurrence: &Occurrence) -> String {
+fn occurrence_text(core: &UiState, occurrence: &Occurrence) -> String {
     let time = core.time_words(occurrence.time, 3).map_or(String::new(), |time| format!(" {time}"));
     format!("{{{}}}{time}", occurrence.frames.last)
 }
 
 /// Findings that opened here, while the rules still run.
-fn so_far(core: &Core, survey: &SurveyResults, frames: &[u64], items: &mut Vec<Item>) {
+fn so_far(core: &UiState, survey: &SurveyResults, frames: &[u64], items: &mut Vec<DetailItem>) {
     for opened in survey.overview.opened.iter().filter(|opened| frames.contains(&opened.spot.frame)) {
         let news = &opened.news;
         let head = format!("{} {}: {}", news.severity.name(), news.rule, news.text);
-        items.push(Item::new(&head, severity_role(news.severity)));
+        items.push(DetailItem::new(&head, severity_role(news.severity)));
         let cause = news.cause.and_then(|id| survey.overview.opened.iter().find(|other| other.news.id == id));
         if let Some(cause) = cause {
             let time = core.time_words(cause.time, 3).map_or(String::new(), |time| format!(" {time}"));
             let frame = cause.spot.frame;
             let text = format!("  caused by {{{frame}}}{time} {}: {}", cause.news.rule, cause.news.text);
-            items.push(Item::new(&text, Role::Link).leading(ItemTarget::Place(JumpPlace::Frame(frame))));
+            items.push(
+                DetailItem::new(&text, TextRole::Link)
+                    .with_target(ItemTarget::Place(JumpPlace::Frame(frame))),
+            );
         }
-        if let Some(rule) = declarations().find(|rule| *rule.name == *news.rule) {
-            explanation(&rule.info(), items);
+        if let Some(rule) = all_declarations().find(|rule| *rule.name == *news.rule) {
+            push_explanation(&rule.rule_info(), items);
         }
     }
 }
 
 /// The documentation of the rule, one item per section.
-fn explanation(rule: &RuleInfo, items: &mut Vec<Item>) {
-    let text = manual(&rule.explanation);
-    let paragraphs = sections(&text);
+fn push_explanation(rule: &RuleInfo, items: &mut Vec<DetailItem>) {
+    let text = format_manual(&rule.explanation);
+    let paragraphs = all_sections(&text);
     if paragraphs.is_empty() {
-        items.push(Item::new(&format!("  {}", rule.title), Role::Text));
-        items.extend(rule.source.as_ref().map(|source| Item::quiet(&format!("  Source: {source}"))));
+        items.push(DetailItem::new(&format!("  {}", rule.title), TextRole::Text));
+        items.extend(
+            rule.source.as_ref().map(|source| DetailItem::minor_item(&format!("  Source: {source}"))),
+        );
     }
     for (heading, paragraph) in paragraphs {
-        items.push(Item::headed(&format!("  {heading}: "), &paragraph));
+        items.push(DetailItem::headed_item(&format!("  {heading}: "), &paragraph));
     }
 }

@@ -7,7 +7,7 @@
 
 use cobscope_decoder::event::Event;
 use cobscope_decoder::query::Filter;
-use cobscope_decoder::query::record::{FieldValue, Fields, visit};
+use cobscope_decoder::query::record::{FieldConsumer, FieldValue, visit_event};
 use cobscope_decoder::session::Bus;
 
 /// Maximum number of data bytes shown.
@@ -19,7 +19,7 @@ const FRAMES: &str = "frames";
 
 /// A field of an event.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Key {
+pub(super) struct EventField {
     /// Name as in filters: `object.index`.
     pub(super) name: String,
     /// Value as in filters.
@@ -30,45 +30,45 @@ pub(super) struct Key {
     pub(super) frame: Option<u64>,
 }
 
-pub(super) fn of(event: &Event, bus: &Bus) -> Vec<Key> {
-    let mut keys = Keys { all: Vec::new(), path: Vec::new() };
-    visit(event, bus, None, &mut keys);
+pub(super) fn event_fields(event: &Event, bus: &Bus) -> Vec<EventField> {
+    let mut keys = EventFields { all: Vec::new(), path: Vec::new() };
+    visit_event(event, bus, None, &mut keys);
     keys.all
 }
 
-struct Keys {
-    all: Vec<Key>,
+struct EventFields {
+    all: Vec<EventField>,
     path: Vec<&'static str>,
 }
 
-impl Fields for Keys {
-    fn field(&mut self, key: &'static str, value: FieldValue<'_>) {
+impl FieldConsumer for EventFields {
+    fn add_field(&mut self, key: &'static str, value: FieldValue<'_>) {
         let parts = self.path.iter().copied().chain([key]).filter(|part| !part.is_empty());
         let name = parts.collect::<Vec<_>>().join(".");
         let frame = match value {
             FieldValue::Unsigned(frame) if names_a_frame(&name) && frame > 0 => Some(frame),
             _ => None,
         };
-        let mut value_text = text(value);
+        let mut value_text = filter_value(value);
         let filter = format!("{name} == {value_text}");
         let filter = (value != FieldValue::Null && filter.parse::<Filter>().is_ok()).then_some(filter);
         if let FieldValue::Bytes(bytes) = value
             && bytes.len() > SHOWN_BYTES
         {
-            value_text = text(FieldValue::Bytes(bytes.get(..SHOWN_BYTES).unwrap_or(bytes))) + " …";
+            value_text = filter_value(FieldValue::Bytes(bytes.get(..SHOWN_BYTES).unwrap_or(bytes))) + " …";
         }
-        let key = Key { name, value: value_text, filter, frame };
+        let key = EventField { name, value: value_text, filter, frame };
         // For a single frame the first and last frame field are equal.
         if self.all.last() != Some(&key) {
             self.all.push(key);
         }
     }
 
-    fn open(&mut self, key: &'static str) {
+    fn open_group(&mut self, key: &'static str) {
         self.path.push(key);
     }
 
-    fn close(&mut self) {
+    fn close_group(&mut self) {
         self.path.pop();
     }
 
@@ -88,7 +88,7 @@ fn names_a_frame(name: &str) -> bool {
 }
 
 /// A value in filter syntax.
-fn text(value: FieldValue<'_>) -> String {
+fn filter_value(value: FieldValue<'_>) -> String {
     match value {
         FieldValue::Null => "null".into(),
         FieldValue::Bool(value) => value.to_string(),

@@ -28,17 +28,17 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::Line;
 
-use super::legend::{self, Legend};
-use super::{Effect, Pane};
+use super::legend::{self, PaneLegend};
+use super::{Pane, PaneRequest};
 use crate::action::Action;
-use crate::state::Core;
-use crate::theme::{Glyph, Role, role_of};
-use crate::timeline::Row;
-use crate::widgets::bits::{self, Bits};
+use crate::state::UiState;
+use crate::theme::{Glyph, TextRole, role_of};
+use crate::timeline::ReplayRow;
+use crate::widgets::bits::{self, PayloadBits};
 use crate::widgets::draw;
 use crate::widgets::text_lines::TextLines;
-use item::{Item, ItemTarget};
-use payload::Payload;
+use item::{DetailItem, ItemTarget};
+use payload::PayloadBytes;
 
 /// Width from which bits and text are next to each other.
 const WIDE: u16 = 110;
@@ -50,7 +50,7 @@ const MOST_BITS: u16 = 8;
 
 /// The details of the event at the cursor.
 #[derive(Debug, Default)]
-pub struct Detail {
+pub struct DetailPane {
     /// Position of the event, and whether the cursor has reached it.
     spot: Option<(EventPosition, bool)>,
     /// Index of the selected item.
@@ -62,7 +62,7 @@ pub struct Detail {
 }
 
 /// Screen areas of this pane.
-struct Parts {
+struct DetailAreas {
     title: Rect,
     bits: Rect,
     text: Rect,
@@ -70,24 +70,24 @@ struct Parts {
 
 /// Content at the cursor.
 struct DetailContent<'a> {
-    row: Option<&'a Row>,
-    payload: Payload,
-    items: Vec<Item>,
+    row: Option<&'a ReplayRow>,
+    payload: PayloadBytes,
+    items: Vec<DetailItem>,
 }
 
-impl Detail {
-    fn content<'a>(&self, core: &'a Core) -> DetailContent<'a> {
-        let row = row(core);
+impl DetailPane {
+    fn detail_content<'a>(&self, core: &'a UiState) -> DetailContent<'a> {
+        let row = cursor_row(core);
         let frames = core.window.as_ref().map_or(&[][..], |window| &window.frames);
         let chosen = self.frame.and_then(|frame| frames.get(frame));
-        let payload = payload::of(core, row, chosen);
-        let items = document::items(core, row, &payload, self.frame);
+        let payload = payload::payload_of(core, row, chosen);
+        let items = document::document_items(core, row, &payload, self.frame);
         DetailContent { row, payload, items }
     }
 
     /// The selected part of the payload.
-    fn part(&self, told: &DetailContent<'_>) -> Option<usize> {
-        match told.items.get(self.selected(told)).map(|item| &item.leads) {
+    fn selected_part(&self, told: &DetailContent<'_>) -> Option<usize> {
+        match told.items.get(self.selected_item(told)).map(|item| &item.leads) {
             Some(ItemTarget::Part(part))
                 if self.bit.is_none_or(|bit| part_at(&told.payload, bit).is_some()) =>
             {
@@ -98,19 +98,19 @@ impl Detail {
     }
 
     /// The selected item; after a heading, the item below it.
-    fn selected(&self, told: &DetailContent<'_>) -> usize {
+    fn selected_item(&self, told: &DetailContent<'_>) -> usize {
         let rest = told.items.iter().enumerate().skip(self.selected);
         let mut rest = rest.filter(|(_, item)| item.can_be_selected());
         rest.next().map_or_else(
-            || told.items.iter().rposition(Item::can_be_selected).unwrap_or(0),
+            || told.items.iter().rposition(DetailItem::can_be_selected).unwrap_or(0),
             |(index, _)| index,
         )
     }
 
-    fn step(&mut self, told: &DetailContent<'_>, delta: isize) {
+    fn step_selection(&mut self, told: &DetailContent<'_>, delta: isize) {
         let places = told.items.iter().enumerate().filter(|(_, item)| item.can_be_selected());
         let places: Vec<usize> = places.map(|(index, _)| index).collect();
-        let at = places.partition_point(|index| *index < self.selected(told));
+        let at = places.partition_point(|index| *index < self.selected_item(told));
         let to = at.saturating_add_signed(delta).min(places.len().saturating_sub(1));
         self.selected = places.get(to).copied().unwrap_or(0);
         self.bit = None;
@@ -122,34 +122,34 @@ impl Detail {
         if count == 0 {
             return;
         }
-        let part = self.part(told).and_then(|part| told.payload.parts.get(part));
+        let part = self.selected_part(told).and_then(|part| told.payload.parts.get(part));
         let place = match (self.bit, part) {
             (Some(bit), _) => bits::on_screen(bit).saturating_add_signed(delta),
             (None, Some(part)) => first_on_screen(part),
             (None, None) => 0,
         };
-        self.choose(told, bits::on_screen(place.min(count - 1)));
+        self.select_bit(told, bits::on_screen(place.min(count - 1)));
     }
 
     /// Selects a bit and the part that contains it.
-    fn choose(&mut self, told: &DetailContent<'_>, bit: u16) {
+    fn select_bit(&mut self, told: &DetailContent<'_>, bit: u16) {
         self.bit = Some(bit);
         if let Some(part) = part_at(&told.payload, bit) {
-            let is_it = |item: &Item| item.leads == ItemTarget::Part(part);
+            let is_it = |item: &DetailItem| item.leads == ItemTarget::Part(part);
             self.selected = told.items.iter().position(is_it).unwrap_or(self.selected);
         }
     }
 
-    fn open(&mut self, core: &Core) -> Vec<Effect> {
-        let told = self.content(core);
-        match told.items.get(self.selected(&told)).map(|item| item.leads.clone()) {
-            Some(ItemTarget::Place(place)) => vec![Effect::Go(place)],
+    fn open_target(&mut self, core: &UiState) -> Vec<PaneRequest> {
+        let told = self.detail_content(core);
+        match told.items.get(self.selected_item(&told)).map(|item| item.leads.clone()) {
+            Some(ItemTarget::Place(place)) => vec![PaneRequest::Go(place)],
             Some(ItemTarget::Frame(frame)) => {
                 self.frame = if self.frame == Some(frame) { None } else { Some(frame) };
                 self.bit = None;
                 // The items above may have changed.
-                let told = self.content(core);
-                let is_it = |item: &Item| item.leads == ItemTarget::Frame(frame);
+                let told = self.detail_content(core);
+                let is_it = |item: &DetailItem| item.leads == ItemTarget::Frame(frame);
                 self.selected = told.items.iter().position(is_it).unwrap_or(0);
                 Vec::new()
             }
@@ -157,31 +157,31 @@ impl Detail {
         }
     }
 
-    fn plot(&self, core: &Core) -> Vec<Effect> {
-        let told = self.content(core);
-        let part = self.part(&told).and_then(|part| told.payload.parts.get(part));
+    fn plot_signals(&self, core: &UiState) -> Vec<PaneRequest> {
+        let told = self.detail_content(core);
+        let part = self.selected_part(&told).and_then(|part| told.payload.parts.get(part));
         match part.and_then(|part| part.signal.clone()) {
             Some(signal) => {
                 let text = format!("{} added to the plot", signal.name);
-                vec![Effect::Plot(signal), Effect::Say(text)]
+                vec![PaneRequest::Plot(signal), PaneRequest::Say(text)]
             }
-            None => vec![Effect::Refuse("select a field of a PDO or message to plot it".into())],
+            None => vec![PaneRequest::Refuse("select a field of a PDO or message to plot it".into())],
         }
     }
 }
 
 /// The event at the cursor; None after a frame without a shown event.
-fn row(core: &Core) -> Option<&Row> {
-    core.row().filter(|row| {
+fn cursor_row(core: &UiState) -> Option<&ReplayRow> {
+    core.cursor_row().filter(|row| {
         let frame = core.cursor.frame;
         row.spot.frame == frame || row.event.frames.last == frame || core.cursor.ordinal != u32::MAX
     })
 }
 
-fn fields(payload: &Payload) -> Vec<bits::Field<'_>> {
+fn payload_fields(payload: &PayloadBytes) -> Vec<bits::PayloadField<'_>> {
     let mut all = Vec::new();
     for (number, part) in payload.parts.iter().enumerate() {
-        all.push(bits::Field {
+        all.push(bits::PayloadField {
             name: part.name.as_str().into(),
             start_bit: part.bit,
             bits: part.bits,
@@ -192,8 +192,8 @@ fn fields(payload: &Payload) -> Vec<bits::Field<'_>> {
     all
 }
 
-fn part_at(payload: &Payload, bit: u16) -> Option<usize> {
-    bits::field_at(&fields(payload), bit)
+fn part_at(payload: &PayloadBytes, bit: u16) -> Option<usize> {
+    bits::field_at(&payload_fields(payload), bit)
 }
 
 fn first_on_screen(part: &payload::PayloadPart) -> u16 {
@@ -209,34 +209,34 @@ fn first_on_screen(part: &payload::PayloadPart) -> u16 {
 }
 
 /// Areas for title, bits and text.
-fn layout(told: &DetailContent<'_>, title_lines: u16, area: Rect) -> Parts {
+fn text_areas(told: &DetailContent<'_>, title_lines: u16, area: Rect) -> DetailAreas {
     let title = Rect { height: title_lines.min(area.height), ..area };
     let rest = Rect { y: area.y + title.height, height: area.height - title.height, ..area };
     if told.payload.bytes.is_empty() {
-        return Parts { title, bits: Rect { height: 0, ..rest }, text: rest };
+        return DetailAreas { title, bits: Rect { height: 0, ..rest }, text: rest };
     }
     if area.width >= WIDE {
         let width = if area.width >= EIGHT_BYTES + 72 { EIGHT_BYTES } else { FOUR_BYTES };
         let bits = Rect { width, ..rest };
         let text = Rect { x: rest.x + width + 1, width: rest.width - width - 1, ..rest };
-        return Parts { title, bits, text };
+        return DetailAreas { title, bits, text };
     }
     let block = if told.payload.parts.is_empty() { 3 } else { 4 };
     let bytes_a_row = if area.width >= EIGHT_BYTES - 1 { 8 } else { 4 };
-    let blocks = draw::cells(told.payload.bytes.len().min(64).div_ceil(bytes_a_row));
+    let blocks = draw::to_cells(told.payload.bytes.len().min(64).div_ceil(bytes_a_row));
     let height = (blocks * block).min(MOST_BITS).min(rest.height / 2);
     let bits = Rect { height, ..rest };
-    Parts { title, bits, text: Rect { y: rest.y + height, height: rest.height - height, ..rest } }
+    DetailAreas { title, bits, text: Rect { y: rest.y + height, height: rest.height - height, ..rest } }
 }
 
 /// Time and place of the event, and its text.
-fn title(core: &Core, told: &DetailContent<'_>) -> Vec<Line<'static>> {
-    let time = told.row.map_or_else(|| core.time(), |row| row.event.time);
+fn title_text_lines(core: &UiState, told: &DetailContent<'_>) -> Vec<Line<'static>> {
+    let time = told.row.map_or_else(|| core.cursor_time(), |row| row.event.time);
     let mut place: Vec<String> = core.time_words(time, 6).into_iter().collect();
-    place.extend(time.and_then(date));
+    place.extend(time.and_then(date_text));
     let quiet = |place: &[String]| {
         let text = cobscope_decoder::sink::escape(&place.join("  ")).into_owned();
-        Line::styled(text, core.theme.style(Role::Quiet))
+        Line::styled(text, core.theme.role_style(TextRole::Quiet))
     };
     let Some(row) = told.row else {
         place.push(format!("frame {{{}}}", core.cursor.frame));
@@ -252,74 +252,81 @@ fn title(core: &Core, told: &DetailContent<'_>) -> Vec<Line<'static>> {
     place.extend(Some(told.payload.title.clone()).filter(|title| !title.is_empty()));
     place.extend(row.event.presumed.then(|| "presumed CANopen".to_owned()));
     let text = format!("{} {} {}", row.who, row.kind, row.what).trim_start().to_owned();
-    vec![quiet(&place), Line::styled(text, core.theme.style(role_of(row.tone)))]
+    vec![quiet(&place), Line::styled(text, core.theme.role_style(role_of(row.tone)))]
 }
 
 /// Date and time of a timestamp from 1973 on; earlier ones count from the start of the capture.
-fn date(time: Timestamp) -> Option<String> {
+fn date_text(time: Timestamp) -> Option<String> {
     const FIRST: i64 = 100_000_000_000_000_000;
     let stamp = jiff::Timestamp::from_nanosecond(i128::from(time.0)).ok().filter(|_| time.0 >= FIRST)?;
     Some(stamp.strftime("%Y-%m-%d %H:%M:%S UTC").to_string())
 }
 
 /// Height of the title.
-fn title_lines(core: &Core, title: &[Line<'static>], area: Rect) -> u16 {
-    draw::cells(TextLines::new(&core.theme, title).total(area.width)).min(area.height / 4).max(1)
+fn title_lines(core: &UiState, title: &[Line<'static>], area: Rect) -> u16 {
+    draw::to_cells(TextLines::new(&core.theme, title).line_count(area.width)).min(area.height / 4).max(1)
 }
 
-impl Pane for Detail {
-    fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
+impl Pane for DetailPane {
+    fn render_pane(&self, core: &UiState, area: Rect, buf: &mut Buffer) {
         if core.window.is_none() {
-            draw::put(buf, area.x, area.y, area.width, "reading …", core.theme.style(Role::Quiet));
+            draw::put_text(
+                buf,
+                area.x,
+                area.y,
+                area.width,
+                "reading …",
+                core.theme.role_style(TextRole::Quiet),
+            );
             return;
         }
-        let told = self.content(core);
-        let title = title(core, &told);
-        let parts = layout(&told, title_lines(core, &title, area), area);
+        let told = self.detail_content(core);
+        let title = title_text_lines(core, &told);
+        let parts = text_areas(&told, title_lines(core, &title, area), area);
         TextLines::new(&core.theme, &title).render(parts.title, buf);
-        let fields = fields(&told.payload);
-        Bits::new(&core.theme, &told.payload.bytes)
-            .fields(&fields)
-            .selected(self.part(&told))
-            .cursor(self.bit)
+        let fields = payload_fields(&told.payload);
+        PayloadBits::new(&core.theme, &told.payload.bytes)
+            .with_fields(&fields)
+            .select_field(self.selected_part(&told))
+            .with_cursor(self.bit)
             .without_legend()
             .render(parts.bits, buf);
         if parts.text.x > area.x {
             for y in parts.text.top()..parts.text.bottom() {
                 let glyph = core.theme.glyph(Glyph::Vertical);
-                draw::put(buf, parts.text.x - 1, y, 1, glyph, core.theme.style(Role::Border));
+                draw::put_text(buf, parts.text.x - 1, y, 1, glyph, core.theme.role_style(TextRole::Border));
             }
         }
-        self.text(core, &told, parts.text, buf);
+        self.draw_text(core, &told, parts.text, buf);
     }
 
-    fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
-        let told = self.content(core);
+    fn on_action(&mut self, action: Action, core: &UiState) -> Vec<PaneRequest> {
+        let told = self.detail_content(core);
         let page = isize::try_from(core.height / 3).unwrap_or(1).max(1);
         match action {
-            Action::Down => self.step(&told, 1),
-            Action::Up => self.step(&told, -1),
-            Action::PageDown => self.step(&told, page),
-            Action::PageUp => self.step(&told, -page),
-            Action::Top => self.step(&told, isize::MIN),
-            Action::Bottom => self.step(&told, isize::MAX),
+            Action::Down => self.step_selection(&told, 1),
+            Action::Up => self.step_selection(&told, -1),
+            Action::PageDown => self.step_selection(&told, page),
+            Action::PageUp => self.step_selection(&told, -page),
+            Action::Top => self.step_selection(&told, isize::MIN),
+            Action::Bottom => self.step_selection(&told, isize::MAX),
             Action::Left => self.step_bit(&told, -1),
             Action::Right => self.step_bit(&told, 1),
-            Action::Open | Action::Toggle => return self.open(core),
-            Action::Plot => return self.plot(core),
+            Action::Open | Action::Toggle => return self.open_target(core),
+            Action::Plot => return self.plot_signals(core),
             _ => {}
         }
         Vec::new()
     }
 
-    fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
-        let told = self.content(core);
-        let parts = layout(&told, title_lines(core, &title(core, &told), area), area);
-        let fields = fields(&told.payload);
-        let bits = Bits::new(&core.theme, &told.payload.bytes).fields(&fields);
-        let bits = bits.selected(self.part(&told)).cursor(self.bit).without_legend();
+    fn on_click(&mut self, x: u16, y: u16, area: Rect, core: &UiState) -> Vec<PaneRequest> {
+        let told = self.detail_content(core);
+        let parts = text_areas(&told, title_lines(core, &title_text_lines(core, &told), area), area);
+        let fields = payload_fields(&told.payload);
+        let bits = PayloadBits::new(&core.theme, &told.payload.bytes).with_fields(&fields);
+        let bits = bits.select_field(self.selected_part(&told)).with_cursor(self.bit).without_legend();
         if let Some(bit) = bits.bit_at(parts.bits, x, y) {
-            self.choose(&told, bit);
+            self.select_bit(&told, bit);
         } else if let Some(item) = self.item_at(core, &told, parts.text, x, y) {
             self.selected = item;
             self.bit = None;
@@ -327,8 +334,8 @@ impl Pane for Detail {
         Vec::new()
     }
 
-    fn refresh(&mut self, core: &Core) {
-        let spot = core.row().map(|row| row.spot).filter(|_| row(core).is_some());
+    fn refresh_state(&mut self, core: &UiState) {
+        let spot = core.cursor_row().map(|row| row.spot).filter(|_| cursor_row(core).is_some());
         let spot = spot.unwrap_or(core.cursor);
         let spot = Some((spot, spot <= core.cursor));
         if self.spot != spot {
@@ -336,15 +343,15 @@ impl Pane for Detail {
         }
     }
 
-    fn legend(&self) -> &'static Legend {
+    fn pane_legend(&self) -> &'static PaneLegend {
         &legend::DETAIL
     }
 
-    fn performs(&self) -> &'static [Action] {
+    fn performed_actions(&self) -> &'static [Action] {
         &[Action::Left, Action::Right, Action::Toggle, Action::Plot]
     }
 
-    fn actions(&self) -> &'static [Action] {
+    fn key_bar_actions(&self) -> &'static [Action] {
         &[
             Action::Back,
             Action::Down,
@@ -357,18 +364,18 @@ impl Pane for Detail {
         ]
     }
 
-    fn filter_of_cell(&self, core: &Core) -> Option<String> {
-        let told = self.content(core);
-        let item = told.items.get(self.selected(&told))?;
-        let part = self.part(&told).and_then(|part| told.payload.parts.get(part));
+    fn filter_of_cell(&self, core: &UiState) -> Option<String> {
+        let told = self.detail_content(core);
+        let item = told.items.get(self.selected_item(&told))?;
+        let part = self.selected_part(&told).and_then(|part| told.payload.parts.get(part));
         let of_part = part
             .and_then(|part| part.signal.as_ref())
             .map(|signal| format!("signals.name == {:?}", signal.name));
         item.filter.clone().or(of_part)
     }
 
-    fn line(&self, core: &Core) -> Option<String> {
-        let told = self.content(core);
-        told.items.get(self.selected(&told)).map(Item::text)
+    fn selected_line(&self, core: &UiState) -> Option<String> {
+        let told = self.detail_content(core);
+        told.items.get(self.selected_item(&told)).map(DetailItem::clipboard_text)
     }
 }

@@ -4,20 +4,25 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::Line;
 
-use super::item::Item;
-use super::{Detail, DetailContent};
-use crate::state::Core;
+use super::item::DetailItem;
+use super::{DetailContent, DetailPane};
+use crate::state::UiState;
 use crate::widgets::text_lines::TextLines;
 
-impl Detail {
+impl DetailPane {
     /// Lines of all items, and the index of the first line of each.
-    fn lines(&self, core: &Core, told: &DetailContent<'_>, width: u16) -> (Vec<Line<'static>>, Vec<usize>) {
-        let selected = self.selected(told);
+    fn item_lines(
+        &self,
+        core: &UiState,
+        told: &DetailContent<'_>,
+        width: u16,
+    ) -> (Vec<Line<'static>>, Vec<usize>) {
+        let selected = self.selected_item(told);
         let (mut lines, mut starts, mut at) = (Vec::new(), Vec::new(), 0);
         for (index, item) in told.items.iter().enumerate() {
             starts.push(at);
-            let more = item.lines(&core.theme, index == selected);
-            at += TextLines::new(&core.theme, &more).total(width);
+            let more = item.styled_lines(&core.theme, index == selected);
+            at += TextLines::new(&core.theme, &more).line_count(width);
             lines.extend(more);
         }
         starts.push(at);
@@ -25,35 +30,35 @@ impl Detail {
     }
 
     /// First visible line: the selected item is in the upper third and completely visible.
-    fn scroll(&self, told: &DetailContent<'_>, starts: &[usize], height: usize) -> usize {
-        let selected = self.selected(told);
+    fn first_visible(&self, told: &DetailContent<'_>, starts: &[usize], height: usize) -> usize {
+        let selected = self.selected_item(told);
         let start = starts.get(selected).copied().unwrap_or(0);
         let end = starts.get(selected + 1).copied().unwrap_or(start + 1);
         start.saturating_sub(height / 3).max(end.saturating_sub(height)).min(start)
     }
 
-    pub(super) fn text(&self, core: &Core, told: &DetailContent<'_>, area: Rect, buf: &mut Buffer) {
-        let (lines, starts) = self.lines(core, told, area.width.saturating_sub(1));
-        let scroll = self.scroll(told, &starts, usize::from(area.height));
-        TextLines::new(&core.theme, &lines).scroll(scroll).render(area, buf);
+    pub(super) fn draw_text(&self, core: &UiState, told: &DetailContent<'_>, area: Rect, buf: &mut Buffer) {
+        let (lines, starts) = self.item_lines(core, told, area.width.saturating_sub(1));
+        let scroll = self.first_visible(told, &starts, usize::from(area.height));
+        TextLines::new(&core.theme, &lines).with_scroll(scroll).render(area, buf);
     }
 
     /// The item at a screen position.
     pub(super) fn item_at(
         &self,
-        core: &Core,
+        core: &UiState,
         told: &DetailContent<'_>,
         area: Rect,
         x: u16,
         y: u16,
     ) -> Option<usize> {
         let is_inside = area.contains(ratatui::layout::Position::new(x, y));
-        let (lines, starts) = self.lines(core, told, area.width.saturating_sub(1));
+        let (lines, starts) = self.item_lines(core, told, area.width.saturating_sub(1));
         let last = TextLines::new(&core.theme, &lines).last_scroll(area);
-        let scroll = self.scroll(told, &starts, usize::from(area.height)).min(last);
+        let scroll = self.first_visible(told, &starts, usize::from(area.height)).min(last);
         let line = scroll + usize::from(y.saturating_sub(area.y));
         let at = starts.partition_point(|start| *start <= line).checked_sub(1)?;
-        let is_item = told.items.get(at).is_some_and(Item::can_be_selected);
+        let is_item = told.items.get(at).is_some_and(DetailItem::can_be_selected);
         (is_inside && is_item).then_some(at)
     }
 }

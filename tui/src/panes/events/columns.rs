@@ -9,10 +9,10 @@
 use cobscope_decoder::session::{Bus, Node};
 
 use crate::panes::common;
-use crate::state::Core;
-use crate::timeline::Row as EventRow;
+use crate::state::UiState;
+use crate::timeline::ReplayRow as EventRow;
 use crate::widgets::draw;
-use crate::widgets::table::{Column, Width};
+use crate::widgets::table::{ColumnWidth, TableColumn};
 
 /// Index of each column.
 pub(super) const SEVERITY: usize = 0;
@@ -37,7 +37,7 @@ const WIDEST_OBJECT: u16 = 24;
 
 /// Widths of all columns but the event; 0 for a column that is not needed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-struct Widths {
+struct ColumnWidths {
     number: u16,
     time: u16,
     delta: u16,
@@ -49,16 +49,17 @@ struct Widths {
     data: u16,
 }
 
-impl Widths {
+impl ColumnWidths {
     /// Widths of the longest values known, and of those in the rows around the cursor.
-    fn of(core: &Core, width: u16) -> Self {
-        let longest =
-            |least: u16, text: &dyn Fn(&EventRow) -> u16| core.rows().iter().map(text).fold(least, u16::max);
+    fn widths_for(core: &UiState, width: u16) -> Self {
+        let longest = |least: u16, text: &dyn Fn(&EventRow) -> u16| {
+            core.shown_rows().iter().map(text).fold(least, u16::max)
+        };
         let world = common::last_world(core);
         let buses = world.iter().flat_map(|world| world.buses());
         let nodes = buses.flat_map(Bus::nodes);
-        let name = |node: &Node| node.name().map_or(0, |name| draw::width(name).saturating_add(1));
-        let node = nodes.map(|node| draw::width(&node.id().label()).saturating_add(name(node)));
+        let name = |node: &Node| node.name().map_or(0, |name| draw::text_width(name).saturating_add(1));
+        let node = nodes.map(|node| draw::text_width(&node.id().label()).saturating_add(name(node)));
         let node = node.fold(4, u16::max);
         let widest = if width < NARROW { NARROW_NODE } else { WIDEST_NODE.min(width / 4) };
         let digits = core.timeline.progress().frames().checked_ilog10().map_or(1, |digits| digits + 1);
@@ -67,16 +68,16 @@ impl Widths {
             time: common::time_width(core),
             delta: common::time_width(core).min(9),
             bus: common::bus_width(core, width),
-            id: longest(3, &|row| row.id().map_or(0, |id| draw::width(&id.to_string()))),
-            node: longest(node, &|row| draw::width(&row.who)).min(widest),
-            kind: if width < KIND_FROM { 0 } else { longest(5, &|row| draw::width(row.kind)) },
-            object: longest(6, &|row| draw::width(&row.object)).min(WIDEST_OBJECT.max(width / 5)),
-            data: longest(4, &|row| draw::width(&row.data())),
+            id: longest(3, &|row| row.id().map_or(0, |id| draw::text_width(&id.to_string()))),
+            node: longest(node, &|row| draw::text_width(&row.who)).min(widest),
+            kind: if width < KIND_FROM { 0 } else { longest(5, &|row| draw::text_width(row.kind)) },
+            object: longest(6, &|row| draw::text_width(&row.object)).min(WIDEST_OBJECT.max(width / 5)),
+            data: longest(4, &|row| draw::text_width(&row.data_text())),
         }
     }
 
     /// Width of the columns that are always shown, with the spaces after them.
-    fn fixed(self) -> u16 {
+    fn fixed_width(self) -> u16 {
         let shown = [1, self.time, self.bus, self.node, self.kind];
         shown.into_iter().filter(|width| *width > 0).map(|width| width.saturating_add(1)).sum()
     }
@@ -90,48 +91,48 @@ const NARROW: u16 = 48;
 const NARROW_NODE: u16 = 6;
 
 /// Columns for a table of `width`.
-pub(super) fn columns(core: &Core, width: u16) -> Vec<Column> {
-    let columns = arranged(common::time_title(core), Widths::of(core, width), width);
-    common::chosen(core, "events", all(), columns)
+pub(super) fn event_columns(core: &UiState, width: u16) -> Vec<TableColumn> {
+    let columns = arrange_columns(common::time_title(core), ColumnWidths::widths_for(core, width), width);
+    common::chosen_columns(core, "events", all_columns(), columns)
 }
 
 /// All columns.
-pub(super) fn all() -> Vec<Column> {
-    arranged("Time", Widths { bus: 4, kind: 5, ..Widths::default() }, 0)
+pub(super) fn all_columns() -> Vec<TableColumn> {
+    arrange_columns("Time", ColumnWidths { bus: 4, kind: 5, ..ColumnWidths::default() }, 0)
 }
 
-fn arranged(time: &'static str, widths: Widths, width: u16) -> Vec<Column> {
-    let event = width.saturating_sub(widths.fixed()).min(WANTED_TEXT.max(width / 2));
+fn arrange_columns(time: &'static str, widths: ColumnWidths, width: u16) -> Vec<TableColumn> {
+    let event = width.saturating_sub(widths.fixed_width()).min(WANTED_TEXT.max(width / 2));
     vec![
-        Column::new("", Width::Fixed(1)),
-        Column::new("No", Width::Fixed(widths.number)).right().priority(4),
-        Column::new(time, Width::Fixed(widths.time)).right(),
-        Column::new("Δt", Width::Fixed(widths.delta)).right().priority(2),
-        Column::new(common::bus_title(widths.bus), Width::Fixed(widths.bus)),
-        Column::new("ID", Width::Fixed(widths.id)).priority(3),
-        Column::new("Node", Width::Fixed(widths.node)),
-        Column::new("Kind", Width::Fixed(widths.kind)),
-        Column::new("Object", Width::Fixed(widths.object)).priority(1),
-        Column::new("Event", Width::Min(event)),
-        Column::new("Data", Width::Fixed(widths.data)).priority(0),
+        TableColumn::new("", ColumnWidth::Fixed(1)),
+        TableColumn::new("No", ColumnWidth::Fixed(widths.number)).align_right().with_priority(4),
+        TableColumn::new(time, ColumnWidth::Fixed(widths.time)).align_right(),
+        TableColumn::new("Δt", ColumnWidth::Fixed(widths.delta)).align_right().with_priority(2),
+        TableColumn::new(common::bus_title(widths.bus), ColumnWidth::Fixed(widths.bus)),
+        TableColumn::new("ID", ColumnWidth::Fixed(widths.id)).with_priority(3),
+        TableColumn::new("Node", ColumnWidth::Fixed(widths.node)),
+        TableColumn::new("Kind", ColumnWidth::Fixed(widths.kind)),
+        TableColumn::new("Object", ColumnWidth::Fixed(widths.object)).with_priority(1),
+        TableColumn::new("Event", ColumnWidth::Min(event)),
+        TableColumn::new("Data", ColumnWidth::Fixed(widths.data)).with_priority(0),
     ]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::widgets::table::Table;
+    use crate::widgets::table::TableWidget;
 
-    const WIDTHS: Widths =
-        Widths { number: 3, time: 6, delta: 6, bus: 0, id: 3, node: 9, kind: 5, object: 24, data: 23 };
+    const WIDTHS: ColumnWidths =
+        ColumnWidths { number: 3, time: 6, delta: 6, bus: 0, id: 3, node: 9, kind: 5, object: 24, data: 23 };
 
     /// Heads of the visible columns, and the width of the event.
-    fn shown(widths: Widths, width: u16) -> (String, u16) {
-        let columns = arranged("Time", widths, width);
-        let visible = (0..COUNT).filter(|column| Table::width_of(&columns, *column, width) > 0);
+    fn shown(widths: ColumnWidths, width: u16) -> (String, u16) {
+        let columns = arrange_columns("Time", widths, width);
+        let visible = (0..COUNT).filter(|column| TableWidget::width_of(&columns, *column, width) > 0);
         let heads: Vec<_> =
             visible.filter_map(|column| columns.get(column)).map(|column| &*column.title).collect();
-        (heads.join(" ").trim().to_owned(), Table::width_of(&columns, EVENT, width))
+        (heads.join(" ").trim().to_owned(), TableWidget::width_of(&columns, EVENT, width))
     }
 
     #[test]

@@ -16,35 +16,35 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
 use self::cells::CellWidths;
-use self::columns::columns;
-use super::common::time;
-use super::detail::Detail;
-use super::legend::{self, Legend};
-use super::{Effect, Pane};
+use self::columns::event_columns;
+use super::common::display_time;
+use super::detail::DetailPane;
+use super::legend::{self, PaneLegend};
+use super::{Pane, PaneRequest};
 use crate::action::Action;
-use crate::state::{Core, JumpPlace};
-use crate::theme::{Glyph, Role};
-use crate::timeline::Row as EventRow;
+use crate::state::{JumpPlace, UiState};
+use crate::theme::{Glyph, TextRole};
+use crate::timeline::ReplayRow as EventRow;
 use crate::widgets::draw;
-use crate::widgets::table::{Column, Row, Table, TableState};
+use crate::widgets::table::{TableColumn, TableRow, TableState, TableWidget};
 
 /// The event table.
 #[derive(Debug, Default)]
-pub struct Events {
+pub struct EventsPane {
     /// The column chosen by the user.
     column: Option<usize>,
     highlight: Option<String>,
     /// The details of the selected event are shown below.
     is_open: bool,
-    detail: Detail,
+    detail: DetailPane,
 }
 
 /// Height from which the details fit below the table.
 const LEAST_SPLIT: u16 = 12;
 
-impl Events {
+impl EventsPane {
     /// Areas of the table and of the details below it.
-    fn split(&self, area: Rect) -> (Rect, Option<Rect>) {
+    fn split_area(&self, area: Rect) -> (Rect, Option<Rect>) {
         if !self.is_open || area.height < LEAST_SPLIT {
             return (area, None);
         }
@@ -54,32 +54,33 @@ impl Events {
     }
 
     /// Visible rows around the cursor, and the selected one.
-    fn view(core: &Core, height: usize) -> (std::ops::Range<usize>, usize) {
-        let state = TableState { selected: core.selected(), ..TableState::default() };
+    fn visible_rows(core: &UiState, height: usize) -> (std::ops::Range<usize>, usize) {
+        let state = TableState { selected: core.selected_index(), ..TableState::default() };
         // The selection stays in the middle of the known rows, so that both sides are visible.
         let half = height / 2;
-        let first = state.selected.saturating_sub(half).min(core.rows().len().saturating_sub(height));
-        (first..(first + height).min(core.rows().len()), state.selected)
+        let first = state.selected.saturating_sub(half).min(core.shown_rows().len().saturating_sub(height));
+        (first..(first + height).min(core.shown_rows().len()), state.selected)
     }
 
     /// Indices of the visible columns that can be chosen: all but the severity.
-    fn shown(core: &Core) -> Vec<usize> {
+    fn visible_columns(core: &UiState) -> Vec<usize> {
         let width = core.width.saturating_sub(1);
-        let columns = columns(core, width);
+        let columns = event_columns(core, width);
         // The scroll bar has a column of its own.
-        let shown = Table::new(&core.theme, &columns).shown(Rect::new(0, 0, width, core.height));
+        let shown =
+            TableWidget::new(&core.theme, &columns).visible_columns(Rect::new(0, 0, width, core.height));
         shown.into_iter().filter(|column| *column != columns::SEVERITY).collect()
     }
 
     /// The chosen column; if it is no longer visible, the next one.
-    fn column(&self, core: &Core) -> Option<usize> {
+    fn chosen_column(&self, core: &UiState) -> Option<usize> {
         let column = self.column?;
-        Some(TableState { column, ..TableState::default() }.column_in(&Self::shown(core)))
+        Some(TableState { column, ..TableState::default() }.column_in(&Self::visible_columns(core)))
     }
 
     /// The next visible column on one side, or the current one; the first one without a choice.
-    fn beside(&self, core: &Core, is_right: bool) -> usize {
-        let shown = Self::shown(core);
+    fn column_beside(&self, core: &UiState, is_right: bool) -> usize {
+        let shown = Self::visible_columns(core);
         let mut state = TableState { column: self.column.unwrap_or_default(), ..TableState::default() };
         match self.column {
             None => state.column = state.column_in(&shown),
@@ -88,12 +89,12 @@ impl Events {
         state.column
     }
 
-    fn step(core: &Core, delta: isize) -> Vec<Effect> {
-        let rows = core.rows();
-        let at = core.selected().saturating_add_signed(delta).min(rows.len().saturating_sub(1));
+    fn step_cursor(core: &UiState, delta: isize) -> Vec<PaneRequest> {
+        let rows = core.shown_rows();
+        let at = core.selected_index().saturating_add_signed(delta).min(rows.len().saturating_sub(1));
         match rows.get(at) {
-            Some(row) if at != core.selected() || core.cursor < row.spot => {
-                vec![Effect::Go(JumpPlace::Event(row.spot))]
+            Some(row) if at != core.selected_index() || core.cursor < row.spot => {
+                vec![PaneRequest::Go(JumpPlace::Event(row.spot))]
             }
             // After the last row there may be events that are not read yet.
             _ => Vec::new(),
@@ -101,73 +102,86 @@ impl Events {
     }
 }
 
-impl Pane for Events {
-    fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
-        let (area, below) = self.split(area);
+impl Pane for EventsPane {
+    fn render_pane(&self, core: &UiState, area: Rect, buf: &mut Buffer) {
+        let (area, below) = self.split_area(area);
         if let Some(below) = below {
             let line = core.theme.glyph(Glyph::Horizontal).repeat(usize::from(below.width));
-            draw::put(buf, below.x, below.y, below.width, &line, core.theme.style(Role::Border));
+            draw::put_text(
+                buf,
+                below.x,
+                below.y,
+                below.width,
+                &line,
+                core.theme.role_style(TextRole::Border),
+            );
             let below = Rect { y: below.y + 1, height: below.height - 1, ..below };
-            self.detail.render(core, below, buf);
+            self.detail.render_pane(core, below, buf);
         }
         let inside = Rect { width: area.width.saturating_sub(1), ..area };
-        let height = Table::height(inside);
-        let (range, selected) = Self::view(core, height);
+        let height = TableWidget::visible_height(inside);
+        let (range, selected) = Self::visible_rows(core, height);
         let state = TableState {
             selected: selected - range.start.min(selected),
             column: self.column.unwrap_or(usize::MAX),
             ..TableState::default()
         };
-        let shown = core.rows().get(range.clone()).unwrap_or_default();
-        let columns = columns(core, inside.width);
-        let width = |column| Table::width_of(&columns, column, inside.width);
+        let shown = core.shown_rows().get(range.clone()).unwrap_or_default();
+        let columns = event_columns(core, inside.width);
+        let width = |column| TableWidget::width_of(&columns, column, inside.width);
         let widths = CellWidths {
             event: width(columns::EVENT),
             object: width(columns::OBJECT),
             bus: width(columns::BUS),
             node: width(columns::NODE),
         };
-        let before = range.start.checked_sub(1).and_then(|index| core.rows().get(index));
-        let row = |index: usize| -> Row<'_> {
+        let before = range.start.checked_sub(1).and_then(|index| core.shown_rows().get(index));
+        let row = |index: usize| -> TableRow<'_> {
             let previous = index.checked_sub(1).map_or(before, |index| shown.get(index));
             let marked = self.highlight.as_deref();
-            shown.get(index).map_or_else(Row::default, |row| cells::row(core, row, previous, widths, marked))
+            shown
+                .get(index)
+                .map_or_else(TableRow::default, |row| cells::event_row(core, row, previous, widths, marked))
         };
-        let empty = empty(core);
-        let table =
-            Table::new(&core.theme, &columns).row_count(shown.len()).rows(row).state(&state).empty(empty);
+        let empty = empty_text(core);
+        let table = TableWidget::new(&core.theme, &columns)
+            .row_count(shown.len())
+            .with_rows(row)
+            .with_state(&state)
+            .with_empty_text(empty);
         table.render(inside, buf);
         if area.height > 1 {
-            scrollbar(core, area, shown, buf);
+            draw_scrollbar(core, area, shown, buf);
         }
     }
 
-    fn refresh(&mut self, core: &Core) {
-        self.detail.refresh(core);
+    fn refresh_state(&mut self, core: &UiState) {
+        self.detail.refresh_state(core);
     }
 
-    fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
-        let shown = self.split(Rect::new(0, 0, 80, core.height)).0.height;
+    fn on_action(&mut self, action: Action, core: &UiState) -> Vec<PaneRequest> {
+        let shown = self.split_area(Rect::new(0, 0, 80, core.height)).0.height;
         let page = isize::try_from(shown.saturating_sub(2)).unwrap_or(1);
         match action {
             Action::Toggle => {
                 self.is_open = !self.is_open;
                 Vec::new()
             }
-            Action::Sort => vec![Effect::Refuse("events are always in time order".into())],
-            Action::Down => Self::step(core, 1),
-            Action::Up => Self::step(core, -1),
-            Action::PageDown => Self::step(core, page),
-            Action::PageUp => Self::step(core, -page),
-            Action::Top => vec![Effect::Go(JumpPlace::Start)],
-            Action::Bottom => vec![Effect::Go(JumpPlace::End)],
+            Action::Sort => vec![PaneRequest::Refuse("events are always in time order".into())],
+            Action::Down => Self::step_cursor(core, 1),
+            Action::Up => Self::step_cursor(core, -1),
+            Action::PageDown => Self::step_cursor(core, page),
+            Action::PageUp => Self::step_cursor(core, -page),
+            Action::Top => vec![PaneRequest::Go(JumpPlace::Start)],
+            Action::Bottom => vec![PaneRequest::Go(JumpPlace::End)],
             Action::Left | Action::Right => {
-                self.column = Some(self.beside(core, action == Action::Right));
+                self.column = Some(self.column_beside(core, action == Action::Right));
                 Vec::new()
             }
             Action::Highlight => {
-                let column = self.column(core).unwrap_or(columns::NODE);
-                let wanted = core.row().map(|row| cells::text(core, row, None, column).into_owned());
+                let column = self.chosen_column(core).unwrap_or(columns::NODE);
+                let wanted =
+                    core.cursor_row().map(|row| cells::cell_text(core, row, None, column).into_owned());
                 self.highlight = if self.highlight == wanted { None } else { wanted };
                 Vec::new()
             }
@@ -175,22 +189,23 @@ impl Pane for Events {
                 self.highlight = None;
                 Vec::new()
             }
-            Action::Plot => super::signals::plot(core),
+            Action::Plot => super::signals::plot_requests(core),
             // The Detail pane shows an event that is still being read as soon as it arrives.
-            Action::Open => core.row().map_or_else(
-                || vec![Effect::ShowDetail],
+            Action::Open => core.cursor_row().map_or_else(
+                || vec![PaneRequest::ShowDetail],
                 |row| {
-                    let node = row.event.node.map(|node| Effect::Node((row.event.bus, node)));
-                    let go = Some(Effect::Go(JumpPlace::Event(row.spot))).filter(|_| core.cursor < row.spot);
-                    node.into_iter().chain(go).chain([Effect::ShowDetail]).collect()
+                    let node = row.event.node.map(|node| PaneRequest::Node((row.event.bus, node)));
+                    let go =
+                        Some(PaneRequest::Go(JumpPlace::Event(row.spot))).filter(|_| core.cursor < row.spot);
+                    node.into_iter().chain(go).chain([PaneRequest::ShowDetail]).collect()
                 },
             ),
             _ => Vec::new(),
         }
     }
 
-    fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
-        let (area, _) = self.split(area);
+    fn on_click(&mut self, x: u16, y: u16, area: Rect, core: &UiState) -> Vec<PaneRequest> {
+        let (area, _) = self.split_area(area);
         if y >= area.bottom() {
             return Vec::new();
         }
@@ -198,30 +213,30 @@ impl Pane for Events {
         if x >= inside.right() {
             return to_share(core, y, area);
         }
-        let (range, _) = Self::view(core, Table::height(inside));
-        let columns = columns(core, inside.width);
-        let table = Table::new(&core.theme, &columns).row_count(range.len());
+        let (range, _) = Self::visible_rows(core, TableWidget::visible_height(inside));
+        let columns = event_columns(core, inside.width);
+        let table = TableWidget::new(&core.theme, &columns).row_count(range.len());
         if let Some(column) = table.column_at(inside, x) {
             self.column = Some(column);
         }
         let row = table.row_at(inside, y, &TableState::default());
-        let row = row.and_then(|row| core.rows().get(range.start + row));
-        row.map_or_else(Vec::new, |row| vec![Effect::Go(JumpPlace::Event(row.spot))])
+        let row = row.and_then(|row| core.shown_rows().get(range.start + row));
+        row.map_or_else(Vec::new, |row| vec![PaneRequest::Go(JumpPlace::Event(row.spot))])
     }
 
-    fn legend(&self) -> &'static Legend {
+    fn pane_legend(&self) -> &'static PaneLegend {
         &legend::EVENTS
     }
 
-    fn heads(&self) -> Vec<Column> {
-        columns::all()
+    fn table_heads(&self) -> Vec<TableColumn> {
+        columns::all_columns()
     }
 
-    fn performs(&self) -> &'static [Action] {
+    fn performed_actions(&self) -> &'static [Action] {
         &[Action::Left, Action::Right, Action::Toggle, Action::Highlight, Action::Plot]
     }
 
-    fn actions(&self) -> &'static [Action] {
+    fn key_bar_actions(&self) -> &'static [Action] {
         &[
             Action::Open,
             Action::Toggle,
@@ -236,11 +251,11 @@ impl Pane for Events {
         ]
     }
 
-    fn filter_of_cell(&self, core: &Core) -> Option<String> {
-        let row = core.row()?;
+    fn filter_of_cell(&self, core: &UiState) -> Option<String> {
+        let row = core.cursor_row()?;
         let event = &row.event;
-        let bus = core.world().and_then(|world| world.buses().get(usize::from(event.bus.0)));
-        let of_cell = match self.column(core).unwrap_or(columns::EVENT) {
+        let bus = core.bus_state().and_then(|world| world.buses().get(usize::from(event.bus.0)));
+        let of_cell = match self.chosen_column(core).unwrap_or(columns::EVENT) {
             columns::NUMBER if event.frames.last > 0 => Some(format!("frames == {}", event.frames.last)),
             columns::BUS => Some(format!("bus == {:?}", row.bus)),
             columns::ID => bus.zip(row.id()).map(|(bus, id)| bus.filter_of_id(id)),
@@ -250,17 +265,17 @@ impl Pane for Events {
             _ => None,
         };
         // Times, values and data have no field that other events share.
-        Some(of_cell.unwrap_or_else(|| row.filter()))
+        Some(of_cell.unwrap_or_else(|| row.filter_expression()))
     }
 
-    fn line(&self, core: &Core) -> Option<String> {
-        let row = core.row()?;
-        Some(format!("{} {}", time(core, row.event.time), row.text()))
+    fn selected_line(&self, core: &UiState) -> Option<String> {
+        let row = core.cursor_row()?;
+        Some(format!("{} {}", display_time(core, row.event.time), row.row_text()))
     }
 }
 
 /// Message of an empty table.
-fn empty(core: &Core) -> &'static str {
+fn empty_text(core: &UiState) -> &'static str {
     let filter = core.matcher.filter.as_ref();
     let is_of_findings =
         filter.is_some_and(|filter| filter.kinds().and(KindSet::FINDINGS.complement()) == KindSet::NONE);
@@ -273,7 +288,7 @@ fn empty(core: &Core) -> &'static str {
 }
 
 /// Scroll bar of the visible rows within the whole capture, by frames.
-fn scrollbar(core: &Core, area: Rect, shown: &[EventRow], buf: &mut Buffer) {
+fn draw_scrollbar(core: &UiState, area: Rect, shown: &[EventRow], buf: &mut Buffer) {
     let frames = core.timeline.progress().frames().max(1);
     let first = shown.first().map_or(0, |row| row.spot.frame);
     let height = u64::from(area.height.saturating_sub(1)).max(1);
@@ -282,13 +297,13 @@ fn scrollbar(core: &Core, area: Rect, shown: &[EventRow], buf: &mut Buffer) {
     let count = usize::try_from((frames / scale).max(height)).unwrap_or(usize::MAX);
     let start = usize::try_from(first / scale).unwrap_or(0);
     let bar = Rect { y: area.y + 1, height: area.height - 1, ..area };
-    draw::scrollbar(buf, bar, start, count, &core.theme);
+    draw::draw_scrollbar(buf, bar, start, count, &core.theme);
 }
 
 /// Moves the cursor to the clicked share of the capture.
-fn to_share(core: &Core, y: u16, area: Rect) -> Vec<Effect> {
+fn to_share(core: &UiState, y: u16, area: Rect) -> Vec<PaneRequest> {
     let share = u64::from(y.saturating_sub(area.y + 1));
     let frames = core.timeline.progress().frames();
     let frame = frames.saturating_mul(share) / u64::from(area.height.saturating_sub(2)).max(1);
-    vec![Effect::Go(JumpPlace::Frame(frame.min(frames)))]
+    vec![PaneRequest::Go(JumpPlace::Frame(frame.min(frames)))]
 }

@@ -8,16 +8,16 @@
 use std::collections::BTreeSet;
 
 use cobscope_decoder::event::{Event, EventKind, FindingNews, FrameRange, Kind};
-use cobscope_decoder::finding::{Findings, Group, Occurrence};
+use cobscope_decoder::finding::{CaptureFindings, FindingGroup, Occurrence};
 use cobscope_decoder::frame::BusIndex;
 use cobscope_decoder::query::Filter;
 use cobscope_decoder::replay::ReplayState;
 use cobscope_decoder::wire::NodeId;
-use cobscope_decoder::words::plural;
+use cobscope_decoder::words::count_noun;
 
 use crate::panes::common::last_world;
-use crate::state::Core;
-use crate::timeline::{FindingOccurrence, Matches, SurveyResults};
+use crate::state::UiState;
+use crate::timeline::{FindingOccurrence, SearchMatches, SurveyResults};
 
 /// Inputs of the selection; it is repeated if one of them changes.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -30,10 +30,10 @@ pub(super) struct FilterKey {
 }
 
 impl FilterKey {
-    pub(super) fn new(core: &Core) -> Option<Self> {
+    pub(super) fn new(core: &UiState) -> Option<Self> {
         let filter = core.matcher.filter.as_ref()?;
-        let matches = if is_of_findings(filter) { None } else { core.timeline.matches() };
-        let shown = matches.map(|matches| (matches.count(), matches.is_complete()));
+        let matches = if is_of_findings(filter) { None } else { core.timeline.search_matches() };
+        let shown = matches.map(|matches| (matches.match_count(), matches.is_complete()));
         let buses = last_world(core).map_or(0, |world| world.buses().len());
         Some(Self { text: core.filter.clone(), only_news: core.matcher.only_news, buses, shown })
     }
@@ -46,7 +46,7 @@ fn is_of_findings(filter: &Filter) -> bool {
 
 /// The selected findings.
 #[derive(Debug, Clone)]
-pub(super) struct FilterResult {
+pub(super) struct ChosenFindings {
     ids: BTreeSet<u64>,
     /// Number of findings without the filter.
     all: usize,
@@ -54,16 +54,16 @@ pub(super) struct FilterResult {
     how: String,
 }
 
-impl FilterResult {
+impl ChosenFindings {
     /// Applies the current filter; None without a filter.
-    pub(super) fn new(core: &Core, survey: &SurveyResults) -> Option<Self> {
+    pub(super) fn new(core: &UiState, survey: &SurveyResults) -> Option<Self> {
         let filter = core.matcher.filter.as_ref()?;
-        let all = all(survey);
+        let all = all_findings(survey);
         let (ids, how) = if is_of_findings(filter) {
             let world = last_world(core)?;
-            (Judge { filter, world: &world }.ids(survey), "match")
+            (FindingFilter { filter, world: &world }.selected_ids(survey), "match")
         } else {
-            let shown = core.timeline.matches()?;
+            let shown = core.timeline.search_matches()?;
             let how =
                 if shown.is_complete() { "in frames that match" } else { "so far in frames that match" };
             (in_frames(survey, &shown), how)
@@ -73,7 +73,7 @@ impl FilterResult {
     }
 
     /// Whether a finding is selected.
-    pub(super) fn has(&self, id: u64) -> bool {
+    pub(super) fn is_selected(&self, id: u64) -> bool {
         self.ids.contains(&id)
     }
 
@@ -83,25 +83,26 @@ impl FilterResult {
     }
 
     /// `2 of 4 findings match node == 5; c shows all`
-    pub(super) fn words(&self) -> String {
-        format!("{} of {} {}; c shows all", self.ids.len(), plural(self.all, "finding"), self.how)
+    pub(super) fn selection_text(&self) -> String {
+        format!("{} of {} {}; c shows all", self.ids.len(), count_noun(self.all, "finding"), self.how)
     }
 }
 
 /// Kept occurrences of findings inside the current filter; None without a filter.
-pub fn filtered_places(core: &Core, survey: &SurveyResults) -> Option<Vec<FindingOccurrence>> {
+pub fn filtered_places(core: &UiState, survey: &SurveyResults) -> Option<Vec<FindingOccurrence>> {
     let filter = core.matcher.filter.as_ref()?;
-    let result = FilterResult::new(core, survey)?;
-    let shown = if is_of_findings(filter) { None } else { core.timeline.matches() };
+    let result = ChosenFindings::new(core, survey)?;
+    let shown = if is_of_findings(filter) { None } else { core.timeline.search_matches() };
     let is_shown = |frame| shown.as_ref().is_none_or(|shown| shown.has_frame(frame));
-    let places = survey.places.iter().filter(|place| result.has(place.id) && is_shown(place.frame));
+    let places = survey.places.iter().filter(|place| result.is_selected(place.id) && is_shown(place.frame));
     Some(places.copied().collect())
 }
 
-fn all(survey: &SurveyResults) -> BTreeSet<u64> {
+fn all_findings(survey: &SurveyResults) -> BTreeSet<u64> {
     match &survey.findings {
         Some(findings) => {
-            let groups = findings.groups.iter().filter(|group| group.counts() || group.suppressed.is_some());
+            let groups =
+                findings.groups.iter().filter(|group| group.is_reported() || group.suppressed.is_some());
             groups.map(|group| group.id).collect()
         }
         None => survey.overview.opened.iter().map(|opened| opened.news.id).collect(),
@@ -109,47 +110,52 @@ fn all(survey: &SurveyResults) -> BTreeSet<u64> {
 }
 
 /// Findings in frames of matching events: where they opened, and their kept occurrences.
-fn in_frames(survey: &SurveyResults, shown: &Matches) -> BTreeSet<u64> {
+fn in_frames(survey: &SurveyResults, shown: &SearchMatches) -> BTreeSet<u64> {
     let opened = survey.overview.opened.iter().map(|opened| (opened.news.id, opened.spot.frame));
     let groups = survey.findings.iter().flat_map(|findings| &findings.groups);
-    let seen = groups.flat_map(|group| occurrences(group).map(|seen| (group.id, seen.frames.last)));
+    let seen = groups.flat_map(|group| all_occurrences(group).map(|seen| (group.id, seen.frames.last)));
     opened.chain(seen).filter(|(_, frame)| shown.has_frame(*frame)).map(|(id, _)| id).collect()
 }
 
-fn occurrences(group: &Group) -> impl Iterator<Item = Occurrence> {
+fn all_occurrences(group: &FindingGroup) -> impl Iterator<Item = Occurrence> {
     group.first.iter().chain(&group.last).copied()
 }
 
 /// Applies the filter to the events of findings.
-struct Judge<'a> {
+struct FindingFilter<'a> {
     filter: &'a Filter,
     world: &'a ReplayState,
 }
 
-impl Judge<'_> {
-    fn ids(&self, survey: &SurveyResults) -> BTreeSet<u64> {
+impl FindingFilter<'_> {
+    fn selected_ids(&self, survey: &SurveyResults) -> BTreeSet<u64> {
         if let Some(findings) = &survey.findings {
             let groups = findings.groups.iter().filter(|group| self.takes_group(findings, group));
             return groups.map(|group| group.id).collect();
         }
         let opened = survey.overview.opened.iter().filter(|opened| {
             let at = Occurrence { time: opened.time, frames: FrameRange::one(opened.spot.frame) };
-            self.takes((opened.bus, opened.node), at, &opened.news)
+            self.matches_finding((opened.bus, opened.node), at, &opened.news)
         });
         opened.map(|opened| opened.news.id).collect()
     }
 
     /// Filters by time or frame match if any kept occurrence matches.
-    fn takes_group(&self, findings: &Findings, group: &Group) -> bool {
+    fn takes_group(&self, findings: &CaptureFindings, group: &FindingGroup) -> bool {
         let Some(rule) = findings.rules.get(usize::from(group.key.rule)) else { return false };
-        let news = group.news(rule);
-        occurrences(group).any(|at| self.takes((group.key.bus, group.key.node), at, &news))
+        let news = group.opening_news(rule);
+        all_occurrences(group).any(|at| self.matches_finding((group.key.bus, group.key.node), at, &news))
     }
 
-    fn takes(&self, (bus, node): (BusIndex, Option<NodeId>), at: Occurrence, news: &FindingNews) -> bool {
+    fn matches_finding(
+        &self,
+        (bus, node): (BusIndex, Option<NodeId>),
+        at: Occurrence,
+        news: &FindingNews,
+    ) -> bool {
         let Some(told) = self.world.buses().get(usize::from(bus.0)) else { return false };
         let mut event = Event::new(bus, at.frames, EventKind::FindingOpened(Box::new(news.clone())));
         (event.time, event.node) = (at.time, node);
-        self.filter.matches(&event, told, None)
+        self.filter.matches_event(&event, told, None)
     }
 }

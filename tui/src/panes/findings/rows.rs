@@ -8,19 +8,19 @@
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
 
-use cobscope_decoder::diagnosis::incident::{IncidentFinding, incidents};
-use cobscope_decoder::finding::phrase::what;
-use cobscope_decoder::finding::{About, Findings, Group, Severity};
+use cobscope_decoder::diagnosis::incident::{IncidentFinding, group_incidents};
+use cobscope_decoder::finding::phrase::subject_phrase;
+use cobscope_decoder::finding::{CaptureFindings, FindingGroup, FindingSubject, Severity};
 use cobscope_decoder::frame::{BusIndex, Timestamp};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
 
-use super::chosen::FilterResult;
+use super::chosen::ChosenFindings;
 use crate::timeline::{OpenedFinding, SurveyResults};
 
 /// A row: id of the finding and its place in the tree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Item {
+pub(super) struct FindingRow {
     pub(super) id: u64,
     /// Index in the groups; in the opened findings while the rules still run.
     place: usize,
@@ -31,7 +31,7 @@ pub(super) struct Item {
 
 /// Content of a row.
 #[derive(Debug)]
-pub(super) struct Facts {
+pub(super) struct FindingRowContent {
     pub(super) severity: Severity,
     pub(super) bus: BusIndex,
     pub(super) node: Option<NodeId>,
@@ -52,52 +52,57 @@ pub(super) struct Facts {
 }
 
 /// Selected findings as a tree by cause, worst first, or sorted by the column and direction of `sort`.
-pub(super) fn items(
+pub(super) fn finding_rows(
     survey: &SurveyResults,
-    chosen: Option<&FilterResult>,
+    chosen: Option<&ChosenFindings>,
     folded: &BTreeSet<u64>,
     sort: Option<(usize, bool)>,
-) -> Vec<Item> {
-    let is_chosen = |id: u64| chosen.is_none_or(|chosen| chosen.has(id));
+) -> Vec<FindingRow> {
+    let is_chosen = |id: u64| chosen.is_none_or(|chosen| chosen.is_selected(id));
     let mut items = match &survey.findings {
-        Some(findings) => tree(findings, &is_chosen, folded, sort.is_some()),
-        None => opened(&survey.overview.opened, &is_chosen),
+        Some(findings) => tree_rows(findings, &is_chosen, folded, sort.is_some()),
+        None => opened_rows(&survey.overview.opened, &is_chosen),
     };
     if let Some((column, is_descending)) = sort {
-        let mut told: Vec<_> = items.iter().filter_map(|item| Some((facts(survey, item)?, *item))).collect();
+        let mut told: Vec<_> =
+            items.iter().filter_map(|item| Some((row_content(survey, item)?, *item))).collect();
         told.sort_by(|(one, _), (other, _)| {
-            let order = compare(one, other, column);
+            let order = compare_rows(one, other, column);
             if is_descending { order.reverse() } else { order }
         });
-        items = told.into_iter().map(|(_, item)| Item { depth: 0, open: None, ..item }).collect();
+        items = told.into_iter().map(|(_, item)| FindingRow { depth: 0, open: None, ..item }).collect();
     }
     items
 }
 
 /// Findings opened so far, each once, worst first.
-fn opened(news: &[OpenedFinding], is_chosen: &dyn Fn(u64) -> bool) -> Vec<Item> {
+fn opened_rows(news: &[OpenedFinding], is_chosen: &dyn Fn(u64) -> bool) -> Vec<FindingRow> {
     let mut seen = BTreeSet::new();
     let all = news.iter().enumerate();
     let mut first: Vec<_> =
         all.filter(|(_, opened)| is_chosen(opened.news.id) && seen.insert(opened.news.id)).collect();
     first.sort_by_key(|(_, opened)| std::cmp::Reverse(opened.news.severity));
-    let item =
-        |(place, opened): (usize, &OpenedFinding)| Item { id: opened.news.id, place, depth: 0, open: None };
+    let item = |(place, opened): (usize, &OpenedFinding)| FindingRow {
+        id: opened.news.id,
+        place,
+        depth: 0,
+        open: None,
+    };
     first.into_iter().map(item).collect()
 }
 
 /// Each incident with the effects of its cause; suppressed findings at the end.
-fn tree(
-    findings: &Findings,
+fn tree_rows(
+    findings: &CaptureFindings,
     is_chosen: &dyn Fn(u64) -> bool,
     folded: &BTreeSet<u64>,
     is_flat: bool,
-) -> Vec<Item> {
-    let mut items: Vec<Item> = Vec::new();
-    for incident in incidents(findings.counting().filter(|group| is_chosen(group.id))) {
+) -> Vec<FindingRow> {
+    let mut items: Vec<FindingRow> = Vec::new();
+    for incident in group_incidents(findings.reported_groups().filter(|group| is_chosen(group.id))) {
         // Findings deeper than this are hidden.
         let mut hidden_below = usize::MAX;
-        let rows: Vec<_> = incident.findings.iter().flat_map(rows).collect();
+        let rows: Vec<_> = incident.findings.iter().flat_map(incident_rows).collect();
         for (at, (depth, group)) in rows.iter().enumerate() {
             if *depth > hidden_below {
                 continue;
@@ -106,55 +111,55 @@ fn tree(
             let is_folded = has_effects && !is_flat && folded.contains(&group.id);
             hidden_below = if is_folded { *depth } else { usize::MAX };
             let depth = u8::try_from(*depth).unwrap_or(u8::MAX);
-            items.push(item(group, depth, has_effects.then_some(!is_folded)));
+            items.push(row_of(group, depth, has_effects.then_some(!is_folded)));
         }
     }
     let suppressed = findings.groups.iter().filter(|group| group.suppressed.is_some() && is_chosen(group.id));
-    items.extend(suppressed.map(|group| item(group, 0, None)));
+    items.extend(suppressed.map(|group| row_of(group, 0, None)));
     items
 }
 
 /// A finding, and below it the findings printed as one with it.
-fn rows<'a>(finding: &IncidentFinding<'a>) -> Vec<(usize, &'a Group)> {
+fn incident_rows<'a>(finding: &IncidentFinding<'a>) -> Vec<(usize, &'a FindingGroup)> {
     let below = finding.depth.saturating_add(1);
     let members = finding.members.iter().map(|group| (below, *group));
     [(finding.depth, finding.group)].into_iter().chain(members).collect()
 }
 
-fn item(group: &Group, depth: u8, open: Option<bool>) -> Item {
+fn row_of(group: &FindingGroup, depth: u8, open: Option<bool>) -> FindingRow {
     // Group ids start at 1 and follow the order of the groups.
     let place = usize::try_from(group.id.saturating_sub(1)).unwrap_or(usize::MAX);
-    Item { id: group.id, place, depth, open }
+    FindingRow { id: group.id, place, depth, open }
 }
 
 /// The group of a row; None while the rules still run.
-pub(super) fn group<'a>(survey: &'a SurveyResults, item: &Item) -> Option<&'a Group> {
+pub(super) fn group_of<'a>(survey: &'a SurveyResults, item: &FindingRow) -> Option<&'a FindingGroup> {
     survey.findings.as_ref()?.groups.get(item.place).filter(|group| group.id == item.id)
 }
 
 /// Content of a row with escaped texts.
-pub(super) fn facts(survey: &SurveyResults, item: &Item) -> Option<Facts> {
-    if let Some(group) = group(survey, item) {
+pub(super) fn row_content(survey: &SurveyResults, item: &FindingRow) -> Option<FindingRowContent> {
+    if let Some(group) = group_of(survey, item) {
         let label = group.key.node.map(NodeId::label).unwrap_or_default();
         let name = group.node_name.as_deref().unwrap_or("");
-        return Some(Facts {
+        return Some(FindingRowContent {
             severity: group.severity,
             bus: group.key.bus,
             node: group.key.node,
             who: escape(format!("{label} {name}").trim()).into_owned(),
             count: group.count,
-            began: group.began().time,
-            ended: group.ended().time,
-            frame: group.began().frames.last,
+            began: group.first_occurrence().time,
+            ended: group.last_occurrence().time,
+            frame: group.first_occurrence().frames.last,
             rule: escape(&group.rule).into_owned(),
             about: escape(&group.key.about.to_string()).into_owned(),
             subject: match &group.key.about {
-                About::Whole => None,
-                About::Object(object) => Some(format!("object == 0x{object}")),
-                About::Pgn(pgn) => Some(format!("pgn == {pgn}")),
+                FindingSubject::Whole => None,
+                FindingSubject::Object(object) => Some(format!("object == 0x{object}")),
+                FindingSubject::Pgn(pgn) => Some(format!("pgn == {pgn}")),
                 other => Some(format!("about == {:?}", other.to_string())),
             },
-            text: escape(&what(group)).into_owned(),
+            text: escape(&subject_phrase(group)).into_owned(),
             is_suppressed: group.suppressed.is_some(),
         });
     }
@@ -167,7 +172,7 @@ pub(super) fn facts(survey: &SurveyResults, item: &Item) -> Option<Facts> {
     };
     let about = news.object.map(|object| object.to_string());
     let about = about.or_else(|| news.pgn.map(|pgn| format!("pgn:{pgn}"))).or_else(|| news.about.clone());
-    Some(Facts {
+    Some(FindingRowContent {
         severity: news.severity,
         bus: opened.bus,
         node: opened.node,
@@ -185,7 +190,7 @@ pub(super) fn facts(survey: &SurveyResults, item: &Item) -> Option<Facts> {
 }
 
 /// Compares two rows by a column of [`super::columns`].
-fn compare(one: &Facts, other: &Facts, column: usize) -> Ordering {
+fn compare_rows(one: &FindingRowContent, other: &FindingRowContent, column: usize) -> Ordering {
     match column {
         0 => one.severity.cmp(&other.severity),
         1 => one.bus.cmp(&other.bus),

@@ -1,15 +1,15 @@
 //! One row of the table: its texts and its grade.
 
-use cobscope_decoder::event::Effective;
+use cobscope_decoder::event::EffectiveState;
 use cobscope_decoder::frame::{BusIndex, CanId};
 use cobscope_decoder::wire::NodeId;
 
-use super::values::Values;
-use crate::theme::Role;
+use super::values::SetActualValues;
+use crate::theme::TextRole;
 
 /// Subject of a row. The selection follows it when other rows appear or disappear.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Key {
+pub enum NodeRowKey {
     /// Heading of a bus, if there are several.
     Bus(BusIndex),
     /// The sender of NMT commands of a bus.
@@ -20,7 +20,7 @@ pub enum Key {
     Orphan(BusIndex, CanId),
 }
 
-impl Key {
+impl NodeRowKey {
     /// The node of a node row.
     pub fn node(self) -> Option<(BusIndex, NodeId)> {
         match self {
@@ -58,12 +58,12 @@ pub struct StyledCell {
     /// The text, not escaped.
     pub text: String,
     /// Role that decides the style.
-    pub role: Role,
+    pub role: TextRole,
 }
 
 impl StyledCell {
     /// A text in a role.
-    pub fn new(text: impl Into<String>, role: Role) -> Self {
+    pub fn new(text: impl Into<String>, role: TextRole) -> Self {
         Self { text: text.into(), role }
     }
 }
@@ -71,15 +71,15 @@ impl StyledCell {
 /// An empty cell, drawn as a dash.
 impl Default for StyledCell {
     fn default() -> Self {
-        Self::new("–", Role::Quiet)
+        Self::new("–", TextRole::Quiet)
     }
 }
 
 /// A row of the table.
 #[derive(Debug, Clone)]
-pub struct Line {
+pub struct NodeRow {
     /// Subject of the row.
-    pub key: Key,
+    pub key: NodeRowKey,
     /// Number, decimal and hexadecimal.
     pub id: String,
     /// Name from the options or the bus file.
@@ -91,9 +91,9 @@ pub struct Line {
     /// State of the device's state machine.
     pub state: StyledCell,
     /// Set points with actual values, or a remark.
-    pub values: Values,
+    pub values: SetActualValues,
     /// Whether the set points are effective; None without set points.
-    pub effective: Option<Effective>,
+    pub effective: Option<EffectiveState>,
     /// Age of the last frame that proves the node alive, with its limit.
     pub alive: StyledCell,
     /// Active errors with their age.
@@ -102,9 +102,9 @@ pub struct Line {
     pub grade: NodeGrade,
 }
 
-impl Line {
+impl NodeRow {
     /// An empty row.
-    pub fn new(key: Key) -> Self {
+    pub fn new(key: NodeRowKey) -> Self {
         Self {
             key,
             id: String::new(),
@@ -112,7 +112,7 @@ impl Line {
             device: String::new(),
             nmt: StyledCell::default(),
             state: StyledCell::default(),
-            values: Values::default(),
+            values: SetActualValues::default(),
             effective: None,
             alive: StyledCell::default(),
             errors: StyledCell::default(),
@@ -121,31 +121,31 @@ impl Line {
     }
 
     /// The cell `Eff`.
-    pub fn effect(&self) -> StyledCell {
+    pub fn effect_cell(&self) -> StyledCell {
         match self.effective {
-            Some(Effective::Yes) => StyledCell::new("yes", Role::Good),
-            Some(Effective::No) => StyledCell::new("NO", Role::Bad),
-            Some(Effective::Unknown) => StyledCell::new("?", Role::Caution),
+            Some(EffectiveState::Yes) => StyledCell::new("yes", TextRole::Good),
+            Some(EffectiveState::No) => StyledCell::new("NO", TextRole::Bad),
+            Some(EffectiveState::Unknown) => StyledCell::new("?", TextRole::Caution),
             None => StyledCell::default(),
         }
     }
 }
 
 /// Nanoseconds as seconds with one decimal: `0.4`, `10.2`.
-pub fn seconds(nanoseconds: i64) -> String {
+pub fn format_seconds(nanoseconds: i64) -> String {
     let tenths = nanoseconds.max(0) / 100_000_000;
     format!("{}.{}", tenths / 10, tenths % 10)
 }
 
 /// A limit in seconds with one or two decimals: `1.0`, `0.25`.
-pub fn limit(nanoseconds: i64) -> String {
+pub fn format_limit(nanoseconds: i64) -> String {
     let hundredths = (nanoseconds.max(0) + 5_000_000) / 10_000_000;
     let text = format!("{}.{:02}", hundredths / 100, hundredths % 100);
     text.strip_suffix('0').map_or(text.clone(), str::to_owned)
 }
 
 /// An age: `<1s`, `41s`, `3m`, `2h`.
-pub fn age(nanoseconds: i64) -> String {
+pub fn format_age(nanoseconds: i64) -> String {
     match nanoseconds.max(0) / 1_000_000_000 {
         0 => "<1s".to_owned(),
         whole @ 1..120 => format!("{whole}s"),
@@ -155,9 +155,9 @@ pub fn age(nanoseconds: i64) -> String {
 }
 
 /// A period: `10.0 ms`, `1.0 s`.
-pub fn period(nanoseconds: i64) -> String {
+pub fn format_period(nanoseconds: i64) -> String {
     if nanoseconds >= 1_000_000_000 {
-        return format!("{} s", seconds(nanoseconds + 50_000_000));
+        return format!("{} s", format_seconds(nanoseconds + 50_000_000));
     }
     let tenths = (nanoseconds.max(0) + 50_000) / 100_000;
     format!("{}.{} ms", tenths / 10, tenths % 10)
@@ -169,8 +169,14 @@ mod tests {
 
     #[test]
     fn times_are_as_short_as_they_can_be() {
-        assert_eq!([age(449_000_000), age(41_900_000_000), age(200_000_000_000)], ["<1s", "41s", "3m"]);
-        assert_eq!([limit(1_000_000_000), limit(250_000_000), limit(500_000_000)], ["1.0", "0.25", "0.5"]);
-        assert_eq!([period(9_950_000), period(1_000_000_000)], ["10.0 ms", "1.0 s"]);
+        assert_eq!(
+            [format_age(449_000_000), format_age(41_900_000_000), format_age(200_000_000_000)],
+            ["<1s", "41s", "3m"]
+        );
+        assert_eq!(
+            [format_limit(1_000_000_000), format_limit(250_000_000), format_limit(500_000_000)],
+            ["1.0", "0.25", "0.5"]
+        );
+        assert_eq!([format_period(9_950_000), format_period(1_000_000_000)], ["10.0 ms", "1.0 s"]);
     }
 }

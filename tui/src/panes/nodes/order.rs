@@ -1,7 +1,7 @@
 //! Columns of the node table and its sort orders.
 
 use crate::panes::Sorting;
-use crate::widgets::table::{Column, Width};
+use crate::widgets::table::{ColumnWidth, TableColumn};
 
 /// Index of `Eff`.
 pub(super) const EFFECT: usize = 6;
@@ -18,7 +18,7 @@ pub(super) const NARROW: u16 = 96;
 
 /// Sort order of the rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(super) enum Order {
+pub(super) enum NodeOrder {
     /// By node-ID, the master first.
     #[default]
     Number,
@@ -30,7 +30,7 @@ pub(super) enum Order {
     Device,
 }
 
-impl Order {
+impl NodeOrder {
     pub(super) const fn next(self) -> Self {
         match self {
             Self::Number => Self::Worst,
@@ -41,7 +41,7 @@ impl Order {
     }
 
     /// Column with the sort mark, and whether it is descending.
-    pub(super) const fn column(self) -> Sorting {
+    pub(super) const fn sorted_column(self) -> Sorting {
         match self {
             Self::Number => None,
             Self::Worst => Some((ERRORS, true)),
@@ -53,10 +53,10 @@ impl Order {
     /// The order with this sort mark.
     pub(super) fn of_column(column: Sorting) -> Self {
         let orders = [Self::Worst, Self::Name, Self::Device];
-        orders.into_iter().find(|order| order.column() == column).unwrap_or_default()
+        orders.into_iter().find(|order| order.sorted_column() == column).unwrap_or_default()
     }
 
-    pub(super) const fn words(self) -> &'static str {
+    pub(super) const fn order_text(self) -> &'static str {
         match self {
             Self::Number => "sorted by number",
             Self::Worst => "sorted worst first: errors, no effect, silent, others",
@@ -66,23 +66,23 @@ impl Order {
     }
 }
 
-pub(super) fn columns(width: u16) -> Vec<Column> {
+pub(super) fn node_columns(width: u16) -> Vec<TableColumn> {
     let wide = |narrow, normal, wide| {
-        Width::Fixed(match width {
+        ColumnWidth::Fixed(match width {
             ..NARROW => narrow,
             WIDE.. => wide,
             _ => normal,
         })
     };
     vec![
-        Column::new("ID/hex", Width::Fixed(6)).right(),
-        Column::new("Name", wide(8, 8, 14)).priority(8),
-        Column::new("Device", wide(7, 7, 10)).priority(1),
-        Column::new("NMT", Width::Fixed(6)).priority(6),
-        Column::new("State", wide(12, 16, 22)),
-        Column::new("Set → actual", Width::Min(LEAST_VALUES)),
-        Column::new("Eff", Width::Fixed(3)),
-        Column::new("Alive", Width::Fixed(10)),
-        Column::new("Errors", wide(8, 9, 22)),
+        TableColumn::new("ID/hex", ColumnWidth::Fixed(6)).align_right(),
+        TableColumn::new("Name", wide(8, 8, 14)).with_priority(8),
+        TableColumn::new("Device", wide(7, 7, 10)).with_priority(1),
+        TableColumn::new("NMT", ColumnWidth::Fixed(6)).with_priority(6),
+        TableColumn::new("State", wide(12, 16, 22)),
+        TableColumn::new("Set → actual", ColumnWidth::Min(LEAST_VALUES)),
+        TableColumn::new("Eff", ColumnWidth::Fixed(3)),
+        TableColumn::new("Alive", ColumnWidth::Fixed(10)),
+        TableColumn::new("Errors", wide(8, 9, 22)),
     ]
 }

@@ -6,9 +6,9 @@ use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::IdentifierRow;
 
-use super::line::{Key, Line, StyledCell, period, seconds};
-use super::values::Values;
-use crate::theme::Role;
+use super::line::{NodeRow, NodeRowKey, StyledCell, format_period, format_seconds};
+use super::values::SetActualValues;
+use crate::theme::TextRole;
 
 /// Number of intervals from which a period is shown.
 const ENOUGH: u64 = 3;
@@ -17,7 +17,7 @@ const ENOUGH: u64 = 3;
 const NMT: CanId = CanId::Standard(0);
 
 /// The sender of NMT commands, SYNC and guarding requests. CAN frames do not show whether it is one device.
-pub fn master(world: &ReplayState, bus: &Bus) -> Option<Line> {
+pub fn master_row(world: &ReplayState, bus: &Bus) -> Option<NodeRow> {
     let rows = world.identifiers().rows();
     let of = |id: CanId| rows.iter().find(|row| row.bus == bus.index() && row.id == id && !row.is_remote);
     let guarded: Vec<_> =
@@ -27,41 +27,44 @@ pub fn master(world: &ReplayState, bus: &Bus) -> Option<Line> {
     if sync.is_none() && !has_commands && guarded.is_empty() {
         return None;
     }
-    let mut line = Line::new(Key::Master(bus.index()));
+    let mut line = NodeRow::new(NodeRowKey::Master(bus.index()));
     line.id = "– –".into();
     line.name = bus.master_name().map_or_else(String::new, |name| escape(name).into_owned());
     line.device = "master".into();
     line.values = match sync {
-        Some(row) => rhythm(row),
-        None if has_commands => Values::remark("NMT commands", ""),
-        None => Values::default(),
+        Some(row) => rhythm_values(row),
+        None if has_commands => SetActualValues::remark_only("NMT commands", ""),
+        None => SetActualValues::default(),
     };
     if !guarded.is_empty() {
-        line.alive = StyledCell::new(format!("guards {}", guarded.join(",")), Role::Text);
+        line.alive = StyledCell::new(format!("guards {}", guarded.join(",")), TextRole::Text);
     }
     Some(line)
 }
 
 /// `SYNC 10.0 ms, jitter 4.2 ms`; the jitter is the largest deviation so far.
-fn rhythm(row: &IdentifierRow) -> Values {
+fn rhythm_values(row: &IdentifierRow) -> SetActualValues {
     let intervals = &row.intervals;
     match (intervals.mean(), intervals.jitter()) {
         (Some(mean), Some(jitter)) if intervals.count() >= ENOUGH => {
-            let (mean, jitter) = (period(mean), period(jitter));
-            Values::remark(format!("SYNC {mean}, jitter {jitter}"), format!("SYNC {mean} ±{jitter}"))
+            let (mean, jitter) = (format_period(mean), format_period(jitter));
+            SetActualValues::remark_only(
+                format!("SYNC {mean}, jitter {jitter}"),
+                format!("SYNC {mean} ±{jitter}"),
+            )
         }
-        _ => Values::remark(format!("SYNC × {}", row.count), ""),
+        _ => SetActualValues::remark_only(format!("SYNC × {}", row.count), ""),
     }
 }
 
 /// Periodic identifiers without a known producer or consumer.
-pub fn orphans(world: &ReplayState, bus: &Bus, now: Option<Timestamp>) -> Vec<Line> {
+pub fn orphan_rows(world: &ReplayState, bus: &Bus, now: Option<Timestamp>) -> Vec<NodeRow> {
     if !bus.is_canopen() && !bus.is_j1939() {
         return Vec::new();
     }
     let rows = world.identifiers().rows().iter();
     let rows = rows.filter(|row| row.bus == bus.index() && !row.is_remote && is_orphan(bus, row));
-    rows.filter_map(|row| orphan(row, world.zero(), now)).collect()
+    rows.filter_map(|row| orphan_row(row, world.first_time(), now)).collect()
 }
 
 /// Whether the identifier is periodic and has no owner.
@@ -80,26 +83,27 @@ fn is_owned(bus: &Bus, row: &IdentifierRow) -> bool {
     match (row.node, row.pdo) {
         // The predefined connection set assigns every identifier to a node, present or not.
         (Some(node), Some(_)) => bus.node(node).is_some_and(|node| {
-            node.last_seen().0 != 0 || node.assigned().is_some() || node.name().is_some()
+            node.last_seen().0 != 0 || node.assigned_by().is_some() || node.name().is_some()
         }),
         (Some(_), _) => true,
         (None, _) => !bus.describe_id(row.id).is_empty(),
     }
 }
 
-fn orphan(row: &IdentifierRow, zero: Option<Timestamp>, now: Option<Timestamp>) -> Option<Line> {
+fn orphan_row(row: &IdentifierRow, zero: Option<Timestamp>, now: Option<Timestamp>) -> Option<NodeRow> {
     let mean = row.intervals.mean()?;
-    let mut line = Line::new(Key::Orphan(row.bus, row.id));
+    let mut line = NodeRow::new(NodeRowKey::Orphan(row.bus, row.id));
     line.id = "? –".into();
     line.name = row.id.to_string();
     line.device = "orphan".into();
-    line.state = StyledCell::new(period(mean), Role::Text);
-    let since = row.intervals.began().zip(zero);
+    line.state = StyledCell::new(format_period(mean), TextRole::Text);
+    let since = row.intervals.first_time().zip(zero);
     let since = since.map_or(0, |(began, zero)| Timestamp(began).since(zero)).max(0) / 1_000_000;
     let since = format!("since {}.{:03} s", since / 1_000, since % 1_000);
-    line.values = Values::remark(format!("{since}, no known consumer"), format!("{since}, no consumer"));
+    line.values =
+        SetActualValues::remark_only(format!("{since}, no known consumer"), format!("{since}, no consumer"));
     let past = now?.since(row.last_time?);
-    let role = if past > mean.saturating_mul(2) { Role::Bad } else { Role::Text };
-    line.alive = StyledCell::new(format!("rx {}", seconds(past)), role);
+    let role = if past > mean.saturating_mul(2) { TextRole::Bad } else { TextRole::Text };
+    line.alive = StyledCell::new(format!("rx {}", format_seconds(past)), role);
     Some(line)
 }

@@ -9,7 +9,7 @@
 
 use std::fmt::Write as _;
 
-use cobscope_decoder::profile::{Layout, Meaning, PdoDirection, Role, Signal};
+use cobscope_decoder::profile::{DecodedSignal, ObjectMeaning, ObjectRole, PayloadLayout, PdoDirection};
 use cobscope_decoder::session::{EmittedSetPoint, Node};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::IdentifierRow;
@@ -19,9 +19,9 @@ use crate::widgets::draw;
 
 /// Content of the column `Set → actual`.
 #[derive(Debug, Clone, Default)]
-pub struct Values {
+pub struct SetActualValues {
     /// Set points and actual values.
-    pub pairs: Vec<Pair>,
+    pub pairs: Vec<SetActualPair>,
     /// Text instead of the values, or after them.
     pub remark: String,
     /// Short form of the remark.
@@ -30,24 +30,24 @@ pub struct Values {
 
 /// A set point with its actual value.
 #[derive(Debug, Clone, Default)]
-pub struct Pair {
+pub struct SetActualPair {
     object: Option<ObjectAddress>,
     short: String,
-    set: Option<Number>,
-    actual: Option<Number>,
+    set: Option<ShortNumber>,
+    actual: Option<ShortNumber>,
     /// Value of the full scale, if an object contains it.
     full_scale: Option<f64>,
 }
 
 #[derive(Debug, Clone)]
-struct Number {
+struct ShortNumber {
     text: String,
     unit: String,
     is_assumed: bool,
 }
 
-impl Number {
-    fn new(text: &str, meaning: &Meaning, is_assumed: bool) -> Self {
+impl ShortNumber {
+    fn new(text: &str, meaning: &ObjectMeaning, is_assumed: bool) -> Self {
         let unit = meaning.unit.as_str();
         let plain = text.strip_suffix(unit).filter(|_| !unit.is_empty()).map(str::trim_end);
         Self {
@@ -58,7 +58,7 @@ impl Number {
     }
 
     /// The value without decimals.
-    fn rounded(&self) -> String {
+    fn rounded_text(&self) -> String {
         let sign = if self.text.starts_with('+') { "+" } else { "" };
         let Ok(number) = self.text.parse::<f64>() else { return self.text.clone() };
         match format!("{number:.0}").as_str() {
@@ -67,7 +67,7 @@ impl Number {
         }
     }
 
-    fn doubt(&self) -> &'static str {
+    fn doubt_mark(&self) -> &'static str {
         if self.is_assumed { "?" } else { "" }
     }
 }
@@ -82,35 +82,39 @@ enum Abbreviation {
     Nameless,
 }
 
-impl Values {
+impl SetActualValues {
     /// Values of one output, or of the whole node without a `channel`.
-    pub fn of(node: &Node, channel: Option<u8>, rows: &[&IdentifierRow]) -> Self {
-        let mut pairs: Vec<Pair> = Vec::new();
+    pub fn values_of(node: &Node, channel: Option<u8>, rows: &[&IdentifierRow]) -> Self {
+        let mut pairs: Vec<SetActualPair> = Vec::new();
         for point in node.set_points().filter(|point| is_of(channel, point.meaning.channel)) {
-            pairs.push(Pair::set(&point));
+            pairs.push(SetActualPair::from_set_point(&point));
         }
-        for (signal, meaning) in actuals(rows).filter(|(_, meaning)| is_of(channel, meaning.channel)) {
+        for (signal, meaning) in actual_values(rows).filter(|(_, meaning)| is_of(channel, meaning.channel)) {
             let is_assumed = meaning.assumed;
-            let number = Number::new(&meaning.signed(&signal.value), meaning, is_assumed);
-            let followed = pairs.iter_mut().find(|pair| pair.follows(meaning) && pair.actual.is_none());
+            let number = ShortNumber::new(&meaning.format_signed(&signal.value), meaning, is_assumed);
+            let followed = pairs.iter_mut().find(|pair| pair.belongs_to(meaning) && pair.actual.is_none());
             match followed {
                 Some(pair) => pair.actual = Some(number),
-                None => pairs.push(Pair { short: short(meaning), actual: Some(number), ..Pair::default() }),
+                None => pairs.push(SetActualPair {
+                    short: short_name(meaning),
+                    actual: Some(number),
+                    ..SetActualPair::default()
+                }),
             }
         }
-        pairs.iter_mut().for_each(Pair::align_signs);
+        pairs.iter_mut().for_each(SetActualPair::align_signs);
         Self { pairs, ..Self::default() }
     }
 
     /// A remark without values.
-    pub fn remark(text: impl Into<String>, brief: impl Into<String>) -> Self {
+    pub fn remark_only(text: impl Into<String>, brief: impl Into<String>) -> Self {
         Self { pairs: Vec::new(), remark: text.into(), brief: brief.into() }
     }
 
     /// The longest form that fits. A remark takes precedence over decimals and names, values over the remark.
-    pub fn fit(&self, width: u16, arrow: &str) -> String {
+    pub fn fit_width(&self, width: u16, arrow: &str) -> String {
         if self.pairs.is_empty() {
-            let is_long = draw::width(&self.remark) > width && !self.brief.is_empty();
+            let is_long = draw::text_width(&self.remark) > width && !self.brief.is_empty();
             return if is_long { self.brief.clone() } else { self.remark.clone() };
         }
         let all = [
@@ -120,8 +124,8 @@ impl Values {
             Abbreviation::Unitless,
             Abbreviation::Nameless,
         ];
-        let texts = all.map(|brevity| self.text(brevity, arrow));
-        let fits = |text: &&String| draw::width(text) <= width;
+        let texts = all.map(|brevity| self.values_text(brevity, arrow));
+        let fits = |text: &&String| draw::text_width(text) <= width;
         if !self.remark.is_empty() {
             let remarked = texts.each_ref().map(|text| format!("{text}  {}", self.remark));
             if let Some(text) = remarked.iter().find(fits) {
@@ -132,26 +136,27 @@ impl Values {
         texts.iter().find(fits).unwrap_or(shortest).clone()
     }
 
-    fn text(&self, brevity: Abbreviation, arrow: &str) -> String {
+    fn values_text(&self, brevity: Abbreviation, arrow: &str) -> String {
         let between = if brevity == Abbreviation::Full { "  " } else { " " };
         // An actual value without a set point is dropped first.
         let has_set = self.pairs.iter().any(|pair| pair.set.is_some());
         let pairs =
             self.pairs.iter().filter(|pair| pair.set.is_some() || brevity == Abbreviation::Full || !has_set);
         let pairs: Vec<_> = pairs.collect();
-        let words: Vec<_> = pairs.iter().map(|pair| pair.text(brevity, arrow, pairs.len() == 1)).collect();
+        let words: Vec<_> =
+            pairs.iter().map(|pair| pair.values_text(brevity, arrow, pairs.len() == 1)).collect();
         words.join(between)
     }
 }
 
-impl Pair {
-    fn set(point: &EmittedSetPoint<'_>) -> Self {
+impl SetActualPair {
+    fn from_set_point(point: &EmittedSetPoint<'_>) -> Self {
         let meaning = point.meaning;
         let scale = meaning.scale.and_then(|scale| scale.full_scale).filter(|_| !meaning.assumed);
         Self {
             object: Some(meaning.object),
-            short: short(meaning),
-            set: Some(Number::new(&point.quantity.text, meaning, point.is_assumed)),
+            short: short_name(meaning),
+            set: Some(ShortNumber::new(&point.quantity.text, meaning, point.is_assumed)),
             actual: None,
             full_scale: scale.map(|(_, value)| value),
         }
@@ -169,23 +174,23 @@ impl Pair {
     }
 
     /// Whether an actual value belongs to this set point, by the profile or else by its short name.
-    fn follows(&self, meaning: &Meaning) -> bool {
+    fn belongs_to(&self, meaning: &ObjectMeaning) -> bool {
         match meaning.of {
             Some(of) => self.object == Some(of),
-            None => self.set.is_some() && meaning.short.is_some() && self.short == short(meaning),
+            None => self.set.is_some() && meaning.short.is_some() && self.short == short_name(meaning),
         }
     }
 
-    fn text(&self, brevity: Abbreviation, arrow: &str, is_alone: bool) -> String {
-        let written = |number: &Number| match brevity {
+    fn values_text(&self, brevity: Abbreviation, arrow: &str, is_alone: bool) -> String {
+        let written = |number: &ShortNumber| match brevity {
             Abbreviation::Full | Abbreviation::Close => number.text.clone(),
-            Abbreviation::Rounded | Abbreviation::Unitless | Abbreviation::Nameless => number.rounded(),
+            Abbreviation::Rounded | Abbreviation::Unitless | Abbreviation::Nameless => number.rounded_text(),
         };
         let blank = if brevity < Abbreviation::Rounded { " " } else { "" };
-        let unit = |number: &Number| match number.unit.as_str() {
-            "" => number.doubt().to_owned(),
-            _ if brevity > Abbreviation::Rounded => number.doubt().to_owned(),
-            unit => format!("{blank}{unit}{}", number.doubt()),
+        let unit = |number: &ShortNumber| match number.unit.as_str() {
+            "" => number.doubt_mark().to_owned(),
+            _ if brevity > Abbreviation::Rounded => number.doubt_mark().to_owned(),
+            unit => format!("{blank}{unit}{}", number.doubt_mark()),
         };
         let mut text = String::new();
         if brevity < Abbreviation::Nameless && !self.short.is_empty() {
@@ -199,7 +204,7 @@ impl Pair {
             }
             (Some(set), Some(actual)) => {
                 let unit = unit(actual);
-                let _ = write!(text, "{}{}{arrow}{}{unit}", written(set), set.doubt(), written(actual));
+                let _ = write!(text, "{}{}{arrow}{}{unit}", written(set), set.doubt_mark(), written(actual));
             }
             (Some(set), None) => {
                 let _ = write!(text, "{}{}", written(set), unit(set));
@@ -220,7 +225,7 @@ impl Pair {
 }
 
 /// Short name of the value; empty for a device with a single set point.
-fn short(meaning: &Meaning) -> String {
+fn short_name(meaning: &ObjectMeaning) -> String {
     meaning.short.as_deref().map_or_else(String::new, |short| escape(short).into_owned())
 }
 
@@ -229,11 +234,11 @@ fn is_of(channel: Option<u8>, own: Option<u8>) -> bool {
 }
 
 /// Fields with a role in the last frame of each identifier.
-pub fn fields<'a>(
+pub fn role_fields<'a>(
     rows: &'a [&'a IdentifierRow],
-    role: Role,
+    role: ObjectRole,
     direction: PdoDirection,
-) -> impl Iterator<Item = (&'a IdentifierRow, usize, &'a Layout)> {
+) -> impl Iterator<Item = (&'a IdentifierRow, usize, &'a PayloadLayout)> {
     let rows = rows.iter().filter(move |row| row.pdo.is_none_or(|pdo| pdo.direction == direction));
     let layouts = rows.filter_map(|row| Some((*row, row.layout.as_deref()?)));
     layouts.flat_map(move |(row, layout)| {
@@ -244,17 +249,19 @@ pub fn fields<'a>(
     })
 }
 
-fn actuals<'a>(rows: &'a [&'a IdentifierRow]) -> impl Iterator<Item = (Signal<'a>, &'a Meaning)> {
-    signals(rows, Role::Actual)
+fn actual_values<'a>(
+    rows: &'a [&'a IdentifierRow],
+) -> impl Iterator<Item = (DecodedSignal<'a>, &'a ObjectMeaning)> {
+    role_signals(rows, ObjectRole::Actual)
 }
 
 /// Values with a role that the node sent last.
-pub fn signals<'a>(
+pub fn role_signals<'a>(
     rows: &'a [&'a IdentifierRow],
-    role: Role,
-) -> impl Iterator<Item = (Signal<'a>, &'a Meaning)> {
-    fields(rows, role, PdoDirection::Transmit).filter_map(|(row, place, layout)| {
-        let signal = layout.signal(place, row.payload())?;
+    role: ObjectRole,
+) -> impl Iterator<Item = (DecodedSignal<'a>, &'a ObjectMeaning)> {
+    role_fields(rows, role, PdoDirection::Transmit).filter_map(|(row, place, layout)| {
+        let signal = layout.decode_signal(place, row.payload())?;
         let meaning = signal.field.meaning.as_deref()?;
         Some((signal, meaning))
     })

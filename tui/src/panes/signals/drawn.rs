@@ -4,44 +4,49 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::words::plural;
+use cobscope_decoder::words::count_noun;
 
-use super::view::View;
-use super::{OF_LEGEND, PlottedKey, Signals, list};
-use crate::bucket::Bucket;
-use crate::state::Core;
-use crate::theme::{Glyph, Role};
+use super::view::PlotView;
+use super::{OF_LEGEND, PlottedKey, SignalsPane, list};
+use crate::bucket::SampleBucket;
+use crate::state::UiState;
+use crate::theme::{Glyph, TextRole};
 use crate::timeline::MOST_SIGNALS;
-use crate::widgets::plot::{Plot, Series};
+use crate::widgets::plot::{PlotSeries, TimePlot};
 
 /// A plotted signal.
 struct PlottedSignal {
     name: String,
     unit: String,
-    role: Role,
-    points: Arc<Vec<Bucket>>,
+    role: TextRole,
+    points: Arc<Vec<SampleBucket>>,
 }
 
-impl Signals {
+impl SignalsPane {
     /// The plotted signals, with the exact values at the cursors if they are known.
-    fn shown(&self, core: &Core) -> Vec<PlottedSignal> {
-        let room = self.parts(Self::area(core)).plot.width.saturating_sub(OF_LEGEND);
-        let cursor = self.view.cursor(core).filter(|_| !core.is_pending() && !core.is_waiting());
+    fn plotted_signals(&self, core: &UiState) -> Vec<PlottedSignal> {
+        let room = self.pane_areas(Self::plot_area(core)).plot.width.saturating_sub(OF_LEGEND);
+        let cursor = self.view.cursor_time(core).filter(|_| !core.is_pending() && !core.is_waiting());
         let shown = |picked: &PlottedKey| {
-            let points = self.view.points(core, &picked.key);
+            let points = self.view.finest_points(core, &picked.key);
             let is_assumed = points.as_ref().is_some_and(|points| points.is_assumed);
             let mut points = points.map(|points| points.buckets).unwrap_or_default();
-            if let (Some(time), Some(value)) = (cursor, list::number(core, &picked.key)) {
-                put(&mut points, time, value);
+            if let (Some(time), Some(value)) = (cursor, list::cursor_value(core, &picked.key)) {
+                insert_value(&mut points, time, value);
             }
             if let Some(second) = &self.second
                 && let Some((_, Some(value))) = second.values.iter().find(|(key, _)| *key == picked.key)
             {
-                put(&mut points, second.time, *value);
+                insert_value(&mut points, second.time, *value);
             }
-            let name = list::within(&picked.key.name, room);
+            let name = list::fit_name(&picked.key.name, room);
             let name = format!("{name}{}", if is_assumed { "?" } else { "" });
-            PlottedSignal { name, unit: picked.key.unit.clone(), role: Role::Highlight(picked.look), points }
+            PlottedSignal {
+                name,
+                unit: picked.key.unit.clone(),
+                role: TextRole::Highlight(picked.look),
+                points,
+            }
         };
         self.picked.iter().map(shown).collect()
     }
@@ -49,15 +54,15 @@ impl Signals {
     /// Builds the plot and passes it to `then`.
     pub(super) fn with_plot<T>(
         &self,
-        core: &Core,
-        then: impl for<'a> FnOnce(&'a Plot<'a>) -> T,
+        core: &UiState,
+        then: impl for<'a> FnOnce(&'a TimePlot<'a>) -> T,
     ) -> Option<T> {
-        let (from, to) = self.view.range(core)?;
-        let (_, last) = View::whole(core)?;
-        let shown = self.shown(core);
+        let (from, to) = self.view.view_range(core)?;
+        let (_, last) = PlotView::whole_range(core)?;
+        let shown = self.plotted_signals(core);
         let series: Vec<_> = shown
             .iter()
-            .map(|shown| Series {
+            .map(|shown| PlotSeries {
                 name: Cow::Borrowed(shown.name.as_str()),
                 unit: Cow::Borrowed(shown.unit.as_str()),
                 role: shown.role,
@@ -65,22 +70,22 @@ impl Signals {
             })
             .collect();
         let second = self.second.as_ref().map(|second| second.time);
-        let is_over = self.view.share(core).is_none();
-        let marks = self.marks(core, last);
-        let plot = Plot::new(&core.theme, &series, from, to)
-            .zero(core.zero().map_or(from, |zero| zero.0))
-            .cursors(self.view.cursor(core), second)
-            .until(last)
-            .marks(&marks)
-            .empty(if is_over { "no values in this range" } else { "reading …" });
+        let is_over = self.view.sampled_share(core).is_none();
+        let marks = self.plot_marks(core, last);
+        let plot = TimePlot::new(&core.theme, &series, from, to)
+            .with_zero(core.first_time().map_or(from, |zero| zero.0))
+            .with_cursors(self.view.cursor_time(core), second)
+            .with_end(last)
+            .with_marks(&marks)
+            .with_empty_text(if is_over { "no values in this range" } else { "reading …" });
         Some(then(&plot))
     }
 
     /// Range and progress, shown above the plot.
-    pub(super) fn title(&self, core: &Core) -> String {
-        let Some((from, to)) = self.view.range(core) else { return "no timestamps".into() };
+    pub(super) fn plot_title(&self, core: &UiState) -> String {
+        let Some((from, to)) = self.view.view_range(core) else { return "no timestamps".into() };
         let delta = core.theme.glyph(Glyph::Delta);
-        let time = |time| core.seconds(Some(Timestamp(time))).unwrap_or_default();
+        let time = |time| core.seconds_of(Some(Timestamp(time))).unwrap_or_default();
         let span = time(to) - time(from);
         // Enough decimals for a thousandth of the range.
         let digits = (0..6).find(|digits| span * 10_f64.powi(*digits) >= 1_000.0).unwrap_or(6);
@@ -88,15 +93,15 @@ impl Signals {
         let all = if self.view.is_whole() { ", whole capture" } else { "" };
         let mut text =
             format!("{:.digits$} to {:.digits$} s, {delta} {span:.digits$} s{all}", time(from), time(to));
-        if let Some(share) = self.view.share(core) {
+        if let Some(share) = self.view.sampled_share(core) {
             text = format!("reading {share} %  {text}");
         }
-        let area = self.parts(Self::area(core)).plot;
+        let area = self.pane_areas(Self::plot_area(core)).plot;
         match self.with_plot(core, |plot| plot.units_without_room(area)) {
             None | Some(0) => {}
             Some(missing) => {
                 let larger = if self.is_large { "" } else { "; enter enlarges the plot" };
-                text = format!("no room for {}{larger}  {text}", plural(missing, "unit"));
+                text = format!("no room for {}{larger}  {text}", count_noun(missing, "unit"));
             }
         }
         if self.refused > 0 {
@@ -107,14 +112,14 @@ impl Signals {
 }
 
 /// Inserts the exact value at a time if its bucket contains several values.
-fn put(points: &mut Arc<Vec<Bucket>>, time: i64, value: f64) {
+fn insert_value(points: &mut Arc<Vec<SampleBucket>>, time: i64, value: f64) {
     let behind = points.partition_point(|bucket| bucket.t <= time);
     let Some(place) = behind.checked_sub(1) else { return };
     if points
         .get(place)
         .is_some_and(|bucket| !bucket.last.is_nan() && bucket.last.to_bits() != value.to_bits())
     {
-        let exact = Bucket { t: time, min: value, max: value, last: value };
+        let exact = SampleBucket { t: time, min: value, max: value, last: value };
         Arc::make_mut(points).insert(behind, exact);
     }
 }
@@ -123,8 +128,8 @@ fn put(points: &mut Arc<Vec<Bucket>>, time: i64, value: f64) {
 mod tests {
     use super::*;
 
-    fn bucket(t: i64, min: f64, max: f64, last: f64) -> Bucket {
-        Bucket { t, min, max, last }
+    fn bucket(t: i64, min: f64, max: f64, last: f64) -> SampleBucket {
+        SampleBucket { t, min, max, last }
     }
 
     #[test]
@@ -133,9 +138,9 @@ mod tests {
         let mut points = Arc::clone(&coarse);
         // The first bucket contains several values, so the value at 50 is inserted; the second contains only
         // one.
-        put(&mut points, 50, 2.0);
-        put(&mut points, 150, 4.0);
-        put(&mut points, -1, 7.0);
+        insert_value(&mut points, 50, 2.0);
+        insert_value(&mut points, 150, 4.0);
+        insert_value(&mut points, -1, 7.0);
         assert_eq!(
             *points,
             [bucket(0, 1.0, 3.0, 3.0), bucket(50, 2.0, 2.0, 2.0), bucket(100, 4.0, 4.0, 4.0)]

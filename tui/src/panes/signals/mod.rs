@@ -23,18 +23,18 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
 use ratatui::text::Line;
 
-use self::list::List;
-pub use self::offered::plot;
-use self::view::View;
-use super::legend::{self, Legend};
-use super::{Effect, Pane};
+use self::list::SignalList;
+pub use self::offered::plot_requests;
+use self::view::PlotView;
+use super::legend::{self, PaneLegend};
+use super::{Pane, PaneRequest};
 use crate::action::Action;
-use crate::state::{Core, JumpPlace};
-use crate::theme::{Glyph, Role};
+use crate::state::{JumpPlace, UiState};
+use crate::theme::{Glyph, TextRole};
 use crate::timeline::{MOST_SIGNALS, SignalKey};
 use crate::widgets::draw;
-use crate::widgets::plot::Plot;
-use crate::widgets::table::{Column, Table};
+use crate::widgets::plot::TimePlot;
+use crate::widgets::table::{TableColumn, TableWidget};
 
 /// Width from which the list is next to the plot.
 const WIDE: u16 = 100;
@@ -67,10 +67,10 @@ struct SecondCursor {
 
 /// The list of signals and the plot.
 #[derive(Default)]
-pub struct Signals {
-    list: List,
+pub struct SignalsPane {
+    list: SignalList,
     picked: Vec<PlottedKey>,
-    view: View,
+    view: PlotView,
     second: Option<SecondCursor>,
     /// The plot takes the whole pane.
     is_large: bool,
@@ -81,14 +81,14 @@ pub struct Signals {
 }
 
 /// Screen areas of this pane.
-struct Parts {
+struct SignalAreas {
     list: Rect,
     title: Rect,
     plot: Rect,
 }
 
-impl Signals {
-    fn parts(&self, area: Rect) -> Parts {
+impl SignalsPane {
+    fn pane_areas(&self, area: Rect) -> SignalAreas {
         let (list, right) = if self.picked.is_empty() {
             let hint = u16::from(area.height > 2);
             let list = Rect { height: area.height - hint, ..area };
@@ -105,24 +105,24 @@ impl Signals {
         };
         let title = Rect { height: right.height.min(1), ..right };
         let plot = Rect { y: title.bottom(), height: right.height - title.height, ..right };
-        Parts { list, title, plot }
+        SignalAreas { list, title, plot }
     }
 
-    fn area(core: &Core) -> Rect {
+    fn plot_area(core: &UiState) -> Rect {
         Rect::new(0, 0, core.width, core.height)
     }
 
-    fn look_of(&self, key: &SignalKey) -> Option<Role> {
+    fn look_of(&self, key: &SignalKey) -> Option<TextRole> {
         let picked = self.picked.iter().find(|picked| picked.key == *key)?;
-        Some(Role::Highlight(picked.look))
+        Some(TextRole::Highlight(picked.look))
     }
 
-    fn keys(&self) -> Vec<SignalKey> {
+    fn plotted_keys(&self) -> Vec<SignalKey> {
         self.picked.iter().map(|picked| picked.key.clone()).collect()
     }
 
     /// Adds a signal to the plot; `false` if the plot is full.
-    fn pick(&mut self, key: &SignalKey) -> bool {
+    fn add_to_plot(&mut self, key: &SignalKey) -> bool {
         if self.look_of(key).is_some() {
             return true;
         }
@@ -133,183 +133,200 @@ impl Signals {
         true
     }
 
-    fn toggle(&mut self, core: &Core) -> Vec<Effect> {
-        let Some(key) = self.list.selected().cloned() else {
-            return vec![Effect::Refuse("no signal to plot".into())];
+    fn toggle_signal(&mut self, core: &UiState) -> Vec<PaneRequest> {
+        let Some(key) = self.list.selected_signal().cloned() else {
+            return vec![PaneRequest::Refuse("no signal to plot".into())];
         };
         self.refused = 0;
         if self.look_of(&key).is_some() {
             self.picked.retain(|picked| picked.key != key);
-        } else if !self.pick(&key) {
-            return vec![Effect::Refuse(format!("max {MOST_SIGNALS} signals; x removes the selected one"))];
+        } else if !self.add_to_plot(&key) {
+            return vec![PaneRequest::Refuse(format!(
+                "max {MOST_SIGNALS} signals; x removes the selected one"
+            ))];
         }
-        self.view.refresh(core, &self.keys());
+        self.view.refresh_range(core, &self.plotted_keys());
         Vec::new()
     }
 
     /// Moves the cursor by `columns` columns of the plot.
-    fn step(&mut self, core: &Core, columns: i64) -> Vec<Effect> {
-        let area = self.parts(Self::area(core)).plot;
-        let Some((zero, last)) = View::whole(core) else { return vec![no_times()] };
-        let time = self.view.cursor(core).unwrap_or(zero);
-        let wanted = self.with_plot(core, |plot| plot.beside(area, time, columns)).unwrap_or(time);
-        self.go(wanted.clamp(zero, last))
+    fn step_cursor(&mut self, core: &UiState, columns: i64) -> Vec<PaneRequest> {
+        let area = self.pane_areas(Self::plot_area(core)).plot;
+        let Some((zero, last)) = PlotView::whole_range(core) else { return vec![no_times()] };
+        let time = self.view.cursor_time(core).unwrap_or(zero);
+        let wanted = self.with_plot(core, |plot| plot.time_beside(area, time, columns)).unwrap_or(time);
+        self.go_to_time(wanted.clamp(zero, last))
     }
 
-    fn go(&mut self, time: i64) -> Vec<Effect> {
-        self.view.aim(time);
-        vec![Effect::Go(JumpPlace::Time(Timestamp(time)))]
+    fn go_to_time(&mut self, time: i64) -> Vec<PaneRequest> {
+        self.view.aim_at(time);
+        vec![PaneRequest::Go(JumpPlace::Time(Timestamp(time)))]
     }
 
     /// Sets cursor B at the cursor, or removes it if it is there.
-    fn set_second(&mut self, core: &Core) -> Vec<Effect> {
-        let Some(time) = self.view.cursor(core) else { return vec![no_times()] };
+    fn set_second(&mut self, core: &UiState) -> Vec<PaneRequest> {
+        let Some(time) = self.view.cursor_time(core) else { return vec![no_times()] };
         if self.second.as_ref().is_some_and(|second| second.time == time) {
             self.second = None;
-            return vec![Effect::Say("cursor B removed".into())];
+            return vec![PaneRequest::Say("cursor B removed".into())];
         }
-        let value = |picked: &PlottedKey| (picked.key.clone(), list::number(core, &picked.key));
+        let value = |picked: &PlottedKey| (picked.key.clone(), list::cursor_value(core, &picked.key));
         let values = self.picked.iter().map(value).collect();
         self.second = Some(SecondCursor { time, values });
-        vec![Effect::Say("cursor B set; b again removes it".into())]
+        vec![PaneRequest::Say("cursor B set; b again removes it".into())]
     }
 
-    fn clear(&mut self, core: &Core) {
+    fn clear_plot(&mut self, core: &UiState) {
         if self.list.is_narrowed() {
-            self.list.search("");
+            self.list.search_signals("");
         } else {
             self.picked.clear();
             self.second = None;
             self.refused = 0;
-            self.view.refresh(core, &[]);
+            self.view.refresh_range(core, &[]);
         }
     }
 
-    fn zoom(&mut self, core: &Core, is_in: bool) -> Vec<Effect> {
-        let refused = self.view.zoom(core, is_in).err();
-        self.view.refresh(core, &self.keys());
-        refused.map(|reason| Effect::Refuse(reason.into())).into_iter().collect()
+    fn zoom_plot(&mut self, core: &UiState, is_in: bool) -> Vec<PaneRequest> {
+        let refused = self.view.zoom_range(core, is_in).err();
+        self.view.refresh_range(core, &self.plotted_keys());
+        refused.map(|reason| PaneRequest::Refuse(reason.into())).into_iter().collect()
     }
 
-    fn open(&mut self, core: &Core, was_clicked: bool) -> Vec<Effect> {
+    fn open_time(&mut self, core: &UiState, was_clicked: bool) -> Vec<PaneRequest> {
         if was_clicked || self.picked.is_empty() {
-            return self.toggle(core);
+            return self.toggle_signal(core);
         }
         self.is_large = !self.is_large;
         Vec::new()
     }
 }
 
-impl Pane for Signals {
-    fn render(&self, core: &Core, area: Rect, buf: &mut Buffer) {
-        let parts = self.parts(area);
-        self.list.render(core, parts.list, buf, |key| self.look_of(key));
-        let quiet = core.theme.style(Role::Quiet);
+impl Pane for SignalsPane {
+    fn render_pane(&self, core: &UiState, area: Rect, buf: &mut Buffer) {
+        let parts = self.pane_areas(area);
+        self.list.draw_list(core, parts.list, buf, |key| self.look_of(key));
+        let quiet = core.theme.role_style(TextRole::Quiet);
         let title = match self.picked.is_empty() {
-            true if core.window.is_some() && View::whole(core).is_none() => {
+            true if core.window.is_some() && PlotView::whole_range(core).is_none() => {
                 "no plot: this capture has no timestamps".to_owned()
             }
             true => {
                 "x plots the selected signal, / searches; p in other panes plots the selected item".into()
             }
-            false => self.title(core),
+            false => self.plot_title(core),
         };
-        draw::line(buf, parts.title, &Line::styled(title, quiet), draw::Align::Left, &core.theme);
+        draw::draw_line(
+            buf,
+            parts.title,
+            &Line::styled(title, quiet),
+            draw::TextAlignment::Left,
+            &core.theme,
+        );
         if self.picked.is_empty() {
             return;
         }
         for y in area.top()..area.bottom() {
             let x = parts.list.right();
             if parts.list.width > 0 && x < parts.plot.x {
-                draw::put(buf, x, y, 1, core.theme.glyph(Glyph::Vertical), core.theme.style(Role::Border));
+                draw::put_text(
+                    buf,
+                    x,
+                    y,
+                    1,
+                    core.theme.glyph(Glyph::Vertical),
+                    core.theme.role_style(TextRole::Border),
+                );
             }
         }
         self.with_plot(core, |plot| plot.render(parts.plot, buf));
     }
 
-    fn act(&mut self, action: Action, core: &Core) -> Vec<Effect> {
+    fn on_action(&mut self, action: Action, core: &UiState) -> Vec<PaneRequest> {
         let was_clicked = std::mem::take(&mut self.is_list_clicked);
-        let height = Table::height(self.parts(Self::area(core)).list);
+        let height = TableWidget::visible_height(self.pane_areas(Self::plot_area(core)).list);
         match action {
             Action::Down => self.list.move_by(1),
             Action::Up => self.list.move_by(-1),
-            Action::PageDown => self.list.page(1, height),
-            Action::PageUp => self.list.page(-1, height),
-            Action::Top => return vec![Effect::Go(JumpPlace::Start)],
-            Action::Bottom => return vec![Effect::Go(JumpPlace::End)],
-            Action::Left => return self.step(core, -1),
-            Action::Right => return self.step(core, 1),
-            Action::Toggle | Action::Plot => return self.toggle(core),
-            Action::Open => return self.open(core, was_clicked),
-            Action::ZoomIn => return self.zoom(core, true),
-            Action::ZoomOut => return self.zoom(core, false),
+            Action::PageDown => self.list.page_selection(1, height),
+            Action::PageUp => self.list.page_selection(-1, height),
+            Action::Top => return vec![PaneRequest::Go(JumpPlace::Start)],
+            Action::Bottom => return vec![PaneRequest::Go(JumpPlace::End)],
+            Action::Left => return self.step_cursor(core, -1),
+            Action::Right => return self.step_cursor(core, 1),
+            Action::Toggle | Action::Plot => return self.toggle_signal(core),
+            Action::Open => return self.open_time(core, was_clicked),
+            Action::ZoomIn => return self.zoom_plot(core, true),
+            Action::ZoomOut => return self.zoom_plot(core, false),
             Action::SetCursor => return self.set_second(core),
-            Action::Clear => self.clear(core),
+            Action::Clear => self.clear_plot(core),
             Action::Back if self.list.is_narrowed() => {
-                self.list.search("");
-                return vec![Effect::Say("all signals".into())];
+                self.list.search_signals("");
+                return vec![PaneRequest::Say("all signals".into())];
             }
             Action::Back if self.is_large => {
                 self.is_large = false;
-                return vec![Effect::Say("list shown".into())];
+                return vec![PaneRequest::Say("list shown".into())];
             }
             _ => {}
         }
         Vec::new()
     }
 
-    fn click(&mut self, x: u16, y: u16, area: Rect, core: &Core) -> Vec<Effect> {
-        let parts = self.parts(area);
+    fn on_click(&mut self, x: u16, y: u16, area: Rect, core: &UiState) -> Vec<PaneRequest> {
+        let parts = self.pane_areas(area);
         self.is_list_clicked = parts.list.contains(Position::new(x, y));
         if self.is_list_clicked {
-            self.list.click(core, parts.list, y);
+            self.list.click_row(core, parts.list, y);
             return Vec::new();
         }
-        let time = |plot: &Plot<'_>| plot.time_at(parts.plot, x).map(|time| plot.beside(parts.plot, time, 0));
+        let time = |plot: &TimePlot<'_>| {
+            plot.time_at(parts.plot, x).map(|time| plot.time_beside(parts.plot, time, 0))
+        };
         let is_plot = !self.picked.is_empty() && parts.plot.contains(Position::new(x, y));
         match self.with_plot(core, time).flatten().filter(|_| is_plot) {
-            Some(time) => self.go(time),
+            Some(time) => self.go_to_time(time),
             None => Vec::new(),
         }
     }
 
-    fn refresh(&mut self, core: &Core) {
-        self.list.refresh(core);
-        self.view.refresh(core, &self.keys());
+    fn refresh_state(&mut self, core: &UiState) {
+        self.list.refresh_entries(core);
+        self.view.refresh_range(core, &self.plotted_keys());
     }
 
-    fn offer(&mut self, effect: &Effect, core: &Core) {
+    fn on_request(&mut self, effect: &PaneRequest, core: &UiState) {
         match effect {
-            Effect::Plot(key) => {
-                if self.list.selected().is_none_or(|selected| self.look_of(selected).is_none()) {
-                    self.list.select(key);
+            PaneRequest::Plot(key) => {
+                if self.list.selected_signal().is_none_or(|selected| self.look_of(selected).is_none()) {
+                    self.list.select_signal(key);
                 }
-                self.refused += usize::from(!self.pick(key));
+                self.refused += usize::from(!self.add_to_plot(key));
             }
-            Effect::Go(JumpPlace::Time(time)) if self.view.cursor(core) == Some(time.0) => {}
-            Effect::Go(_) => self.view.forget_aim(),
+            PaneRequest::Go(JumpPlace::Time(time)) if self.view.cursor_time(core) == Some(time.0) => {}
+            PaneRequest::Go(_) => self.view.forget_aim(),
             _ => {}
         }
     }
 
-    fn search(&mut self, text: &str, _core: &Core) -> bool {
-        self.list.search(text);
+    fn search_text(&mut self, text: &str, _core: &UiState) -> bool {
+        self.list.search_signals(text);
         true
     }
 
-    fn sought(&self) -> Option<&str> {
-        Some(self.list.sought())
+    fn sought_text(&self) -> Option<&str> {
+        Some(self.list.search_text())
     }
 
-    fn legend(&self) -> &'static Legend {
+    fn pane_legend(&self) -> &'static PaneLegend {
         &legend::SIGNALS
     }
 
-    fn heads(&self) -> Vec<Column> {
-        self.list.columns(Rect::ZERO).to_vec()
+    fn table_heads(&self) -> Vec<TableColumn> {
+        self.list.list_columns(Rect::ZERO).to_vec()
     }
 
-    fn performs(&self) -> &'static [Action] {
+    fn performed_actions(&self) -> &'static [Action] {
         &[
             Action::Left,
             Action::Right,
@@ -321,7 +338,7 @@ impl Pane for Signals {
         ]
     }
 
-    fn actions(&self) -> &'static [Action] {
+    fn key_bar_actions(&self) -> &'static [Action] {
         &[
             Action::Toggle,
             Action::Search,
@@ -334,22 +351,22 @@ impl Pane for Signals {
         ]
     }
 
-    fn filter_of_cell(&self, _core: &Core) -> Option<String> {
-        self.list.selected().map(|signal| format!("signals.name == {:?}", signal.name))
+    fn filter_of_cell(&self, _core: &UiState) -> Option<String> {
+        self.list.selected_signal().map(|signal| format!("signals.name == {:?}", signal.name))
     }
 
     #[expect(
         clippy::redundant_closure_for_method_calls,
         reason = "the method path does not accept a plot of any lifetime"
     )]
-    fn line(&self, core: &Core) -> Option<String> {
+    fn selected_line(&self, core: &UiState) -> Option<String> {
         if self.picked.is_empty() {
-            return self.list.line(core);
+            return self.list.selected_text(core);
         }
-        self.with_plot(core, |plot| plot.legend())
+        self.with_plot(core, |plot| plot.legend_text())
     }
 }
 
-fn no_times() -> Effect {
-    Effect::Refuse("this capture has no timestamps".into())
+fn no_times() -> PaneRequest {
+    PaneRequest::Refuse("this capture has no timestamps".into())
 }

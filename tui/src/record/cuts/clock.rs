@@ -33,25 +33,25 @@ impl RingClock {
     }
 
     /// Ring time up to which all frames or none arrived, in ns.
-    pub(super) fn latest(&self) -> i64 {
+    pub(super) fn latest_complete(&self) -> i64 {
         self.silent_until.map_or(self.now(), |until| until.max(self.now()))
     }
 
     /// Ring time before which no further frame is expected, in ns.
-    pub(super) fn expected(&self) -> i64 {
+    pub(super) fn expected_from(&self) -> i64 {
         let silent = self.silent_until.map(|until| until.saturating_sub(DELAY));
         silent.map_or(self.now(), |until| until.max(self.now()))
     }
 
     /// Ring time of a timestamp, on the clock as set now.
-    pub(super) fn at(&self, time: Timestamp) -> i64 {
+    pub(super) fn ring_time(&self, time: Timestamp) -> i64 {
         time.0.saturating_add(self.offset)
     }
 
     /// Ring time of the next frame; a frame without a timestamp has the latest time.
-    pub(super) fn frame(&mut self, time: Option<Timestamp>) -> i64 {
+    pub(super) fn frame_time(&mut self, time: Option<Timestamp>) -> i64 {
         let Some(stamp) = time else { return self.now() };
-        let mut time = self.at(stamp);
+        let mut time = self.ring_time(stamp);
         if let Some(now) = self.now.filter(|now| time < now.saturating_sub(BACKWARD)) {
             self.offset = now.saturating_sub(stamp.0);
             time = now;
@@ -62,20 +62,20 @@ impl RingClock {
     }
 
     /// Ring time of the next notice.
-    pub(super) fn notice(&mut self, notice: &Notice) -> i64 {
+    pub(super) fn notice_time(&mut self, notice: &Notice) -> i64 {
         match notice {
-            Notice::Link { time, .. } => self.frame(Some(*time)),
+            Notice::Link { time, .. } => self.frame_time(Some(*time)),
             Notice::Quiet(time) => {
-                let time = self.at(*time);
+                let time = self.ring_time(*time);
                 self.silent_until = Some(time);
                 time
             }
             Notice::ClockSet { time, step, .. } => {
                 // Several sources with this clock report the same step; the first report removes it.
-                if self.at(*time) > self.now().saturating_add(step / 2) {
+                if self.ring_time(*time) > self.now().saturating_add(step / 2) {
                     self.offset = self.offset.saturating_sub(*step);
                 }
-                self.frame(Some(*time))
+                self.frame_time(Some(*time))
             }
             _ => self.now(),
         }
@@ -92,16 +92,16 @@ mod tests {
 
     fn frames(seconds: &[i64]) -> Vec<i64> {
         let mut clock = RingClock::default();
-        seconds.iter().map(|second| clock.frame(Some(Timestamp(second * SECOND))) / SECOND).collect()
+        seconds.iter().map(|second| clock.frame_time(Some(Timestamp(second * SECOND))) / SECOND).collect()
     }
 
     #[test]
     fn without_steps_it_is_the_timestamp() {
         assert_eq!(frames(&[100, 101, 103, 102, 104]), [100, 101, 103, 102, 104]);
         let mut clock = RingClock::default();
-        assert_eq!(clock.frame(None), 0);
-        assert_eq!([clock.frame(Some(Timestamp(7))), clock.frame(None)], [7, 7]);
-        assert_eq!(clock.at(Timestamp(3)), 3);
+        assert_eq!(clock.frame_time(None), 0);
+        assert_eq!([clock.frame_time(Some(Timestamp(7))), clock.frame_time(None)], [7, 7]);
+        assert_eq!(clock.ring_time(Timestamp(3)), 3);
     }
 
     #[test]
@@ -113,29 +113,29 @@ mod tests {
     #[test]
     fn a_clock_that_is_set_forward_does_not_empty_the_ring() {
         let mut clock = RingClock::default();
-        clock.frame(Some(Timestamp(10 * SECOND)));
+        clock.frame_time(Some(Timestamp(10 * SECOND)));
         let set = |second: i64| Notice::ClockSet {
             bus: BusIndex(0),
             time: Timestamp(second * SECOND),
             step: 3_600 * SECOND,
         };
         // Two sources with the same clock.
-        assert_eq!(clock.notice(&set(3_611)), 11 * SECOND);
-        assert_eq!(clock.notice(&set(3_612)), 12 * SECOND);
-        assert_eq!(clock.frame(Some(Timestamp(3_613 * SECOND))), 13 * SECOND);
-        assert_eq!(clock.notice(&Notice::Quiet(Timestamp(3_614 * SECOND))), 14 * SECOND);
-        assert_eq!(clock.at(Timestamp(3_600 * SECOND)), 0);
+        assert_eq!(clock.notice_time(&set(3_611)), 11 * SECOND);
+        assert_eq!(clock.notice_time(&set(3_612)), 12 * SECOND);
+        assert_eq!(clock.frame_time(Some(Timestamp(3_613 * SECOND))), 13 * SECOND);
+        assert_eq!(clock.notice_time(&Notice::Quiet(Timestamp(3_614 * SECOND))), 14 * SECOND);
+        assert_eq!(clock.ring_time(Timestamp(3_600 * SECOND)), 0);
     }
 
     #[test]
     fn delayed_frames_are_no_step() {
         let mut clock = RingClock::default();
-        clock.frame(Some(Timestamp(10 * SECOND)));
+        clock.frame_time(Some(Timestamp(10 * SECOND)));
         for second in 11..60 {
-            assert_eq!(clock.notice(&Notice::Quiet(Timestamp(second * SECOND))), second * SECOND);
+            assert_eq!(clock.notice_time(&Notice::Quiet(Timestamp(second * SECOND))), second * SECOND);
         }
-        assert_eq!([clock.now(), clock.expected()], [10 * SECOND, 49 * SECOND]);
-        assert_eq!(clock.frame(Some(Timestamp(11 * SECOND))), 11 * SECOND);
-        assert_eq!([clock.now(), clock.expected()], [11 * SECOND, 11 * SECOND]);
+        assert_eq!([clock.now(), clock.expected_from()], [10 * SECOND, 49 * SECOND]);
+        assert_eq!(clock.frame_time(Some(Timestamp(11 * SECOND))), 11 * SECOND);
+        assert_eq!([clock.now(), clock.expected_from()], [11 * SECOND, 11 * SECOND]);
     }
 }

@@ -6,9 +6,9 @@ use std::time::Instant;
 
 use cobscope_decoder::frame::Timestamp;
 
-use super::super::item::{Item, RecordItem};
-use super::super::parts::Parts;
-use super::ring::{Ring, RingItem};
+use super::super::item::{PendingItem, RecordItem};
+use super::super::parts::RecordParts;
+use super::ring::{ItemRing, RingItem};
 use super::{CompleteCut, CutEnd};
 
 /// Maximum number of items that are written together.
@@ -18,7 +18,7 @@ pub(super) const BATCH: usize = 1_024;
 pub(super) type Comments = BTreeMap<u64, String>;
 
 /// Start of a capture, and the next item to consider.
-pub(super) struct CutStart {
+pub(super) struct OpenCutStart {
     begin: i64,
     first: Option<u64>,
     next: u64,
@@ -27,9 +27,9 @@ pub(super) struct CutStart {
 }
 
 /// A capture with an open window.
-pub(super) struct Cut {
+pub(super) struct OpenCut {
     /// The file; None until it can be created.
-    pub parts: Option<Parts>,
+    pub parts: Option<RecordParts>,
     /// Path of the file.
     pub path: PathBuf,
     /// Its bus file.
@@ -61,12 +61,12 @@ pub(super) struct Cut {
     /// Timestamp of the last frame taken.
     last_time: Option<Timestamp>,
     /// Items to be written.
-    held: Vec<Item>,
+    held: Vec<PendingItem>,
 }
 
-impl Cut {
+impl OpenCut {
     /// A capture without a file, of the items of the ring.
-    pub(super) fn new(path: PathBuf, (begin, end): (i64, i64), ring: &Ring, title: String) -> Self {
+    pub(super) fn new(path: PathBuf, (begin, end): (i64, i64), ring: &ItemRing, title: String) -> Self {
         Self {
             parts: None,
             path,
@@ -90,8 +90,8 @@ impl Cut {
 
     /// Starts again with another file, with a window from `begin` and the items of the ring. Returns the present start
     /// for `resume`.
-    pub(super) fn restart(&mut self, begin: i64, ring: &Ring, title: String) -> CutStart {
-        let start = CutStart {
+    pub(super) fn restart_file(&mut self, begin: i64, ring: &ItemRing, title: String) -> OpenCutStart {
+        let start = OpenCutStart {
             begin: self.begin,
             first: self.first,
             next: self.next,
@@ -105,7 +105,10 @@ impl Cut {
     }
 
     /// Continues the file before `restart`.
-    pub(super) fn resume(&mut self, CutStart { begin, first, next, next_frame, span }: CutStart) {
+    pub(super) fn resume_file(
+        &mut self,
+        OpenCutStart { begin, first, next, next_frame, span }: OpenCutStart,
+    ) {
         self.held.clear();
         self.title = None;
         (self.begin, self.first, self.span) = (begin, first, span);
@@ -114,7 +117,7 @@ impl Cut {
 
     /// Takes items of the window from the ring, at most one batch; `false` if it has no further ones. Items after
     /// the window wait for an extension of it, unless it is final.
-    pub(super) fn take(&mut self, ring: &Ring, comments: &Comments, is_final: bool) -> bool {
+    pub(super) fn take_items(&mut self, ring: &ItemRing, comments: &Comments, is_final: bool) -> bool {
         if self.has_gap(ring) && !is_final {
             return false;
         }
@@ -130,10 +133,10 @@ impl Cut {
             }
             self.next = one.sequence.saturating_add(1);
             self.next_frame = self.next_frame.saturating_add(u64::from(one.item.is_frame()));
-            if self.has(one.time) {
+            if self.has_time(one.time) {
                 self.first = self.first.or(Some(one.sequence));
-                self.count(&one.item);
-                let item = self.commented(one, comments);
+                self.count_item(&one.item);
+                let item = self.commented_item(one, comments);
                 self.held.push(item);
             }
         }
@@ -141,7 +144,7 @@ impl Cut {
     }
 
     /// Whether items after the file so far have left the ring: they were after the window.
-    pub(super) fn has_gap(&self, ring: &Ring) -> bool {
+    pub(super) fn has_gap(&self, ring: &ItemRing) -> bool {
         self.parts.is_some() && self.next < ring.first_sequence()
     }
 
@@ -151,17 +154,17 @@ impl Cut {
     }
 
     /// Continues with the oldest item in memory.
-    pub(super) fn skip_to_memory(&mut self, ring: &Ring) {
+    pub(super) fn skip_to_memory(&mut self, ring: &ItemRing) {
         (self.next, self.next_frame) = (ring.first_sequence(), ring.evicted_frames());
     }
 
     /// Adds an item before those of the ring.
-    pub(super) fn add(&mut self, item: Item) {
-        self.count(&item);
+    pub(super) fn add_item(&mut self, item: PendingItem) {
+        self.count_item(&item);
         let item = match (&item.what, self.title.take_if(|_| item.is_frame())) {
             (RecordItem::Frame(frame), Some(title)) => {
                 let what = RecordItem::Commented(Box::new((*frame, title)));
-                Item { bus: item.bus, what }
+                PendingItem { bus: item.bus, what }
             }
             _ => item,
         };
@@ -173,7 +176,7 @@ impl Cut {
         self.held.len() >= BATCH
     }
 
-    fn count(&mut self, item: &Item) {
+    fn count_item(&mut self, item: &PendingItem) {
         let Some(time) = item.frame().and_then(|frame| frame.time) else { return };
         self.last_time = Some(time);
         let (first, last) = self.span.unwrap_or((time, time));
@@ -181,11 +184,11 @@ impl Cut {
     }
 
     /// Writes the taken items. Without a file they are missing.
-    pub(super) fn write(&mut self, buses: &[String], now: Option<Instant>) {
+    pub(super) fn write_items(&mut self, buses: &[String], now: Option<Instant>) {
         let items = std::mem::take(&mut self.held);
         match &mut self.parts {
             _ if items.is_empty() => (),
-            Some(parts) => parts.take(items, buses, now),
+            Some(parts) => parts.take_items(items, buses, now),
             None => {
                 let frames = items.iter().filter(|item| item.is_frame()).count() as u64;
                 self.missing = self.missing.saturating_add(frames);
@@ -194,13 +197,13 @@ impl Cut {
     }
 
     /// Counts a frame that leaves the ring although it should be written.
-    pub(super) fn evicted(&mut self, one: &RingItem) {
-        let is_lost = one.sequence >= self.next && self.has(one.time) && one.item.is_frame();
+    pub(super) fn count_evicted(&mut self, one: &RingItem) {
+        let is_lost = one.sequence >= self.next && self.has_time(one.time) && one.item.is_frame();
         self.missing = self.missing.saturating_add(u64::from(is_lost));
     }
 
     /// Whether a time is in the window.
-    pub(super) fn has(&self, time: i64) -> bool {
+    pub(super) fn has_time(&self, time: i64) -> bool {
         (self.begin..=self.end).contains(&time)
     }
 
@@ -210,10 +213,10 @@ impl Cut {
     }
 
     /// Ends the file.
-    pub(super) fn finish(mut self, end: CutEnd) -> (CompleteCut, Option<Parts>) {
+    pub(super) fn finish_cut(mut self, end: CutEnd) -> (CompleteCut, Option<RecordParts>) {
         let mut parts = self.parts.take();
         if let Some(parts) = &mut parts {
-            parts.finish();
+            parts.finish_recording();
         }
         let status = parts.as_ref().map(|parts| parts.status().clone()).unwrap_or_default();
         let complete = CompleteCut {
@@ -231,7 +234,7 @@ impl Cut {
     }
 
     /// The item with its comments.
-    fn commented(&mut self, one: &RingItem, comments: &Comments) -> Item {
+    fn commented_item(&mut self, one: &RingItem, comments: &Comments) -> PendingItem {
         let RecordItem::Frame(frame) = &one.item.what else { return one.item.clone() };
         let own = comments.get(&one.sequence);
         let title = self.title.take().filter(|title| own.is_none_or(|own| !own.contains(title.as_str())));
@@ -240,6 +243,6 @@ impl Cut {
             return one.item.clone();
         }
         let what = RecordItem::Commented(Box::new((*frame, texts.join("\n"))));
-        Item { bus: one.item.bus, what }
+        PendingItem { bus: one.item.bus, what }
     }
 }

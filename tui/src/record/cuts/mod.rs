@@ -23,7 +23,7 @@ use std::time::Duration;
 
 use cobscope_decoder::frame::Timestamp;
 
-use super::trigger::Trigger;
+use super::trigger::CaptureTrigger;
 pub(super) use state::StateFollower;
 pub use state::StateText;
 pub(super) use writer::CutWriter;
@@ -57,7 +57,7 @@ pub enum CutNews {
     /// A trigger is in a capture.
     Triggered {
         /// The trigger.
-        trigger: Trigger,
+        trigger: CaptureTrigger,
         /// The capture.
         path: PathBuf,
         /// Time missing at the start of its window, in ns; 0 for none.
@@ -66,7 +66,7 @@ pub enum CutNews {
     /// A trigger is in no capture.
     Refused {
         /// The trigger.
-        trigger: Trigger,
+        trigger: CaptureTrigger,
         /// Why not.
         reason: RefusalReason,
     },

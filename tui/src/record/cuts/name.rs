@@ -4,21 +4,21 @@ use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::wire::NodeId;
 use jiff::tz::TimeZone;
 
-use super::super::trigger::Trigger;
+use super::super::trigger::CaptureTrigger;
 
 /// Maximum length of the cause in a name, in bytes.
 const LONGEST_CAUSE: usize = 60;
 
 /// Name of the capture of a trigger, without suffix: time in the zone `zone`, node and cause. It contains letters,
 /// digits, `.`, `-` and `_` only.
-pub(super) fn stem(trigger: &Trigger, zone: &TimeZone) -> String {
+pub(super) fn file_stem(trigger: &CaptureTrigger, zone: &TimeZone) -> String {
     let time = trigger.time.and_then(|time| day_and_time(time, zone)).unwrap_or_else(|| "no-time".to_owned());
     let node = match trigger.node {
         Some(NodeId::Canopen(id)) => format!("_node{id}"),
         Some(NodeId::J1939(address)) => format!("_sa{address:02X}"),
         None => String::new(),
     };
-    format!("{time}{node}_{}", plain(&trigger.cause))
+    format!("{time}{node}_{}", plain_cause(&trigger.cause))
 }
 
 /// `2026-11-22_073051.250`; None outside the years that a date can have.
@@ -28,7 +28,7 @@ fn day_and_time(time: Timestamp, zone: &TimeZone) -> Option<String> {
 }
 
 /// A cause with letters, digits and `-` only.
-fn plain(cause: &str) -> String {
+fn plain_cause(cause: &str) -> String {
     let text: String =
         cause.chars().map(|letter| if letter.is_ascii_alphanumeric() { letter } else { '-' }).collect();
     text.get(..LONGEST_CAUSE).unwrap_or(&text).to_owned()
@@ -38,8 +38,8 @@ fn plain(cause: &str) -> String {
 mod tests {
     use super::*;
 
-    fn trigger(cause: &str, node: Option<NodeId>, time: Option<i64>) -> Trigger {
-        Trigger {
+    fn trigger(cause: &str, node: Option<NodeId>, time: Option<i64>) -> CaptureTrigger {
+        CaptureTrigger {
             bus: "../can0".to_owned(),
             node,
             subject: String::new(),
@@ -53,7 +53,7 @@ mod tests {
 
     #[test]
     fn time_node_and_cause() {
-        let name = |cause, node, time| stem(&trigger(cause, node, time), &TimeZone::UTC);
+        let name = |cause, node, time| file_stem(&trigger(cause, node, time), &TimeZone::UTC);
         let time = Some(1_700_000_000_123_456_789);
         assert_eq!(name("emcy", Some(NodeId::Canopen(2)), time), "2023-11-14_221320.123_node2_emcy");
         assert_eq!(name("dtc", Some(NodeId::J1939(0x80)), time), "2023-11-14_221320.123_sa80_dtc");
@@ -64,7 +64,7 @@ mod tests {
 
     #[test]
     fn text_of_users_and_buses_cannot_leave_the_folder() {
-        let name = |cause: &str| stem(&trigger(cause, None, None), &TimeZone::UTC);
+        let name = |cause: &str| file_stem(&trigger(cause, None, None), &TimeZone::UTC);
         assert_eq!(name("rexroth-sydfec:eeprom-wear"), "no-time_rexroth-sydfec-eeprom-wear");
         assert_eq!(name("../a b\0\u{1b}[2Jé$(rm)"), "no-time_---a-b---2J---rm-");
         assert_eq!(name(&"x".repeat(500)).len(), "no-time_".len() + LONGEST_CAUSE);

@@ -8,7 +8,7 @@
 
 use std::collections::VecDeque;
 
-use super::super::item::Item;
+use super::super::item::PendingItem;
 
 /// Maximum number of items of a chunk.
 const CHUNK: usize = 1_024;
@@ -24,18 +24,18 @@ pub(super) struct RingItem {
     /// Number of the item, from 0, without gaps.
     pub sequence: u64,
     /// Frame or notice.
-    pub item: Item,
+    pub item: PendingItem,
 }
 
 /// Items that are evicted together.
 #[derive(Debug)]
-pub(super) struct Chunk {
+pub(super) struct RingChunk {
     items: Vec<RingItem>,
     earliest: i64,
     latest: i64,
 }
 
-impl Chunk {
+impl RingChunk {
     /// The items in order of arrival.
     pub(super) fn items(&self) -> &[RingItem] {
         &self.items
@@ -45,7 +45,7 @@ impl Chunk {
         self.items.first().map_or(0, |first| first.sequence)
     }
 
-    fn memory(&self) -> usize {
+    fn memory_size(&self) -> usize {
         self.items.capacity().saturating_mul(size_of::<RingItem>())
     }
 
@@ -56,8 +56,8 @@ impl Chunk {
 
 /// The ring.
 #[derive(Debug)]
-pub(super) struct Ring {
-    chunks: VecDeque<Chunk>,
+pub(super) struct ItemRing {
+    chunks: VecDeque<RingChunk>,
     next: u64,
     /// Time for which items are kept, in ns.
     reach: i64,
@@ -68,38 +68,38 @@ pub(super) struct Ring {
     evicted: u64,
 }
 
-impl Ring {
+impl ItemRing {
     /// An empty ring that keeps items for `reach` ns, in at most `most` bytes.
     pub(super) fn new(reach: i64, most: usize) -> Self {
         Self { chunks: VecDeque::new(), next: 0, reach, most, memory: 0, evicted: 0 }
     }
 
     /// Adds an item; returns its sequence number.
-    pub(super) fn push(&mut self, time: i64, item: Item) -> u64 {
+    pub(super) fn push(&mut self, time: i64, item: PendingItem) -> u64 {
         let sequence = self.next;
         self.next += 1;
         if !self.chunks.back().is_some_and(|chunk| chunk.has_room_for(time)) {
-            self.chunks.push_back(Chunk { items: Vec::new(), earliest: time, latest: time });
+            self.chunks.push_back(RingChunk { items: Vec::new(), earliest: time, latest: time });
         }
         if let Some(chunk) = self.chunks.back_mut() {
-            let before = chunk.memory();
+            let before = chunk.memory_size();
             chunk.items.push(RingItem { time, sequence, item });
             chunk.earliest = chunk.earliest.min(time);
             chunk.latest = chunk.latest.max(time);
-            self.memory = self.memory.saturating_sub(before).saturating_add(chunk.memory());
+            self.memory = self.memory.saturating_sub(before).saturating_add(chunk.memory_size());
         }
         sequence
     }
 
     /// Removes and returns the oldest chunk if it is out of reach at the time `now`, or over the memory limit.
     /// The newest chunk stays.
-    pub(super) fn evict(&mut self, now: i64) -> Option<Chunk> {
+    pub(super) fn evict_chunk(&mut self, now: i64) -> Option<RingChunk> {
         let oldest = self.chunks.front().filter(|_| self.chunks.len() > 1)?;
         if oldest.latest >= now.saturating_sub(self.reach) && self.memory <= self.most {
             return None;
         }
         let chunk = self.chunks.pop_front()?;
-        self.memory = self.memory.saturating_sub(chunk.memory());
+        self.memory = self.memory.saturating_sub(chunk.memory_size());
         let frames = chunk.items.iter().filter(|one| one.item.is_frame()).count() as u64;
         self.evicted = self.evicted.saturating_add(frames);
         Some(chunk)
@@ -112,7 +112,7 @@ impl Ring {
 
     /// Sequence number of the oldest item, or of the next one if the ring is empty.
     pub(super) fn first_sequence(&self) -> u64 {
-        self.chunks.front().map_or(self.next, Chunk::first_sequence)
+        self.chunks.front().map_or(self.next, RingChunk::first_sequence)
     }
 
     /// Time of the oldest item.
@@ -134,7 +134,7 @@ impl Ring {
 
     /// Ring time of the frame with this number; None if the ring does not contain it.
     pub(super) fn time_of(&self, number: u64) -> Option<i64> {
-        let first = |chunk: &Chunk| chunk.items.iter().find_map(|one| Some(one.item.frame()?.number));
+        let first = |chunk: &RingChunk| chunk.items.iter().find_map(|one| Some(one.item.frame()?.number));
         // Frame numbers increase; chunks with notices only have none.
         let chunk =
             self.chunks.iter().rev().find(|chunk| first(chunk).is_some_and(|first| first <= number))?;
@@ -152,17 +152,17 @@ mod tests {
 
     const SECOND: i64 = 1_000_000_000;
 
-    fn frame(number: u64) -> Item {
-        Item { bus: 0, what: RecordItem::Frame(Frame { number, ..Frame::EMPTY }) }
+    fn frame(number: u64) -> PendingItem {
+        PendingItem { bus: 0, what: RecordItem::Frame(Frame { number, ..Frame::EMPTY }) }
     }
 
     /// A ring with frames 1 to `last`, `step` ns apart, after eviction; and the numbers of the evicted ones.
-    fn ring(last: u64, step: i64, reach: i64, most: usize) -> (Ring, Vec<u64>) {
-        let (mut ring, mut evicted) = (Ring::new(reach, most), Vec::new());
+    fn ring(last: u64, step: i64, reach: i64, most: usize) -> (ItemRing, Vec<u64>) {
+        let (mut ring, mut evicted) = (ItemRing::new(reach, most), Vec::new());
         let mut time = 0;
         for number in 1..=last {
             ring.push(time, frame(number));
-            while let Some(chunk) = ring.evict(time) {
+            while let Some(chunk) = ring.evict_chunk(time) {
                 evicted.extend(chunk.items().iter().map(|one| one.item.frame().unwrap().number));
             }
             time += step;
@@ -206,7 +206,7 @@ mod tests {
         assert_eq!(ring.time_of(1), Some(0));
         assert_eq!(ring.time_of(1_025), Some(1_024_000));
         assert_eq!([ring.time_of(0), ring.time_of(5_001)], [None, None]);
-        let empty = Ring::new(0, 0);
+        let empty = ItemRing::new(0, 0);
         assert_eq!((empty.first_time(), empty.first_sequence()), (None, 0));
         assert_eq!(empty.items_from(0).count(), 0);
     }

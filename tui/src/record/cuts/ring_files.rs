@@ -9,23 +9,23 @@ use std::io::{self, BufReader};
 use std::path::Path;
 use std::time::Instant;
 
-use cobscope_decoder::capture::{Batch, Item as CaptureItem, ReadOptions, Reader};
+use cobscope_decoder::capture::{Batch, BatchItem as CaptureItem, CaptureReader, ReadOptions};
 
-use super::super::disk::Disk;
-use super::super::item::{Item, RecordItem};
-use super::super::parts::Parts;
+use super::super::disk::RecordDisk;
+use super::super::item::{PendingItem, RecordItem};
+use super::super::parts::RecordParts;
 use super::super::status::RecordFailure;
 
 /// Maximum number of files.
 pub(super) const MOST_FILES: u32 = 8;
 
 /// Receives items with the number of frames before each; returns whether it needs more.
-pub(super) type ItemReceiver<'a> = &'a mut dyn FnMut(u64, Item) -> bool;
+pub(super) type ItemReceiver<'a> = &'a mut dyn FnMut(u64, PendingItem) -> bool;
 
 /// The files.
 pub(super) struct RingFiles {
-    parts: Parts,
-    disk: Box<dyn Disk>,
+    parts: RecordParts,
+    disk: Box<dyn RecordDisk>,
     /// Number of frames in removed files.
     removed: u64,
     /// The oldest file was read but could not be removed.
@@ -33,19 +33,19 @@ pub(super) struct RingFiles {
 }
 
 impl RingFiles {
-    pub(super) fn new(parts: Parts, disk: Box<dyn Disk>) -> Self {
+    pub(super) fn new(parts: RecordParts, disk: Box<dyn RecordDisk>) -> Self {
         Self { parts, disk, removed: 0, is_read: false }
     }
 
     /// Writes items.
-    pub(super) fn take(&mut self, items: &[Item], buses: &[String], now: Option<Instant>) {
+    pub(super) fn take_items(&mut self, items: &[PendingItem], buses: &[String], now: Option<Instant>) {
         let kept = items.iter().filter(|item| !matches!(item.what, RecordItem::Trigger(_)));
-        self.parts.take(kept.cloned().collect(), buses, now);
+        self.parts.take_items(kept.cloned().collect(), buses, now);
     }
 
     /// Waits until all is on the disk.
-    pub(super) fn sync(&mut self) {
-        self.parts.sync();
+    pub(super) fn sync_to_disk(&mut self) {
+        self.parts.sync_to_disk();
     }
 
     /// Removes all files.
@@ -54,7 +54,7 @@ impl RingFiles {
     }
 
     /// The last failure to write.
-    pub(super) fn failure(&self) -> Option<&RecordFailure> {
+    pub(super) fn last_failure(&self) -> Option<&RecordFailure> {
         self.parts.status().failure.as_ref()
     }
 
@@ -69,7 +69,7 @@ impl RingFiles {
     }
 
     /// Removes the oldest files if there are too many; passes their items on before.
-    pub(super) fn shrink(&mut self, buses: &[String], each: &mut dyn FnMut(&Item)) {
+    pub(super) fn remove_oldest(&mut self, buses: &[String], each: &mut dyn FnMut(&PendingItem)) {
         while self.parts.paths().count() > MOST_FILES as usize {
             let Some(oldest) = self.parts.paths().next().cloned() else { return };
             if !self.is_read {
@@ -93,7 +93,7 @@ impl RingFiles {
     ///
     /// # Errors
     /// If a file cannot be read.
-    pub(super) fn read(&mut self, buses: &[String], each: ItemReceiver<'_>) -> io::Result<()> {
+    pub(super) fn read_items(&mut self, buses: &[String], each: ItemReceiver<'_>) -> io::Result<()> {
         let paths: Vec<_> = self.parts.paths().skip(usize::from(self.is_read)).cloned().collect();
         let mut before = self.removed;
         for path in paths {
@@ -118,7 +118,7 @@ impl RingFiles {
         each: ItemReceiver<'_>,
     ) -> io::Result<()> {
         let file = BufReader::new(self.disk.read(path)?);
-        let mut reader = Reader::open(file, &ReadOptions::default()).map_err(io::Error::other)?;
+        let mut reader = CaptureReader::open(file, &ReadOptions::default()).map_err(io::Error::other)?;
         let mut batch = Batch::new();
         while reader.read(&mut batch).map_err(io::Error::other)? {
             for item in batch.items() {
@@ -130,7 +130,7 @@ impl RingFiles {
                 let Some(bus) = name.and_then(|name| buses.iter().position(|known| known == name)) else {
                     continue;
                 };
-                let mut item = Item { bus, what };
+                let mut item = PendingItem { bus, what };
                 let is_frame = item.is_frame();
                 if let RecordItem::Frame(frame) = &mut item.what {
                     frame.number = before.saturating_add(1);

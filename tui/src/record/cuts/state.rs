@@ -15,8 +15,8 @@ use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::session::{Buses, NoObserver, SessionOptions};
 
-use super::super::disk::Disk;
-use super::super::item::{Item, RecordItem};
+use super::super::disk::RecordDisk;
+use super::super::item::{PendingItem, RecordItem};
 
 /// Suffix of a bus file.
 const SUFFIX: &str = "toml";
@@ -49,7 +49,7 @@ impl StateFollower {
     ///
     /// # Errors
     /// If the text cannot be written.
-    pub(super) fn text(&self, state: &BusState, path: &Path) -> anyhow::Result<String> {
+    pub(super) fn bus_file_text(&self, state: &BusState, path: &Path) -> anyhow::Result<String> {
         let capture = path.with_extension("pcapng");
         let capture = capture.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         (self.text)(state.decoder.buses(), path, &format!("State before the first frame of {capture}"))
@@ -58,7 +58,7 @@ impl StateFollower {
 
 impl BusState {
     /// Decodes an item, whose bus may have another index here; `buses` contains the names of the buses.
-    pub(super) fn push(&mut self, item: &Item, buses: &[String]) {
+    pub(super) fn push(&mut self, item: &PendingItem, buses: &[String]) {
         let Self { decoder, names } = self;
         let name = buses.get(item.bus).map_or("", String::as_str);
         let Some(bus) = names.index_of(name.as_bytes()) else { return };
@@ -72,7 +72,7 @@ impl BusState {
                 {
                     *own = bus;
                 }
-                decoder.notice(&notice, names, &mut NoObserver);
+                decoder.on_notice(&notice, names, &mut NoObserver);
             }
             RecordItem::Commented(_) | RecordItem::Trigger(_) => (),
         }
@@ -88,19 +88,19 @@ pub(super) fn path_of(capture: &Path) -> PathBuf {
 ///
 /// # Errors
 /// The file cannot be written.
-pub(super) fn write(mut disk: Box<dyn Disk>, path: &Path, text: &str) -> io::Result<()> {
+pub(super) fn write_bus_file(mut disk: Box<dyn RecordDisk>, path: &Path, text: &str) -> io::Result<()> {
     let new = path.with_extension(format!("new.{SUFFIX}"));
-    match disk.remove(&new) {
+    match disk.remove_file(&new) {
         Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
         _ => (),
     }
-    let mut file = disk.create(&new)?;
-    let written = file.write_all(text.as_bytes()).and_then(|()| file.sync());
+    let mut file = disk.create_file(&new)?;
+    let written = file.write_all(text.as_bytes()).and_then(|()| file.sync_to_disk());
     drop(file);
-    let renamed = written.and_then(|()| disk.rename(&new, path));
+    let renamed = written.and_then(|()| disk.rename_file(&new, path));
     if renamed.is_err() {
         // The error is reported; a remaining part of the file does not matter.
-        let _ = disk.remove(&new);
+        let _ = disk.remove_file(&new);
     }
     renamed
 }

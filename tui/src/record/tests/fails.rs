@@ -22,7 +22,7 @@ fn length_of(format: &'static WritableFormat, frames: u32) -> usize {
     let memory = Memory::new(usize::MAX);
     let name = format!("run.{}", format.suffix);
     let mut all = parts(&memory, &name, false, UNLIMITED);
-    all.take(items(0..frames), &can0(), None);
+    all.take_items(items(0..frames), &can0(), None);
     memory.bytes(&name).len()
 }
 
@@ -32,9 +32,9 @@ fn full_at(format: &WritableFormat, name: &str, room: usize, grain: usize) {
     let memory = Memory::new(room);
     let mut parts = parts(&memory, name, false, UNLIMITED);
     let begin = Instant::now();
-    parts.take(items(0..10), &can0(), Some(begin));
-    parts.take(items(10..20), &can0(), Some(begin));
-    parts.take(items(20..30), &can0(), Some(begin + RETRY_AFTER / 2));
+    parts.take_items(items(0..10), &can0(), Some(begin));
+    parts.take_items(items(10..20), &can0(), Some(begin));
+    parts.take_items(items(20..30), &can0(), Some(begin + RETRY_AFTER / 2));
     let first = memory.lock().files.get(Path::new(name)).cloned().unwrap_or_default();
     let recorded = frames(&read(&first));
     let count = u32::try_from(recorded.len()).unwrap();
@@ -51,8 +51,8 @@ fn full_at(format: &WritableFormat, name: &str, room: usize, grain: usize) {
     assert_eq!(failure.path, Path::new(name));
 
     memory.set(|inner| inner.room = usize::MAX / 2);
-    parts.take(items(30..40), &can0(), Some(begin + RETRY_AFTER));
-    parts.finish();
+    parts.take_items(items(30..40), &can0(), Some(begin + RETRY_AFTER));
+    parts.finish_recording();
     let second = if first.is_empty() { name.to_owned() } else { name.replace('.', "-0002.") };
     let texts = read(&memory.bytes(&second));
     assert_eq!(frames(&texts), kept(format, 30..40));
@@ -73,15 +73,15 @@ fn a_disk_that_is_gone_is_tried_every_few_seconds() {
     let memory = Memory::new(28 + 200);
     let mut parts = parts(&memory, "run.pcapng", false, UNLIMITED);
     let begin = Instant::now();
-    parts.take(items(0..10), &can0(), Some(begin));
+    parts.take_items(items(0..10), &can0(), Some(begin));
     let count = frames(&read(&memory.bytes("run.pcapng"))).len() as u64;
     assert!((1..5).contains(&count), "{count}");
     memory.set(|inner| inner.is_gone = true);
     // One frame per second for a minute.
     for second in 1..=60_u32 {
-        let lost = Item { bus: 0, what: RecordItem::Notice(lost(1)) };
+        let lost = PendingItem { bus: 0, what: RecordItem::Notice(lost(1)) };
         let now = begin + Duration::from_secs(second.into());
-        parts.take([items(second..second + 1), vec![lost]].concat(), &can0(), Some(now));
+        parts.take_items([items(second..second + 1), vec![lost]].concat(), &can0(), Some(now));
     }
     assert_eq!(memory.lock().made, 1 + 12);
     let failure = parts.status().failure.clone().unwrap();
@@ -90,12 +90,16 @@ fn a_disk_that_is_gone_is_tried_every_few_seconds() {
     // Back but full: no empty files remain.
     memory.set(|inner| inner.is_gone = false);
     memory.set(|inner| inner.room = 30);
-    parts.take(items(61..62), &can0(), Some(begin + Duration::from_secs(65)));
+    parts.take_items(items(61..62), &can0(), Some(begin + Duration::from_secs(65)));
     assert_eq!(memory.names(), ["run.pcapng"]);
     memory.set(|inner| inner.room = 1_000);
-    let down = Item { bus: 0, what: RecordItem::Notice(link(62, LinkState::Down)) };
-    let up = Item { bus: 0, what: RecordItem::Notice(link(62, LinkState::Up)) };
-    parts.take([vec![down, up], items(62..63)].concat(), &can0(), Some(begin + Duration::from_secs(70)));
+    let down = PendingItem { bus: 0, what: RecordItem::Notice(link(62, LinkState::Down)) };
+    let up = PendingItem { bus: 0, what: RecordItem::Notice(link(62, LinkState::Up)) };
+    parts.take_items(
+        [vec![down, up], items(62..63)].concat(),
+        &can0(),
+        Some(begin + Duration::from_secs(70)),
+    );
     let texts = read(&memory.bytes("run-0002.pcapng"));
     // Frames lost before they arrived are counted too, and the last link state is written.
     let missing = 71 - count;
@@ -111,7 +115,7 @@ fn a_disk_that_is_gone_is_tried_every_few_seconds() {
     assert_eq!(parts.status().missing, missing);
     // A later failure has its own count.
     memory.set(|inner| inner.room = 0);
-    parts.take(items(63..65), &can0(), Some(begin + Duration::from_secs(71)));
+    parts.take_items(items(63..65), &can0(), Some(begin + Duration::from_secs(71)));
     assert_eq!(parts.status().failure.as_ref().unwrap().missing, 2);
     assert_eq!(parts.status().missing, missing + 2);
 }
@@ -119,18 +123,18 @@ fn a_disk_that_is_gone_is_tried_every_few_seconds() {
 #[test]
 fn a_full_disk_takes_one_old_part_at_most() {
     let memory = Memory::new(6 * LINE);
-    let limits = Limits { bytes: 2 * LINE as u64, files: 3, ..UNLIMITED };
+    let limits = RecordLimits { bytes: 2 * LINE as u64, files: 3, ..UNLIMITED };
     let mut log = parts(&memory, "run.log", true, limits);
     let begin = Instant::now();
-    log.take(items(0..6), &can0(), Some(begin));
+    log.take_items(items(0..6), &can0(), Some(begin));
     assert_eq!(memory.names(), ["run-0001.log", "run-0002.log", "run-0003.log"]);
     // The oldest part is removed for the next one.
-    log.take(items(6..8), &can0(), Some(begin));
+    log.take_items(items(6..8), &can0(), Some(begin));
     assert_eq!(memory.names(), ["run-0002.log", "run-0003.log", "run-0004.log"]);
     assert_eq!((log.status().frames, log.status().missing), (8, 0));
     memory.set(|inner| inner.is_crowded = true);
     for second in (10..100).step_by(10) {
-        log.take(items(8..9), &can0(), Some(begin + Duration::from_secs(second)));
+        log.take_items(items(8..9), &can0(), Some(begin + Duration::from_secs(second)));
         assert_eq!(memory.names(), ["run-0003.log", "run-0004.log"]);
     }
     assert_eq!((log.status().removed, log.status().missing), (2, 9));
@@ -141,16 +145,16 @@ fn a_failed_sync_is_reported() {
     let memory = Memory::new(usize::MAX);
     let mut log = parts(&memory, "run.log", false, UNLIMITED);
     let begin = Instant::now();
-    log.take(items(0..2), &can0(), Some(begin));
+    log.take_items(items(0..2), &can0(), Some(begin));
     memory.set(|inner| inner.fails_to_sync = true);
-    log.sync();
-    log.take(items(2..5), &can0(), Some(begin));
+    log.sync_to_disk();
+    log.take_items(items(2..5), &can0(), Some(begin));
     let failure = log.status().failure.clone().unwrap();
     assert!(failure.reason.contains("(os error 5)"), "{}", failure.reason);
     assert_eq!((failure.missing, log.status().frames), (3, 2));
     memory.set(|inner| inner.fails_to_sync = false);
-    log.take(items(5..6), &can0(), Some(begin + RETRY_AFTER));
-    log.sync();
+    log.take_items(items(5..6), &can0(), Some(begin + RETRY_AFTER));
+    log.sync_to_disk();
     assert_eq!(frames(&read(&memory.bytes("run-0002.log"))), expected(5..6));
 }
 
@@ -160,7 +164,7 @@ fn a_slow_disk_holds_nobody_up() {
     let room = 3_000;
     let path = options(Path::new("run.pcapng"));
     let mut recorder =
-        Recorder::open_on(Box::new(memory.clone()), &path, day(), room * size_of::<Item>()).unwrap();
+        Recorder::open_on(Box::new(memory.clone()), &path, day(), room * size_of::<PendingItem>()).unwrap();
     memory.set(|inner| inner.is_stuck = true);
     for number in 0..5_000 {
         recorder.frame(&frame(number), "can0");
@@ -197,7 +201,7 @@ fn a_slow_disk_holds_nobody_up() {
 fn input_with_patience_waits_for_the_writer() {
     let memory = Memory::new(usize::MAX);
     let path = options(Path::new("run.pcapng"));
-    let room = 2_000 * size_of::<Item>();
+    let room = 2_000 * size_of::<PendingItem>();
     let mut recorder = Recorder::open_on(Box::new(memory.clone()), &path, day(), room).unwrap();
     recorder.patience = LIMIT;
     (0..50_000).for_each(|number| recorder.frame(&frame(number), "can0"));
@@ -210,7 +214,7 @@ fn losses_at_the_end_are_reported() {
     let memory = Memory::new(usize::MAX);
     let path = options(Path::new("run.pcapng"));
     let mut recorder =
-        Recorder::open_on(Box::new(memory.clone()), &path, day(), 10 * size_of::<Item>()).unwrap();
+        Recorder::open_on(Box::new(memory.clone()), &path, day(), 10 * size_of::<PendingItem>()).unwrap();
     memory.set(|inner| inner.is_stuck = true);
     (0..15).for_each(|number| recorder.frame(&frame(number), "can0"));
     memory.set(|inner| inner.is_stuck = false);
@@ -225,8 +229,8 @@ fn losses_at_the_end_are_reported() {
 struct Full;
 
 #[cfg(target_os = "linux")]
-impl Disk for Full {
-    fn create(&mut self, _path: &Path) -> io::Result<Box<dyn RecordFile>> {
+impl RecordDisk for Full {
+    fn create_file(&mut self, _path: &Path) -> io::Result<Box<dyn RecordFile>> {
         Ok(Box::new(std::fs::File::options().write(true).open("/dev/full")?))
     }
 
@@ -234,11 +238,11 @@ impl Disk for Full {
         Err(ErrorKind::Unsupported.into())
     }
 
-    fn remove(&mut self, _path: &Path) -> io::Result<()> {
+    fn remove_file(&mut self, _path: &Path) -> io::Result<()> {
         Ok(())
     }
 
-    fn rename(&mut self, _from: &Path, _to: &Path) -> io::Result<()> {
+    fn rename_file(&mut self, _from: &Path, _to: &Path) -> io::Result<()> {
         Ok(())
     }
 }
@@ -255,7 +259,7 @@ fn the_device_that_is_full_is_full() {
     recorder.tick(begin);
     let status = wait(&recorder, |status| status.missing == 3_000);
     assert_eq!(
-        status.remarks().first().unwrap(),
+        status.remark_texts().first().unwrap(),
         "run.log: No space left on device (os error 28): 3000 frames not written so far; retrying"
     );
     assert_eq!(recorder.finish().frames, 0);

@@ -6,16 +6,16 @@ use super::*;
 fn kinds() -> Vec<Frame> {
     let with = |flags: FrameFlags, data: &[u8]| Frame {
         flags,
-        ..Frame::data_frame(CanId::extended(0x18FE_CA80), data)
+        ..Frame::data_frame(CanId::from_extended(0x18FE_CA80), data)
     };
     let mut all = vec![
-        Frame::data_frame(CanId::standard(0x185), &[1, 2, 3]),
+        Frame::data_frame(CanId::from_standard(0x185), &[1, 2, 3]),
         with(FrameFlags::TRANSMITTED, &[0xFF; 8]),
         with(FrameFlags::RECEIVED, &[]),
         with(FrameFlags::FD.with(FrameFlags::BIT_RATE_SWITCH).with(FrameFlags::ERROR_STATE), &[9; 64]),
         Frame { length: 4, ..with(FrameFlags::REMOTE, &[]) },
         Frame { raw_dlc: 11, ..with(FrameFlags(0), &[7; 8]) },
-        Frame { id: CanId::extended(0x20), ..with(FrameFlags::ERROR, &[0, 0, 0, 0, 0, 0, 0, 5]) },
+        Frame { id: CanId::from_extended(0x20), ..with(FrameFlags::ERROR, &[0, 0, 0, 0, 0, 0, 0, 5]) },
     ];
     for (number, frame) in (1..).zip(&mut all) {
         frame.time = Some(time(number));
@@ -34,7 +34,7 @@ fn what_was_recorded_is_read_again() {
         for (number, frame) in (0_u32..).zip(kinds()) {
             let bus = if number % 3 == 1 { "can1" } else { "can0" };
             recorder.frame(&frame, bus);
-            said.extend(holds.kept(&frame).map(|frame| RecordedItem::Frame(bus.to_owned(), frame)));
+            said.extend(holds.kept_frame(&frame).map(|frame| RecordedItem::Frame(bus.to_owned(), frame)));
             for notice in [link(number, LinkState::Down), lost(2), link(number, LinkState::Up)] {
                 recorder.notice(&notice, bus);
                 said.push(RecordedItem::Notice(bus.to_owned(), notice));
@@ -52,7 +52,7 @@ fn what_was_recorded_is_read_again() {
         assert_eq!(status.unheld, unheld, "{}", format.name);
         assert_eq!(
             status.losses.is_empty(),
-            holds.kept(&kinds()[6]) == Some(kinds()[6]),
+            holds.kept_frame(&kinds()[6]) == Some(kinds()[6]),
             "{:?}",
             status.losses
         );
@@ -123,12 +123,12 @@ fn the_system_has_it_soon_and_the_disk_within_a_second() {
 #[test]
 fn parts_are_as_large_as_allowed_and_miss_nothing() {
     let memory = Memory::new(usize::MAX);
-    let limits = Limits { bytes: 10 * LINE as u64, ..UNLIMITED };
+    let limits = RecordLimits { bytes: 10 * LINE as u64, ..UNLIMITED };
     let mut log = parts(&memory, "run.log", true, limits);
     for start in (0..35).step_by(7) {
-        log.take(items(start..start + 7), &can0(), None);
+        log.take_items(items(start..start + 7), &can0(), None);
     }
-    log.finish();
+    log.finish_recording();
     assert_eq!(memory.names(), ["run-0001.log", "run-0002.log", "run-0003.log", "run-0004.log"]);
     for (part, numbers) in [(1, 0..10), (2, 10..20), (3, 20..30), (4, 30..35)] {
         let bytes = memory.bytes(&format!("run-000{part}.log"));
@@ -144,14 +144,18 @@ fn parts_are_as_large_as_allowed_and_miss_nothing() {
 #[test]
 fn each_part_is_a_whole_capture() {
     let memory = Memory::new(usize::MAX);
-    let mut pcapng = parts(&memory, "run.pcapng", true, Limits { bytes: 400, ..UNLIMITED });
+    let mut pcapng = parts(&memory, "run.pcapng", true, RecordLimits { bytes: 400, ..UNLIMITED });
     let buses = ["can0".to_owned(), "can1".to_owned()];
     for number in 0..40 {
         let bus = usize::from(number % 4 == 3);
-        let down = Item { bus, what: RecordItem::Notice(link(number, LinkState::Down)) };
-        pcapng.take(vec![Item { bus, what: RecordItem::Frame(frame(number)) }, down], &buses, None);
+        let down = PendingItem { bus, what: RecordItem::Notice(link(number, LinkState::Down)) };
+        pcapng.take_items(
+            vec![PendingItem { bus, what: RecordItem::Frame(frame(number)) }, down],
+            &buses,
+            None,
+        );
     }
-    pcapng.finish();
+    pcapng.finish_recording();
     let names = memory.names();
     assert!(names.len() > 4, "{names:?}");
     let mut said = Vec::new();
@@ -174,18 +178,18 @@ fn each_part_is_a_whole_capture() {
 #[test]
 fn a_part_ends_after_its_time_when_a_frame_comes() {
     let memory = Memory::new(usize::MAX);
-    let limits = Limits { time: Duration::from_mins(10), ..UNLIMITED };
+    let limits = RecordLimits { time: Duration::from_mins(10), ..UNLIMITED };
     let mut log = parts(&memory, "run.pcapng", true, limits);
     let begin = Instant::now();
     let at = |seconds| Some(begin + Duration::from_secs(seconds));
-    let quiet = |number| vec![Item { bus: 0, what: RecordItem::Notice(Notice::Quiet(time(number))) }];
-    log.take(items(0..3), &can0(), at(0));
-    log.take(items(3..5), &can0(), at(599));
-    log.take(quiet(5), &can0(), at(1_000));
-    log.take(items(5..6), &can0(), at(1_300));
-    log.take(items(6..7), &can0(), at(1_899));
-    log.take(items(7..9), &can0(), at(1_900));
-    log.finish();
+    let quiet = |number| vec![PendingItem { bus: 0, what: RecordItem::Notice(Notice::Quiet(time(number))) }];
+    log.take_items(items(0..3), &can0(), at(0));
+    log.take_items(items(3..5), &can0(), at(599));
+    log.take_items(quiet(5), &can0(), at(1_000));
+    log.take_items(items(5..6), &can0(), at(1_300));
+    log.take_items(items(6..7), &can0(), at(1_899));
+    log.take_items(items(7..9), &can0(), at(1_900));
+    log.finish_recording();
     let said: Vec<_> = (1..=3).map(|part| read(&memory.bytes(&format!("run-000{part}.pcapng")))).collect();
     assert_eq!(frames(&said[0]), expected(0..5));
     assert_eq!(said[0].last(), Some(&RecordedItem::Notice(String::new(), Notice::Quiet(time(5)))));
@@ -198,10 +202,10 @@ fn a_part_ends_after_its_time_when_a_frame_comes() {
 fn only_so_many_parts_are_kept() {
     let memory = Memory::new(usize::MAX);
     // A part contains at least one frame.
-    let limits = Limits { bytes: 1, files: 2, ..UNLIMITED };
+    let limits = RecordLimits { bytes: 1, files: 2, ..UNLIMITED };
     let mut log = parts(&memory, "run.log", true, limits);
-    log.take(items(0..5), &can0(), None);
-    log.finish();
+    log.take_items(items(0..5), &can0(), None);
+    log.finish_recording();
     assert_eq!(memory.names(), ["run-0004.log", "run-0005.log"]);
     let status = log.status();
     assert_eq!((status.parts, status.removed, status.frames), (5, 3, 5));
@@ -226,7 +230,7 @@ fn parts_are_looked_at_as_one_recording() {
         let mut paths: Vec<_> = paths.filter(of_record).collect();
         paths.sort();
         assert!(paths.len() > 1, "{name}");
-        let captures = Captures {
+        let captures = TimelineCaptures {
             paths,
             align: false,
             join: cobscope_decoder::series::JoinOptions::USUAL,
@@ -237,8 +241,8 @@ fn parts_are_looked_at_as_one_recording() {
         };
         let (news, inbox) = channel();
         let timeline = Timeline::open(captures, news).unwrap();
-        while !matches!(inbox.recv_timeout(LIMIT).unwrap(), News::Indexed) {}
-        let end = timeline.end().unwrap();
+        while !matches!(inbox.recv_timeout(LIMIT).unwrap(), TimelineNews::Indexed) {}
+        let end = timeline.end_state().unwrap();
         assert_eq!(end.frames(), if max_bytes.is_none() { 10 } else { 9 }, "{name}");
         assert_eq!(end.buses().len(), 1, "{name}");
     }
@@ -247,10 +251,10 @@ fn parts_are_looked_at_as_one_recording() {
 #[test]
 fn names_that_are_taken_meanwhile_are_passed_by() {
     let memory = Memory::new(usize::MAX);
-    let limits = Limits { bytes: LINE as u64, ..UNLIMITED };
+    let limits = RecordLimits { bytes: LINE as u64, ..UNLIMITED };
     let mut log = parts(&memory, "run.log", true, limits);
     memory.set(|inner| drop(inner.files.insert("run-0002.log".into(), b"others".to_vec())));
-    log.take(items(0..2), &can0(), None);
+    log.take_items(items(0..2), &can0(), None);
     assert_eq!(memory.names(), ["run-0001.log", "run-0002.log", "run-0003.log"]);
     assert_eq!(memory.bytes("run-0002.log"), b"others");
     assert_eq!(frames(&read(&memory.bytes("run-0003.log"))), expected(1..2));

@@ -11,18 +11,18 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 use cobscope_decoder::capture::{
-    self, Batch, CapturePlace, Notice, ReadOptions, Reader, WRITABLE, WritableFormat, WriteOptions,
+    self, Batch, CapturePlace, CaptureReader, Notice, ReadOptions, WRITABLE, WritableFormat, WriteOptions,
 };
 use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, LinkState, Timestamp};
 use cobscope_decoder::session::SessionOptions;
 
-use super::disk::{Disk, RecordFile};
-use super::item::{Item, RecordItem};
-use super::names::Names;
-use super::parts::{Limits, Parts, RETRY_AFTER};
+use super::disk::{RecordDisk, RecordFile};
+use super::item::{PendingItem, RecordItem};
+use super::names::RecordNames;
+use super::parts::{RETRY_AFTER, RecordLimits, RecordParts};
 use super::status::UnstoredKind;
 use super::*;
-use crate::timeline::{Captures, News, Timeline};
+use crate::timeline::{Timeline, TimelineCaptures, TimelineNews};
 
 /// Length of a candump line of [`frame`] with its end: `(1700000000.000001) can0 185#01000000`.
 const LINE: usize = 19 + 1 + 4 + 1 + 12 + 1;
@@ -30,13 +30,13 @@ const LINE: usize = 19 + 1 + 4 + 1 + 12 + 1;
 /// Time limit for a condition.
 const LIMIT: Duration = Duration::from_mins(1);
 
-const UNLIMITED: Limits = Limits { bytes: u64::MAX, time: Duration::MAX, files: usize::MAX };
+const UNLIMITED: RecordLimits = RecordLimits { bytes: u64::MAX, time: Duration::MAX, files: usize::MAX };
 
 /// A disk in memory with limited space.
 #[derive(Clone)]
-struct Memory(Arc<(Mutex<Inner>, Condvar)>);
+struct Memory(Arc<(Mutex<DiskContent>, Condvar)>);
 
-struct Inner {
+struct DiskContent {
     files: BTreeMap<PathBuf, Vec<u8>>,
     /// New names of files that were open when they were renamed.
     renamed: BTreeMap<PathBuf, PathBuf>,
@@ -52,7 +52,7 @@ struct Inner {
     syncs: usize,
 }
 
-impl Inner {
+impl DiskContent {
     /// Content of an open file, also after it was renamed.
     fn file(&mut self, path: &Path) -> &mut Vec<u8> {
         let path = self.renamed.get(path).map_or(path, PathBuf::as_path);
@@ -65,7 +65,7 @@ struct MemoryFile(Memory, PathBuf);
 impl Memory {
     fn new(room: usize) -> Self {
         Self(Arc::new((
-            Mutex::new(Inner {
+            Mutex::new(DiskContent {
                 files: BTreeMap::new(),
                 renamed: BTreeMap::new(),
                 room,
@@ -80,11 +80,11 @@ impl Memory {
         )))
     }
 
-    fn lock(&self) -> MutexGuard<'_, Inner> {
+    fn lock(&self) -> MutexGuard<'_, DiskContent> {
         self.0.0.lock().unwrap()
     }
 
-    fn set(&self, change: impl FnOnce(&mut Inner)) {
+    fn set(&self, change: impl FnOnce(&mut DiskContent)) {
         change(&mut self.lock());
         self.0.1.notify_all();
     }
@@ -98,8 +98,8 @@ impl Memory {
     }
 }
 
-impl Disk for Memory {
-    fn create(&mut self, path: &Path) -> io::Result<Box<dyn RecordFile>> {
+impl RecordDisk for Memory {
+    fn create_file(&mut self, path: &Path) -> io::Result<Box<dyn RecordFile>> {
         let mut inner = self.lock();
         inner.made += 1;
         if inner.is_gone {
@@ -118,7 +118,7 @@ impl Disk for Memory {
         Ok(Box::new(io::Cursor::new(bytes)))
     }
 
-    fn remove(&mut self, path: &Path) -> io::Result<()> {
+    fn remove_file(&mut self, path: &Path) -> io::Result<()> {
         let mut inner = self.lock();
         let bytes = inner.files.remove(path).ok_or(ErrorKind::NotFound)?;
         if !inner.is_crowded {
@@ -127,7 +127,7 @@ impl Disk for Memory {
         Ok(())
     }
 
-    fn rename(&mut self, from: &Path, to: &Path) -> io::Result<()> {
+    fn rename_file(&mut self, from: &Path, to: &Path) -> io::Result<()> {
         let mut inner = self.lock();
         let bytes = inner.files.remove(from).ok_or(ErrorKind::NotFound)?;
         let replaced = inner.files.insert(to.to_owned(), bytes);
@@ -156,13 +156,13 @@ impl Write for MemoryFile {
 }
 
 impl RecordFile for MemoryFile {
-    fn sync(&mut self) -> io::Result<()> {
+    fn sync_to_disk(&mut self) -> io::Result<()> {
         let mut inner = self.0.lock();
         inner.syncs += 1;
         if inner.fails_to_sync { Err(io::Error::from_raw_os_error(5)) } else { Ok(()) }
     }
 
-    fn cut(&mut self, length: u64) -> io::Result<()> {
+    fn truncate_to(&mut self, length: u64) -> io::Result<()> {
         let mut inner = self.0.lock();
         let bytes = inner.file(&self.1);
         let cut = bytes.len() - usize::try_from(length).unwrap();
@@ -182,11 +182,14 @@ fn time(number: u32) -> Timestamp {
 
 /// The frame with number `number`.
 fn frame(number: u32) -> Frame {
-    Frame { time: Some(time(number)), ..Frame::data_frame(CanId::standard(0x185), &number.to_le_bytes()) }
+    Frame {
+        time: Some(time(number)),
+        ..Frame::data_frame(CanId::from_standard(0x185), &number.to_le_bytes())
+    }
 }
 
-fn items(numbers: std::ops::Range<u32>) -> Vec<Item> {
-    numbers.map(|number| Item { bus: 0, what: RecordItem::Frame(frame(number)) }).collect()
+fn items(numbers: std::ops::Range<u32>) -> Vec<PendingItem> {
+    numbers.map(|number| PendingItem { bus: 0, what: RecordItem::Frame(frame(number)) }).collect()
 }
 
 fn lost(count: u64) -> Notice {
@@ -208,18 +211,18 @@ fn read(bytes: &[u8]) -> Vec<RecordedItem> {
     if bytes.is_empty() {
         return Vec::new();
     }
-    let mut reader = Reader::open(bytes, &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(bytes, &ReadOptions::default()).unwrap();
     let (mut batch, mut said) = (Batch::new(), Vec::new());
     while reader.read(&mut batch).unwrap() {
         let names = reader.buses().names();
         said.extend(batch.items().filter_map(|item| match item {
-            capture::Item::Frame(frame) => Some(RecordedItem::Frame(
+            capture::BatchItem::Frame(frame) => Some(RecordedItem::Frame(
                 names[usize::from(frame.bus.0)].clone(),
                 Frame { number: 0, bus: BusIndex(0), ..*frame },
             )),
             // An assumption of the reader is not part of the capture.
-            capture::Item::Notice(Notice::Assumption(_)) => None,
-            capture::Item::Notice(notice) => Some(of_bus(notice.clone(), names)),
+            capture::BatchItem::Notice(Notice::Assumption(_)) => None,
+            capture::BatchItem::Notice(notice) => Some(of_bus(notice.clone(), names)),
         }));
     }
     said
@@ -261,7 +264,7 @@ fn expected(numbers: impl IntoIterator<Item = u32>) -> Vec<Frame> {
 
 /// Frames with these numbers as a format stores them.
 fn kept(format: &WritableFormat, numbers: impl IntoIterator<Item = u32>) -> Vec<Frame> {
-    numbers.into_iter().filter_map(|number| format.holds.kept(&frame(number))).collect()
+    numbers.into_iter().filter_map(|number| format.holds.kept_frame(&frame(number))).collect()
 }
 
 /// Whether a format writes several frames together.
@@ -271,9 +274,9 @@ fn gathers(format: &WritableFormat) -> bool {
     writer.pending() > 0
 }
 
-fn parts(memory: &Memory, name: &str, is_numbered: bool, limits: Limits) -> Parts {
-    let (names, format) = Names::new(Some(Path::new(name)), is_numbered, day()).unwrap();
-    Parts::open(Box::new(memory.clone()), names, format, limits).unwrap()
+fn parts(memory: &Memory, name: &str, is_numbered: bool, limits: RecordLimits) -> RecordParts {
+    let (names, format) = RecordNames::new(Some(Path::new(name)), is_numbered, day()).unwrap();
+    RecordParts::open_parts(Box::new(memory.clone()), names, format, limits).unwrap()
 }
 
 fn can0() -> Vec<String> {

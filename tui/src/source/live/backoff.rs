@@ -31,24 +31,24 @@ impl From<ConnectError> for anyhow::Error {
 }
 
 /// The pauses before the attempts, without end.
-fn pauses() -> impl Iterator<Item = Duration> {
+fn attempt_pauses() -> impl Iterator<Item = Duration> {
     successors(Some(FIRST), |pause| Some((*pause * 2).min(LONGEST)))
 }
 
 /// Attempts that continue until one succeeds or this is dropped.
-pub struct Attempts<T> {
+pub struct ConnectAttempts<T> {
     found: Receiver<anyhow::Result<T>>,
     /// Nothing is ever sent: dropping it wakes and ends the thread.
     _end: Sender<Infallible>,
 }
 
-impl<T: Send + 'static> Attempts<T> {
+impl<T: Send + 'static> ConnectAttempts<T> {
     /// Starts the attempts after the first pause.
     pub fn start(attempt: impl FnMut() -> Result<T, ConnectError> + Send + 'static) -> Self {
-        Self::after(pauses(), attempt)
+        Self::start_after(attempt_pauses(), attempt)
     }
 
-    fn after(
+    fn start_after(
         mut pauses: impl Iterator<Item = Duration> + Send + 'static,
         mut attempt: impl FnMut() -> Result<T, ConnectError> + Send + 'static,
     ) -> Self {
@@ -75,7 +75,7 @@ impl<T: Send + 'static> Attempts<T> {
     }
 
     /// The connection, waiting for it at most `wait`; `None` if there is none yet.
-    pub fn wait(&self, wait: Duration) -> Option<anyhow::Result<T>> {
+    pub fn wait_for(&self, wait: Duration) -> Option<anyhow::Result<T>> {
         match self.found.recv_timeout(wait) {
             Ok(result) => Some(result),
             Err(RecvTimeoutError::Timeout) => None,
@@ -92,38 +92,38 @@ mod tests {
 
     #[test]
     fn pauses_double_up_to_five_seconds() {
-        let milliseconds: Vec<_> = pauses().take(7).map(|pause| pause.as_millis()).collect();
+        let milliseconds: Vec<_> = attempt_pauses().take(7).map(|pause| pause.as_millis()).collect();
         assert_eq!(milliseconds, [250, 500, 1_000, 2_000, 4_000, 5_000, 5_000]);
     }
 
     #[test]
     fn attempts_continue_until_one_succeeds() {
         let mut left = 3;
-        let attempts = Attempts::after(std::iter::repeat(Duration::ZERO), move || {
+        let attempts = ConnectAttempts::start_after(std::iter::repeat(Duration::ZERO), move || {
             left -= 1;
             if left == 0 { Ok("there") } else { Err(ConnectError::Again(anyhow!("not yet"))) }
         });
-        assert_eq!(attempts.wait(LIMIT).unwrap().unwrap(), "there");
+        assert_eq!(attempts.wait_for(LIMIT).unwrap().unwrap(), "there");
     }
 
     #[test]
     fn it_ends_where_trying_again_does_not_help() {
-        let attempts = Attempts::<()>::after(std::iter::once(Duration::ZERO), || {
+        let attempts = ConnectAttempts::<()>::start_after(std::iter::once(Duration::ZERO), || {
             Err(ConnectError::Never(anyhow!("refused")))
         });
-        assert_eq!(attempts.wait(LIMIT).unwrap().unwrap_err().to_string(), "refused");
+        assert_eq!(attempts.wait_for(LIMIT).unwrap().unwrap_err().to_string(), "refused");
     }
 
     #[test]
     fn the_pause_does_not_exceed_the_limit() {
-        let attempts = Attempts::<()>::after(std::iter::once(LIMIT), || unreachable!());
-        assert!(attempts.wait(Duration::from_millis(1)).is_none());
+        let attempts = ConnectAttempts::<()>::start_after(std::iter::once(LIMIT), || unreachable!());
+        assert!(attempts.wait_for(Duration::from_millis(1)).is_none());
     }
 
     #[test]
     fn nobody_tries_any_more_once_it_is_dropped() {
         let (ended, has_ended) = mpsc::channel::<Infallible>();
-        let attempts = Attempts::<()>::after(std::iter::repeat(LIMIT), move || {
+        let attempts = ConnectAttempts::<()>::start_after(std::iter::repeat(LIMIT), move || {
             let _ = &ended;
             unreachable!()
         });

@@ -28,7 +28,7 @@ impl ClockWatch {
     }
 
     /// Size in ns of a forward step since the last call.
-    pub fn step(&mut self, wall: Timestamp, at: Instant) -> Option<i64> {
+    pub fn step_since(&mut self, wall: Timestamp, at: Instant) -> Option<i64> {
         let elapsed = i64::try_from(at.saturating_duration_since(self.at).as_nanos()).unwrap_or(i64::MAX);
         let step = wall.0.saturating_sub(self.wall.0).saturating_sub(elapsed);
         (self.wall, self.at) = (wall, at);
@@ -47,11 +47,11 @@ mod tests {
         let (begin, second) = (Instant::now(), 1_000_000_000);
         let mut watch = ClockWatch::new(Timestamp(100 * second), begin);
         let after = |seconds| begin + Duration::from_secs(seconds);
-        assert_eq!(watch.step(Timestamp(110 * second), after(10)), None);
-        assert_eq!(watch.step(Timestamp(3_711 * second), after(11)), Some(3_600 * second));
-        assert_eq!(watch.step(Timestamp(3_712 * second), after(12)), None);
+        assert_eq!(watch.step_since(Timestamp(110 * second), after(10)), None);
+        assert_eq!(watch.step_since(Timestamp(3_711 * second), after(11)), Some(3_600 * second));
+        assert_eq!(watch.step_since(Timestamp(3_712 * second), after(12)), None);
         // Set back, and corrected slowly.
-        assert_eq!(watch.step(Timestamp(100 * second), after(13)), None);
-        assert_eq!(watch.step(Timestamp(101 * second + second / 2), after(14)), None);
+        assert_eq!(watch.step_since(Timestamp(100 * second), after(13)), None);
+        assert_eq!(watch.step_since(Timestamp(101 * second + second / 2), after(14)), None);
     }
 }

@@ -14,7 +14,7 @@ use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::frame::{BusIndex, Timestamp};
 
 use super::clock::{ClockWatch, now};
-use super::{Arrival, Arrivals, BusStatus, Source, SourceEnd};
+use super::{Arrival, Arrivals, BusStatus, LiveSource, SourceEnd};
 
 /// Time for which an item waits for earlier ones of other sources.
 const WINDOW: Duration = Duration::from_millis(20);
@@ -42,7 +42,7 @@ const MANY: usize = 1_024;
 const DELIVERIES: usize = 64;
 
 /// A message of the thread of a source.
-struct Delivery {
+struct SourceDelivery {
     source: usize,
     what: SourceItem,
 }
@@ -54,9 +54,9 @@ enum SourceItem {
 }
 
 /// The merged sources.
-pub struct Gather {
-    inbox: Receiver<Delivery>,
-    lanes: Vec<Lane>,
+pub struct SourceGather {
+    inbox: Receiver<SourceDelivery>,
+    lanes: Vec<SourceState>,
     names: BusNames,
     held: Vec<HeldItem>,
     frames: u64,
@@ -69,7 +69,7 @@ pub struct Gather {
 
 /// State of a source.
 #[derive(Default)]
-struct Lane {
+struct SourceState {
     /// Merged index of each bus of the source.
     buses: Vec<BusIndex>,
     /// Latest time of its items; other items are compared with it.
@@ -86,22 +86,26 @@ struct HeldItem {
     item: Arrival,
 }
 
-impl Gather {
+impl SourceGather {
     /// Starts a thread per source.
     ///
     /// # Errors
     /// A thread cannot be started.
-    pub fn start(sources: Vec<Box<dyn Source>>) -> anyhow::Result<Self> {
+    pub fn start(sources: Vec<Box<dyn LiveSource>>) -> anyhow::Result<Self> {
         let (outbox, inbox) = sync_channel(DELIVERIES);
         let stop = Arc::new(AtomicBool::new(false));
         let mut lanes = Vec::new();
         for (place, mut source) in sources.into_iter().enumerate() {
-            lanes.push(Lane { lag: source.lag(), status: source.status(), ..Lane::default() });
+            lanes.push(SourceState {
+                lag: source.max_lag(),
+                status: source.bus_status(),
+                ..SourceState::default()
+            });
             let (outbox, stop) = (outbox.clone(), Arc::clone(&stop));
             let thread = std::thread::Builder::new().name("source".into());
             let work = move || {
-                feed(&mut *source, place, &outbox, &stop);
-                // Closes the adapter before `Gather::drop` sees that the thread has ended.
+                feed_source(&mut *source, place, &outbox, &stop);
+                // Closes the adapter before `SourceGather::drop` sees that the thread has ended.
                 drop(source);
                 drop(outbox);
             };
@@ -117,20 +121,20 @@ impl Gather {
         let wait = if self.held.is_empty() { wait } else { wait.min(WINDOW) };
         match self.inbox.recv_timeout(wait) {
             Ok(delivery) => {
-                self.take(delivery);
+                self.take_delivery(delivery);
                 while self.held.len() < MANY
                     && let Ok(delivery) = self.inbox.try_recv()
                 {
-                    self.take(delivery);
+                    self.take_delivery(delivery);
                 }
             }
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) if self.held.is_empty() => return None,
-            Err(RecvTimeoutError::Disconnected) => return Some(self.release(None)),
+            Err(RecvTimeoutError::Disconnected) => return Some(self.release_items(None)),
         }
         let now = Instant::now();
-        let mut ready = self.release(Some(now));
-        ready.extend(self.quiet(now).map(Arrival::Notice));
+        let mut ready = self.release_items(Some(now));
+        ready.extend(self.advance_notice(now).map(Arrival::Notice));
         Some(ready)
     }
 
@@ -145,11 +149,11 @@ impl Gather {
     }
 
     /// Removes and returns the failures of sources.
-    pub fn failures(&mut self) -> Vec<anyhow::Error> {
+    pub fn take_failures(&mut self) -> Vec<anyhow::Error> {
         std::mem::take(&mut self.failures)
     }
 
-    fn take(&mut self, Delivery { source, what }: Delivery) {
+    fn take_delivery(&mut self, SourceDelivery { source, what }: SourceDelivery) {
         let Some(lane) = self.lanes.get_mut(source) else { return };
         match what {
             SourceItem::Status(status) => lane.status = status,
@@ -163,13 +167,15 @@ impl Gather {
                 let came = Instant::now();
                 for mut item in items {
                     match &mut item {
-                        Arrival::Frame(frame) => frame.bus = lane.bus(frame.bus, &names, &mut self.names),
+                        Arrival::Frame(frame) => {
+                            frame.bus = lane.merged_bus(frame.bus, &names, &mut self.names)
+                        }
                         Arrival::Notice(
                             Notice::LostFrames { bus, .. }
                             | Notice::Link { bus, .. }
                             | Notice::ClockSet { bus, .. },
                         ) => {
-                            *bus = lane.bus(*bus, &names, &mut self.names);
+                            *bus = lane.merged_bus(*bus, &names, &mut self.names);
                         }
                         Arrival::Notice(_) => {}
                     }
@@ -191,20 +197,20 @@ impl Gather {
     }
 
     /// Items that need not wait any longer, in order; all items without `now`.
-    fn release(&mut self, now: Option<Instant>) -> Vec<Arrival> {
+    fn release_items(&mut self, now: Option<Instant>) -> Vec<Arrival> {
         let is_alone = self.lanes.iter().filter(|lane| !lane.has_ended).count() < 2;
         let Some(now) = now.filter(|_| !is_alone) else {
             let all = std::mem::take(&mut self.held);
-            return self.ordered(all);
+            return self.order_items(all);
         };
         let old = self.held.iter().filter(|held| now.saturating_duration_since(held.came) >= WINDOW);
         let Some(until) = old.map(|held| held.time).max() else { return Vec::new() };
         let (ready, held) = std::mem::take(&mut self.held).into_iter().partition(|held| held.time <= until);
         self.held = held;
-        self.ordered(ready)
+        self.order_items(ready)
     }
 
-    fn ordered(&mut self, mut items: Vec<HeldItem>) -> Vec<Arrival> {
+    fn order_items(&mut self, mut items: Vec<HeldItem>) -> Vec<Arrival> {
         // A stable sort keeps items with equal times in order of arrival.
         items.sort_by_key(|held| held.time);
         let mut items: Vec<Arrival> = items.into_iter().map(|held| held.item).collect();
@@ -218,7 +224,7 @@ impl Gather {
     }
 
     /// Reports the advance of time without items.
-    fn quiet(&mut self, now: Instant) -> Option<Notice> {
+    fn advance_notice(&mut self, now: Instant) -> Option<Notice> {
         let (time, came) = self.newest?;
         let silence = now.saturating_duration_since(came);
         let is_told = self.told_quiet.is_some_and(|told| now.saturating_duration_since(told) < QUIET);
@@ -232,7 +238,7 @@ impl Gather {
     }
 }
 
-impl Drop for Gather {
+impl Drop for SourceGather {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         // The program may end next: adapters are closed first. Deliveries are dropped so that no thread waits for room.
@@ -246,9 +252,9 @@ impl Drop for Gather {
     }
 }
 
-impl Lane {
+impl SourceState {
     /// Merged index of a bus of a source. Buses of two sources with the same name are different buses.
-    fn bus(&mut self, own: BusIndex, own_names: &BusNames, names: &mut BusNames) -> BusIndex {
+    fn merged_bus(&mut self, own: BusIndex, own_names: &BusNames, names: &mut BusNames) -> BusIndex {
         while self.buses.len() <= usize::from(own.0) {
             let name = own_names.names().get(self.buses.len()).map_or("", String::as_str);
             let is_taken = |name: &str| names.names().iter().any(|known| known == name);
@@ -265,24 +271,29 @@ impl Lane {
 }
 
 /// Reads a source until it ends or is cancelled.
-fn feed(source: &mut dyn Source, place: usize, outbox: &SyncSender<Delivery>, stop: &AtomicBool) {
-    let send = |what| outbox.send(Delivery { source: place, what }).is_ok();
+fn feed_source(
+    source: &mut dyn LiveSource,
+    place: usize,
+    outbox: &SyncSender<SourceDelivery>,
+    stop: &AtomicBool,
+) {
+    let send = |what| outbox.send(SourceDelivery { source: place, what }).is_ok();
     let mut arrivals = Arrivals::default();
     let mut asked = Instant::now();
     let mut known = 0;
     let mut clock = source.has_local_times().then(|| ClockWatch::new(now(), Instant::now()));
     while !stop.load(Ordering::Relaxed) {
-        let ended = source.receive(&mut arrivals, WAIT).err();
+        let ended = source.receive_items(&mut arrivals, WAIT).err();
         let mut items = std::mem::take(&mut arrivals.items);
         let time = now();
-        if let Some(step) = clock.as_mut().and_then(|clock| clock.step(time, Instant::now())) {
+        if let Some(step) = clock.as_mut().and_then(|clock| clock.step_since(time, Instant::now())) {
             let buses = (0..arrivals.names.names().len()).filter_map(|bus| u8::try_from(bus).ok());
             let set = |bus| Arrival::Notice(Notice::ClockSet { bus: BusIndex(bus), time, step });
             items.splice(..0, buses.map(set));
         }
         // Reading can end with these items: the status of their buses precedes them.
         let buses = arrivals.names.names().len();
-        if buses > known && !send(SourceItem::Status(source.status())) {
+        if buses > known && !send(SourceItem::Status(source.bus_status())) {
             return;
         }
         known = buses;
@@ -295,18 +306,18 @@ fn feed(source: &mut dyn Source, place: usize, outbox: &SyncSender<Delivery>, st
             std::thread::sleep(PACE);
         }
         if let Some(ended) = ended {
-            send(SourceItem::Status(source.status()));
+            send(SourceItem::Status(source.bus_status()));
             send(SourceItem::Ended(ended));
             return;
         }
         if asked.elapsed() >= STATUS {
             asked = Instant::now();
-            if !send(SourceItem::Status(source.status())) {
+            if !send(SourceItem::Status(source.bus_status())) {
                 return;
             }
         }
     }
-    send(SourceItem::Status(source.status()));
+    send(SourceItem::Status(source.bus_status()));
 }
 
 #[cfg(test)]
@@ -323,33 +334,33 @@ mod tests {
         times: VecDeque<i64>,
     }
 
-    impl Source for Scripted {
-        fn receive(&mut self, arrivals: &mut Arrivals, _wait: Duration) -> Result<(), SourceEnd> {
+    impl LiveSource for Scripted {
+        fn receive_items(&mut self, arrivals: &mut Arrivals, _wait: Duration) -> Result<(), SourceEnd> {
             let Some(time) = self.times.pop_front() else { return Err(SourceEnd::Complete) };
             let bus = arrivals.names.index_of(self.bus.as_bytes()).unwrap();
-            let frame = Frame::data_frame(CanId::standard(0x123), &[]);
+            let frame = Frame::data_frame(CanId::from_standard(0x123), &[]);
             arrivals.items.push(Arrival::Frame(Frame { bus, time: Some(Timestamp(time)), ..frame }));
             Ok(())
         }
 
-        fn status(&mut self) -> Vec<BusStatus> {
+        fn bus_status(&mut self) -> Vec<BusStatus> {
             Vec::new()
         }
 
-        fn lag(&self) -> Duration {
+        fn max_lag(&self) -> Duration {
             Duration::ZERO
         }
     }
 
-    fn scripted(bus: &'static str, times: &[i64]) -> Box<dyn Source> {
+    fn scripted(bus: &'static str, times: &[i64]) -> Box<dyn LiveSource> {
         Box::new(Scripted { bus, times: times.iter().copied().collect() })
     }
 
     /// Two sources without items.
-    fn two(inbox: Receiver<Delivery>) -> Gather {
-        Gather {
+    fn two(inbox: Receiver<SourceDelivery>) -> SourceGather {
+        SourceGather {
             inbox,
-            lanes: vec![Lane::default(), Lane::default()],
+            lanes: vec![SourceState::default(), SourceState::default()],
             names: BusNames::default(),
             held: Vec::new(),
             frames: 0,
@@ -361,7 +372,7 @@ mod tests {
     }
 
     /// All items as bus, number and time.
-    fn all(mut gather: Gather) -> Vec<(String, u64, i64)> {
+    fn all(mut gather: SourceGather) -> Vec<(String, u64, i64)> {
         let mut found = Vec::new();
         while let Some(items) = gather.next(Duration::from_mins(1)) {
             for item in items {
@@ -379,14 +390,15 @@ mod tests {
         let (_outbox, inbox) = sync_channel(1);
         let now = Instant::now();
         let held = |time: i64, age: u64| {
-            let frame = Frame { time: Some(Timestamp(time)), ..Frame::data_frame(CanId::standard(1), &[]) };
+            let frame =
+                Frame { time: Some(Timestamp(time)), ..Frame::data_frame(CanId::from_standard(1), &[]) };
             let came = now.checked_sub(Duration::from_millis(age)).unwrap();
             HeldItem { time: Timestamp(time), came, item: Arrival::Frame(frame) }
         };
         let mut gather = two(inbox);
         gather.held = vec![held(10, 25), held(30, 21), held(50, 5), held(20, 19), held(40, 1)];
         let mut release = |later: u64| {
-            let items = gather.release(Some(now + Duration::from_millis(later)));
+            let items = gather.release_items(Some(now + Duration::from_millis(later)));
             let time = |item| match item {
                 Arrival::Frame(frame) => (frame.number, frame.time.unwrap().0),
                 Arrival::Notice(notice) => panic!("{notice:?}"),
@@ -401,9 +413,9 @@ mod tests {
 
     #[test]
     fn one_source_keeps_its_order_and_two_of_one_name_are_two_buses() {
-        let found = all(Gather::start(vec![scripted("can0", &[10, 5, 20])]).unwrap());
+        let found = all(SourceGather::start(vec![scripted("can0", &[10, 5, 20])]).unwrap());
         assert_eq!(found.iter().map(|(_, _, time)| *time).collect::<Vec<_>>(), [10, 5, 20]);
-        let found = all(Gather::start(vec![scripted("can0", &[1]), scripted("can0", &[2])]).unwrap());
+        let found = all(SourceGather::start(vec![scripted("can0", &[1]), scripted("can0", &[2])]).unwrap());
         assert_eq!(found.iter().map(|(bus, ..)| bus.len()).sum::<usize>(), "can0".len() + "can0@2".len());
     }
 
@@ -413,9 +425,9 @@ mod tests {
         let (_outbox, inbox) = sync_channel(1);
         let start = Instant::now();
         let mut gather = two(inbox);
-        gather.lanes = vec![Lane { lag: Duration::from_millis(10), ..Lane::default() }];
+        gather.lanes = vec![SourceState { lag: Duration::from_millis(10), ..SourceState::default() }];
         gather.newest = Some((Timestamp(1_000_000_000), start));
-        let mut at = |millis| gather.quiet(start + Duration::from_millis(millis));
+        let mut at = |millis| gather.advance_notice(start + Duration::from_millis(millis));
         assert_eq!(at(200), None);
         // Of 400 ms, 10 ms may still be under way and 20 ms are the window.
         assert_eq!(at(400), Some(Notice::Quiet(Timestamp(1_370_000_000))));
@@ -430,15 +442,17 @@ mod tests {
         let mut names = BusNames::default();
         let bus = names.index_of(b"can0").unwrap();
         let frame = |time| {
-            let frame = Frame::data_frame(CanId::standard(1), &[]);
+            let frame = Frame::data_frame(CanId::from_standard(1), &[]);
             Arrival::Frame(Frame { bus, time: Some(Timestamp(time)), ..frame })
         };
         let link =
             |time, state| Arrival::Notice(Notice::Link { bus, time: Timestamp(time), state, bit_rate: None });
         let items = vec![frame(5), link(6, LinkState::Down), link(8, LinkState::Up), frame(9)];
-        outbox.send(Delivery { source: 1, what: SourceItem::Items { names: names.clone(), items } }).unwrap();
         outbox
-            .send(Delivery { source: 0, what: SourceItem::Items { names, items: vec![frame(7)] } })
+            .send(SourceDelivery { source: 1, what: SourceItem::Items { names: names.clone(), items } })
+            .unwrap();
+        outbox
+            .send(SourceDelivery { source: 0, what: SourceItem::Items { names, items: vec![frame(7)] } })
             .unwrap();
         drop(outbox);
         let mut order = Vec::new();

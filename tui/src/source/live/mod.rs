@@ -40,9 +40,9 @@ use std::time::Duration;
 use cobscope_decoder::capture::{BusNames, Notice};
 use cobscope_decoder::frame::{Frame, LinkState};
 
-pub use gather::Gather;
+pub use gather::SourceGather;
 pub use spec::{AdapterSpec, SERIAL_EXAMPLE, SourceSpec};
-pub use state::{Live, LiveState};
+pub use state::{LiveBusState, SharedLiveState};
 
 /// An item of a source.
 #[derive(Debug, Clone)]
@@ -73,7 +73,7 @@ pub enum SourceEnd {
 
 /// Clock of the timestamps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stamps {
+pub enum SourceClock {
     /// Clock of the CAN controller.
     Hardware,
     /// Clock of the kernel at reception.
@@ -86,9 +86,9 @@ pub enum Stamps {
     Recorded,
 }
 
-impl Stamps {
+impl SourceClock {
     /// Name of the clock; None for timestamps contained in the input.
-    pub const fn whose(self) -> Option<&'static str> {
+    pub const fn clock_name(self) -> Option<&'static str> {
         match self {
             Self::Hardware => Some("the controller"),
             Self::Kernel => Some("the kernel"),
@@ -119,7 +119,7 @@ impl ControllerMode {
     }
 
     /// The mode with its effect on the bus.
-    pub const fn text(self) -> &'static str {
+    pub const fn mode_text(self) -> &'static str {
         match self {
             Self::ListenOnly => "listen-only",
             Self::Normal => "acknowledges frames (listen-only off)",
@@ -143,25 +143,25 @@ pub struct BusStatus {
     /// Mode of the controller; None for an interface that is not up, a virtual one, and text.
     pub mode: Option<ControllerMode>,
     /// Clock of the timestamps.
-    pub stamps: Stamps,
+    pub stamps: SourceClock,
     /// Number of frames lost since it was opened.
     pub lost: u64,
 }
 
 /// A source of frames, read in its own thread.
-pub trait Source: Send {
+pub trait LiveSource: Send {
     /// Appends received items, waiting at most `wait` for the first one. While disconnected it waits too: it
     /// never returns empty before `wait` is over.
     ///
     /// # Errors
     /// The source has ended.
-    fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), SourceEnd>;
+    fn receive_items(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), SourceEnd>;
 
     /// Status of its buses; requested about once per second.
-    fn status(&mut self) -> Vec<BusStatus>;
+    fn bus_status(&mut self) -> Vec<BusStatus>;
 
     /// Maximum delay of an item under normal conditions.
-    fn lag(&self) -> Duration;
+    fn max_lag(&self) -> Duration;
 
     /// Whether the clock of this computer gives the frames their times.
     fn has_local_times(&self) -> bool {

@@ -6,11 +6,11 @@ use std::time::{Duration, Instant};
 use cobscope_decoder::capture::{BusNames, CapturePlace, Notice};
 use cobscope_decoder::frame::{BusIndex, LinkState, Timestamp};
 
-use super::backoff::{Attempts, ConnectError};
-use super::{Arrival, Arrivals, BusStatus, ControllerMode, Source, SourceEnd, Stamps};
+use super::backoff::{ConnectAttempts, ConnectError};
+use super::{Arrival, Arrivals, BusStatus, ControllerMode, LiveSource, SourceClock, SourceEnd};
 
 /// A connection to the single bus of a source.
-pub trait Connection: Send + 'static {
+pub trait SourceConnection: Send + 'static {
     /// Reads once, waiting at most `wait`.
     ///
     /// # Errors
@@ -24,40 +24,40 @@ pub trait Connection: Send + 'static {
     fn bit_rate(&self) -> Option<u32>;
 
     /// Clock of the timestamps.
-    fn stamps(&self) -> Stamps;
+    fn timestamp_clock(&self) -> SourceClock;
 
     /// State of the controller, if the device reports it.
-    fn controller(&self) -> Option<String>;
+    fn controller_state(&self) -> Option<String>;
 
     /// Mode of the controller.
-    fn mode(&self) -> ControllerMode;
+    fn controller_mode(&self) -> ControllerMode;
 
     /// Minimum number of frames lost since it was opened.
-    fn lost(&self) -> u64;
+    fn lost_frames(&self) -> u64;
 }
 
 /// Opens a connection, first and after a disconnection.
 type Connect<C> = dyn Fn() -> Result<C, ConnectError> + Send + Sync;
 
-enum Link<C> {
+enum ConnectionLink<C> {
     Open(C),
-    Gone { attempts: Attempts<C>, reason: String },
+    Gone { attempts: ConnectAttempts<C>, reason: String },
 }
 
 /// A source that reconnects.
 pub struct ReconnectingSource<C> {
     names: BusNames,
     connect: Arc<Connect<C>>,
-    link: Link<C>,
+    link: ConnectionLink<C>,
     lag: Duration,
     /// Notices to deliver first.
     unsaid: Vec<Notice>,
     /// Number of lost frames of the last connection.
     lost: u64,
-    stamps: Stamps,
+    stamps: SourceClock,
 }
 
-impl<C: Connection> ReconnectingSource<C> {
+impl<C: SourceConnection> ReconnectingSource<C> {
     /// Opens the first connection; `remarks` are delivered first.
     ///
     /// # Errors
@@ -72,29 +72,30 @@ impl<C: Connection> ReconnectingSource<C> {
         let mut names = BusNames::default();
         names.index_of(name.as_bytes());
         let mut unsaid = remarks;
-        unsaid.push(link(&connection, LinkState::Up));
-        let stamps = connection.stamps();
-        let link = Link::Open(connection);
+        unsaid.push(link_notice(&connection, LinkState::Up));
+        let stamps = connection.timestamp_clock();
+        let link = ConnectionLink::Open(connection);
         Ok(Self { names, connect: Arc::new(connect), link, lag, unsaid, lost: 0, stamps })
     }
 
     /// Reads once, or tries to reconnect.
-    fn step(&mut self, items: &mut Vec<Arrival>, wait: Duration) -> Result<(), SourceEnd> {
+    fn read_or_reconnect(&mut self, items: &mut Vec<Arrival>, wait: Duration) -> Result<(), SourceEnd> {
         match &mut self.link {
-            Link::Open(connection) => {
+            ConnectionLink::Open(connection) => {
                 let Err(reason) = connection.read(items, wait) else { return Ok(()) };
-                items.push(Arrival::Notice(link(connection, LinkState::Gone)));
-                self.lost = self.lost.saturating_add(connection.lost());
-                self.stamps = connection.stamps();
+                items.push(Arrival::Notice(link_notice(connection, LinkState::Gone)));
+                self.lost = self.lost.saturating_add(connection.lost_frames());
+                self.stamps = connection.timestamp_clock();
                 let connect = Arc::clone(&self.connect);
                 // The connection is dropped and thus closed before the first attempt at a new one.
-                self.link = Link::Gone { attempts: Attempts::start(move || connect()), reason };
+                self.link =
+                    ConnectionLink::Gone { attempts: ConnectAttempts::start(move || connect()), reason };
             }
-            Link::Gone { attempts, .. } => {
-                let Some(result) = attempts.wait(wait) else { return Ok(()) };
+            ConnectionLink::Gone { attempts, .. } => {
+                let Some(result) = attempts.wait_for(wait) else { return Ok(()) };
                 let connection = result.map_err(SourceEnd::Failed)?;
-                items.push(Arrival::Notice(link(&connection, LinkState::Up)));
-                self.link = Link::Open(connection);
+                items.push(Arrival::Notice(link_notice(&connection, LinkState::Up)));
+                self.link = ConnectionLink::Open(connection);
             }
         }
         Ok(())
@@ -102,17 +103,17 @@ impl<C: Connection> ReconnectingSource<C> {
 }
 
 /// A notice about unreadable input.
-pub fn unreadable(reason: String) -> Arrival {
+pub fn unreadable_notice(reason: String) -> Arrival {
     Arrival::Notice(Notice::Unreadable { place: CapturePlace::Now, reason })
 }
 
-fn link<C: Connection>(connection: &C, state: LinkState) -> Notice {
+fn link_notice<C: SourceConnection>(connection: &C, state: LinkState) -> Notice {
     let bit_rate = connection.bit_rate().filter(|_| state == LinkState::Up);
     Notice::Link { bus: BusIndex(0), time: connection.now(), state, bit_rate }
 }
 
-impl<C: Connection> Source for ReconnectingSource<C> {
-    fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), SourceEnd> {
+impl<C: SourceConnection> LiveSource for ReconnectingSource<C> {
+    fn receive_items(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), SourceEnd> {
         if arrivals.names != self.names {
             arrivals.names = self.names.clone();
         }
@@ -121,7 +122,7 @@ impl<C: Connection> Source for ReconnectingSource<C> {
         let begin = Instant::now();
         while arrivals.items.len() == before {
             let left = wait.saturating_sub(begin.elapsed());
-            self.step(&mut arrivals.items, left)?;
+            self.read_or_reconnect(&mut arrivals.items, left)?;
             if left.is_zero() {
                 break;
             }
@@ -129,19 +130,19 @@ impl<C: Connection> Source for ReconnectingSource<C> {
         Ok(())
     }
 
-    fn status(&mut self) -> Vec<BusStatus> {
+    fn bus_status(&mut self) -> Vec<BusStatus> {
         let name = self.names.names().first().cloned().unwrap_or_default();
         vec![match &self.link {
-            Link::Open(connection) => BusStatus {
+            ConnectionLink::Open(connection) => BusStatus {
                 name,
                 state: LinkState::Up,
                 bit_rate: connection.bit_rate(),
-                controller: connection.controller(),
-                mode: Some(connection.mode()),
-                stamps: connection.stamps(),
-                lost: self.lost.saturating_add(connection.lost()),
+                controller: connection.controller_state(),
+                mode: Some(connection.controller_mode()),
+                stamps: connection.timestamp_clock(),
+                lost: self.lost.saturating_add(connection.lost_frames()),
             },
-            Link::Gone { reason, .. } => BusStatus {
+            ConnectionLink::Gone { reason, .. } => BusStatus {
                 name,
                 state: LinkState::Gone,
                 bit_rate: None,
@@ -153,7 +154,7 @@ impl<C: Connection> Source for ReconnectingSource<C> {
         }]
     }
 
-    fn lag(&self) -> Duration {
+    fn max_lag(&self) -> Duration {
         self.lag
     }
 }

@@ -90,21 +90,21 @@ impl FromStr for SourceSpec {
             return Ok(Self::Stdin);
         }
         if let Some(rest) = text.strip_prefix("slcan:") {
-            return slcan(rest);
+            return parse_slcan(rest);
         }
         if let Some(rest) = text.strip_prefix("socketcand://") {
-            return socketcand(rest);
+            return parse_socketcand(rest);
         }
         let prefixed = |prefix: &str| text.strip_prefix(prefix)?.strip_prefix(':');
         for (prefix, example) in ADAPTERS {
             if let Some(rest) = prefixed(prefix) {
-                return adapter(prefix, rest, example);
+                return parse_adapter(prefix, rest, example);
             }
         }
         if text.contains(['/', '\\', '.']) || has_drive(text) || std::path::Path::new(text).is_file() {
             return Ok(Self::File(text.into()));
         }
-        interface(text).map(Self::SocketCan)
+        parse_interface(text).map(Self::SocketCan)
     }
 }
 
@@ -113,7 +113,7 @@ fn has_drive(text: &str) -> bool {
     matches!(text.as_bytes(), [drive, b':', _, ..] if drive.is_ascii_alphabetic())
 }
 
-fn slcan(text: &str) -> Result<SourceSpec, String> {
+fn parse_slcan(text: &str) -> Result<SourceSpec, String> {
     let (device, rate) = match text.rsplit_once('@') {
         Some((device, rate)) => (device, Some(rate)),
         None => (text, None),
@@ -125,7 +125,7 @@ fn slcan(text: &str) -> Result<SourceSpec, String> {
 }
 
 /// Channel and bit rate of an adapter. In listen-only mode a wrong rate is not noticed, so none is assumed.
-fn adapter(prefix: &'static str, text: &str, example: &str) -> Result<SourceSpec, String> {
+fn parse_adapter(prefix: &'static str, text: &str, example: &str) -> Result<SourceSpec, String> {
     let has_default = prefix == "gs_usb";
     match text.rsplit_once('@') {
         Some((channel, rate)) if has_default || !channel.is_empty() => Ok(SourceSpec::Adapter(AdapterSpec {
@@ -153,7 +153,7 @@ fn bit_rate(text: &str) -> Result<u32, String> {
         .ok_or_else(|| format!("found {text:?} after @, expected a bit rate such as 500000, 500k or 1M"))
 }
 
-fn socketcand(text: &str) -> Result<SourceSpec, String> {
+fn parse_socketcand(text: &str) -> Result<SourceSpec, String> {
     match text.split_once('/') {
         Some((address, bus)) if !address.is_empty() && !bus.is_empty() => {
             Ok(SourceSpec::Socketcand { address: address.into(), bus: bus.into() })
@@ -163,18 +163,18 @@ fn socketcand(text: &str) -> Result<SourceSpec, String> {
 }
 
 /// What is before the colon of all sources that have one.
-fn prefixes() -> Vec<&'static str> {
+fn source_prefixes() -> Vec<&'static str> {
     let adapters = ADAPTERS.iter().map(|(prefix, _)| *prefix);
     ["slcan"].into_iter().chain(adapters).chain(["socketcand"]).collect()
 }
 
 /// `can0,123:7FF,400~7F0,#FFFFFFFF,j`, the syntax of candump.
-fn interface(text: &str) -> Result<InterfaceSpec, String> {
+fn parse_interface(text: &str) -> Result<InterfaceSpec, String> {
     let mut parts = text.split(',');
     let name = parts.next().unwrap_or_default();
     // The kernel permits no colon in the name of an interface (dev_valid_name): the prefix of a source was meant.
     if let Some((prefix, _)) = name.split_once(':').filter(|(prefix, _)| !prefix.is_empty()) {
-        return Err(format!("found {prefix:?} before the colon, expected {}", prefixes().join(", ")));
+        return Err(format!("found {prefix:?} before the colon, expected {}", source_prefixes().join(", ")));
     }
     if let Some((name, rate)) = name.split_once('@') {
         return Err(format!(

@@ -36,11 +36,11 @@ pub struct StampClock {
 impl StampClock {
     /// Time of a frame with timestamp `stamp` that arrived at `arrival`. Timestamps restart at 0 after `wrap`. Both
     /// are in ns.
-    pub fn time(&mut self, stamp: i64, wrap: i64, arrival: Timestamp) -> Timestamp {
+    pub fn time_of(&mut self, stamp: i64, wrap: i64, arrival: Timestamp) -> Timestamp {
         let zero = *self.zero.get_or_insert(arrival.0.saturating_sub(stamp));
         let delay = arrival.0.saturating_sub(zero).saturating_sub(stamp).rem_euclid(wrap);
         let delay = if delay > wrap.saturating_sub(AHEAD) { delay.saturating_sub(wrap) } else { delay };
-        self.watch(zero, delay, arrival.0);
+        self.watch_delay(zero, delay, arrival.0);
         let time = arrival.0.saturating_sub(delay.max(0));
         let is_before = (0..ORDER).contains(&self.last.saturating_sub(time));
         self.last = if is_before { self.last } else { time };
@@ -48,7 +48,7 @@ impl StampClock {
     }
 
     /// Corrects the time of timestamp 0 by the observed delays.
-    fn watch(&mut self, zero: i64, delay: i64, arrival: i64) {
+    fn watch_delay(&mut self, zero: i64, delay: i64, arrival: i64) {
         let window = self.window_end.saturating_sub(WINDOW)..self.window_end;
         if delay >= 0 && window.contains(&arrival) {
             self.least_delay = self.least_delay.min(delay);
@@ -75,7 +75,7 @@ mod tests {
         let mut clock = StampClock::default();
         let time = |(stamp, arrival): &(i64, i64)| {
             let arrival = Timestamp(START + arrival * MILLISECOND);
-            (clock.time(stamp * MILLISECOND, 60_000 * MILLISECOND, arrival).0 - START) / MILLISECOND
+            (clock.time_of(stamp * MILLISECOND, 60_000 * MILLISECOND, arrival).0 - START) / MILLISECOND
         };
         frames.iter().map(time).collect()
     }

@@ -7,7 +7,7 @@ use crate::record::RecordStatus;
 
 /// State of live buses besides their frames.
 #[derive(Debug, Clone, Default)]
-pub struct Live {
+pub struct LiveBusState {
     /// Status of each bus.
     pub buses: Vec<BusStatus>,
     /// Status of the `--record` capture, if there is one.
@@ -20,11 +20,11 @@ pub struct Live {
 
 /// The state shared between threads.
 #[derive(Debug, Clone, Default)]
-pub struct LiveState(Arc<Mutex<Live>>);
+pub struct SharedLiveState(Arc<Mutex<LiveBusState>>);
 
-impl LiveState {
+impl SharedLiveState {
     /// The present state.
-    pub fn get(&self) -> MutexGuard<'_, Live> {
+    pub fn get(&self) -> MutexGuard<'_, LiveBusState> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

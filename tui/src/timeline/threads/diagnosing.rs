@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use cobscope_decoder::diagnosis::{Diagnosis, Setting};
-use cobscope_decoder::finding::{Findings, Severity};
+use cobscope_decoder::diagnosis::{Diagnosis, DiagnosisContext};
+use cobscope_decoder::finding::{CaptureFindings, Severity};
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::reading;
 
@@ -12,7 +12,7 @@ const INTERVAL: Duration = Duration::from_secs(1);
 
 /// Decides when a diagnosis is due.
 #[derive(Debug, Default)]
-pub(super) struct Diagnosing {
+pub(super) struct DiagnosisSchedule {
     /// A finding opened or closed since the last diagnosis.
     has_changed: bool,
     /// The last diagnosis followed a change: a cause may be reported shortly after its effect.
@@ -20,7 +20,7 @@ pub(super) struct Diagnosing {
     last: Option<Instant>,
 }
 
-impl Diagnosing {
+impl DiagnosisSchedule {
     /// Notes that a finding opens or closes.
     pub(super) fn note_change(&mut self) {
         self.has_changed = true;
@@ -43,14 +43,14 @@ impl Diagnosing {
 }
 
 /// Diagnosis with the number of its errors and warnings.
-pub(super) fn diagnose(
-    findings: &Findings,
+pub(super) fn diagnose_findings(
+    findings: &CaptureFindings,
     zero: Option<Timestamp>,
     is_growing: bool,
 ) -> (Diagnosis, (usize, usize)) {
-    let setting = Setting { zero, is_growing, ..Setting::default() };
+    let setting = DiagnosisContext { zero, is_growing, ..DiagnosisContext::default() };
     let diagnosis = reading::diagnosis(findings, setting);
-    (diagnosis, (findings.number(Severity::Error), findings.number(Severity::Warning)))
+    (diagnosis, (findings.reported_count(Severity::Error), findings.reported_count(Severity::Warning)))
 }
 
 #[cfg(test)]
@@ -62,7 +62,7 @@ mod tests {
     fn a_change_is_diagnosed_at_once_then_once_per_second_and_once_more() {
         let start = Instant::now();
         let at = |millis| start + Duration::from_millis(millis);
-        let mut diagnosing = Diagnosing::default();
+        let mut diagnosing = DiagnosisSchedule::default();
         assert!(!diagnosing.is_due(at(0)), "nothing was found");
         diagnosing.has_changed = true;
         assert!(diagnosing.is_due(at(10)));

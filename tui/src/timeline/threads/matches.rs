@@ -5,31 +5,35 @@ use std::sync::mpsc::Sender;
 
 use cobscope_decoder::replay::PlacedEvent;
 
-use crate::timeline::matches::Matches;
-use crate::timeline::news::News;
-use crate::timeline::shared::Shared;
+use crate::timeline::matches::SearchMatches;
+use crate::timeline::news::TimelineNews;
+use crate::timeline::shared::SharedResults;
 use crate::timeline::walk;
 
 /// Number of frames between two checks for cancellation.
 const STRIDE: u64 = 4_096;
 
 /// Searches the whole capture.
-pub(in crate::timeline) fn run(shared: &Shared, matches: &Arc<Matches>, news: &Sender<News>) {
+pub(in crate::timeline) fn run_search(
+    shared: &SharedResults,
+    matches: &Arc<SearchMatches>,
+    news: &Sender<TimelineNews>,
+) {
     shared.wait_for_index();
-    if let Ok(mut walk) = walk::start(shared) {
+    if let Ok(mut walk) = walk::start_walk(shared) {
         let mut see = |told: PlacedEvent<'_>| {
-            if matches.matcher.takes(&told) {
-                matches.add(&told);
+            if matches.matcher.matches_event(&told) {
+                matches.add_match(&told);
             }
         };
         let mut next = STRIDE;
         while !shared.is_over() && !matches.is_stopped() {
-            match walk.leap(u64::MAX, &mut see) {
+            match walk.skip_batch(u64::MAX, &mut see) {
                 Ok(true) => {}
                 Ok(false) => break,
                 Err(error) => {
-                    shared.fail(&error);
-                    walk.close(&mut see);
+                    shared.fail_reading(&error);
+                    walk.close_conditions(&mut see);
                     break;
                 }
             }
@@ -40,7 +44,7 @@ pub(in crate::timeline) fn run(shared: &Shared, matches: &Arc<Matches>, news: &S
         }
         matches.set_scanned(walk.world.frames());
     }
-    matches.complete();
+    matches.complete_search();
     // The application may have ended.
-    let _ = news.send(News::Filtered);
+    let _ = news.send(TimelineNews::Filtered);
 }

@@ -10,4 +10,4 @@ pub(super) mod survey;
 pub(super) mod traces;
 pub(super) mod watch;
 
-pub use export::Export;
+pub use export::ExportRequest;

@@ -6,16 +6,16 @@ use std::time::{Duration, Instant};
 
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::Event;
-use cobscope_decoder::finding::Findings;
+use cobscope_decoder::finding::CaptureFindings;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::reading::{FrameDemand, PlacedReading, PlacedSummary, ReadingPart, Survey};
-use cobscope_decoder::rules::Setup;
+use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::Bus;
 
-use super::diagnosing::{Diagnosing, diagnose};
+use super::diagnosing::{DiagnosisSchedule, diagnose_findings};
 use crate::source::StoreReader;
-use crate::timeline::news::News;
-use crate::timeline::shared::Shared;
+use crate::timeline::news::TimelineNews;
+use crate::timeline::shared::SharedResults;
 use crate::timeline::survey::FindingOccurrence;
 use crate::timeline::walk;
 
@@ -26,8 +26,12 @@ const STRIDE: u64 = 65_536;
 const PUBLICATION_INTERVAL: Duration = Duration::from_millis(200);
 
 /// Surveys the whole capture.
-pub(in crate::timeline) fn run(shared: &Shared, setup: &Arc<Setup>, news: &Sender<News>) {
-    if let Ok(walk) = walk::start(shared) {
+pub(in crate::timeline) fn run_survey(
+    shared: &SharedResults,
+    setup: &Arc<RuleSetup>,
+    news: &Sender<TimelineNews>,
+) {
+    if let Ok(walk) = walk::start_walk(shared) {
         let mut surveyor = Surveyor(PlacedReading::new(walk, setup, Default::default()));
         let mut next = STRIDE;
         let mut published = Instant::now();
@@ -37,7 +41,7 @@ pub(in crate::timeline) fn run(shared: &Shared, setup: &Arc<Setup>, news: &Sende
                 while !shared.is_over() && surveyor.has_unpublished() {
                     if published.elapsed() >= PUBLICATION_INTERVAL {
                         published = Instant::now();
-                        surveyor.publish(shared);
+                        surveyor.publish_results(shared);
                         shared.report_growth(news);
                     }
                     if shared.waits_for_growth(surveyor.0.walk.offset(), PUBLICATION_INTERVAL) {
@@ -47,22 +51,22 @@ pub(in crate::timeline) fn run(shared: &Shared, setup: &Arc<Setup>, news: &Sende
             }
             let has_more = surveyor.0.step();
             if let Some(error) = surveyor.0.take_failure() {
-                shared.fail(&error);
+                shared.fail_reading(&error);
             }
             if !has_more {
                 break;
             }
             if surveyor.0.walk.world.frames() >= next {
                 next = surveyor.0.walk.world.frames() + STRIDE;
-                surveyor.publish(shared);
+                surveyor.publish_results(shared);
             }
         }
-        surveyor.publish(shared);
-        surveyor.finish(shared);
+        surveyor.publish_results(shared);
+        surveyor.finish_survey(shared);
     }
     shared.survey.write().unwrap_or_else(PoisonError::into_inner).is_complete = true;
     // The application may have ended.
-    let _ = news.send(News::Surveyed);
+    let _ = news.send(TimelineNews::Surveyed);
 }
 
 /// The pass: an overview, and what was added since the last publication.
@@ -71,7 +75,7 @@ struct Surveyor(PlacedReading<StoreReader, (Survey, UnpublishedNews)>);
 /// News since the last publication.
 #[derive(Default)]
 struct UnpublishedNews {
-    diagnosing: Diagnosing,
+    diagnosing: DiagnosisSchedule,
     /// Frames or events since the last publication.
     has_news: bool,
 }
@@ -101,12 +105,12 @@ impl Surveyor {
         news.has_news || news.diagnosing.is_pending()
     }
 
-    fn publish(&mut self, shared: &Shared) {
+    fn publish_results(&mut self, shared: &SharedResults) {
         let (_, news) = self.0.part_mut();
         news.has_news = false;
         let is_due = news.diagnosing.is_due(Instant::now());
         let so_far = is_due.then(|| self.0.findings_so_far());
-        let so_far = so_far.map(|(findings, zero)| diagnose(&findings, zero, true));
+        let so_far = so_far.map(|(findings, zero)| diagnose_findings(&findings, zero, true));
         let mut survey = shared.survey.write().unwrap_or_else(PoisonError::into_inner);
         if let Some(so_far) = so_far {
             survey.set_diagnosis(so_far);
@@ -122,11 +126,11 @@ impl Surveyor {
         overview.publish(&mut survey.overview);
     }
 
-    fn finish(self, shared: &Shared) {
+    fn finish_survey(self, shared: &SharedResults) {
         let names = self.0.walk.buses().names().to_vec();
         let PlacedSummary { findings, part: (mut overview, _), end } = self.0.finish();
         let places = occurrences(&findings);
-        let diagnosed = diagnose(&findings, end.zero(), false);
+        let diagnosed = diagnose_findings(&findings, end.first_time(), false);
         let mut survey = shared.survey.write().unwrap_or_else(PoisonError::into_inner);
         survey.places = places;
         survey.set_diagnosis(diagnosed);
@@ -137,9 +141,9 @@ impl Surveyor {
 }
 
 /// The recorded occurrences of all findings, in order.
-fn occurrences(findings: &Findings) -> Vec<FindingOccurrence> {
+fn occurrences(findings: &CaptureFindings) -> Vec<FindingOccurrence> {
     let mut places = Vec::new();
-    for group in findings.counting() {
+    for group in findings.reported_groups() {
         places.extend(group.first.iter().chain(&group.last).map(|occurrence| FindingOccurrence {
             frame: occurrence.frames.last,
             time: occurrence.time,

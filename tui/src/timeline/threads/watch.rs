@@ -4,14 +4,14 @@
 use std::sync::mpsc::Sender;
 use std::time::Duration;
 
-use crate::timeline::News;
-use crate::timeline::shared::Shared;
+use crate::timeline::TimelineNews;
+use crate::timeline::shared::SharedResults;
 
 /// Interval of the comparison.
 const INTERVAL: Duration = Duration::from_secs(1);
 
 /// Runs until the timeline ends.
-pub(in crate::timeline) fn run(shared: &Shared, news: &Sender<News>) {
+pub(in crate::timeline) fn run_watch(shared: &SharedResults, news: &Sender<TimelineNews>) {
     while !shared.waits_for_end(INTERVAL) {
         shared.report_changes(news);
     }

@@ -8,7 +8,7 @@
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
 
-use crate::theme::Borders;
+use crate::theme::LineCharacters;
 
 /// Bits of a braille character by row from above; left and right column.
 const DOTS: [[u8; 2]; 4] = [[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]];
@@ -20,7 +20,7 @@ const MARK_SHIFT: usize = 3;
 
 /// Reason of a dot; a later variant covers an earlier one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Ink {
+pub enum DotReason {
     /// The value still applies.
     #[default]
     Hold,
@@ -31,9 +31,9 @@ pub enum Ink {
 }
 
 #[derive(Clone, Copy, Debug, Default)]
-struct Cell {
+struct CanvasCell {
     dots: u8,
-    ink: Ink,
+    ink: DotReason,
     series: usize,
     /// The first series with a value.
     first: Option<usize>,
@@ -43,25 +43,25 @@ struct Cell {
 
 /// An area of dots; dot 0, 0 is at the bottom left.
 #[derive(Clone, Debug)]
-pub struct Canvas {
-    borders: Borders,
+pub struct DotCanvas {
+    borders: LineCharacters,
     width: u16,
     height: u16,
-    cells: Vec<Cell>,
+    cells: Vec<CanvasCell>,
 }
 
-impl Canvas {
+impl DotCanvas {
     /// An empty canvas of `width` × `height` cells.
-    pub fn new(width: u16, height: u16, borders: Borders) -> Self {
-        let cells = vec![Cell::default(); usize::from(width) * usize::from(height)];
+    pub fn new(width: u16, height: u16, borders: LineCharacters) -> Self {
+        let cells = vec![CanvasCell::default(); usize::from(width) * usize::from(height)];
         Self { borders, width, height, cells }
     }
 
     /// Columns and rows of dots per cell.
     fn per_cell(&self) -> (u32, u32) {
         match self.borders {
-            Borders::Unicode => (2, 4),
-            Borders::Ascii => (1, 1),
+            LineCharacters::Unicode => (2, 4),
+            LineCharacters::Ascii => (1, 1),
         }
     }
 
@@ -76,13 +76,13 @@ impl Canvas {
     }
 
     /// Sets the dots of a column between two rows, inclusive.
-    pub fn span(&mut self, column: u32, from: u32, to: u32, series: usize, ink: Ink) {
+    pub fn set_span(&mut self, column: u32, from: u32, to: u32, series: usize, ink: DotReason) {
         for row in from..=to.min(self.rows().saturating_sub(1)) {
-            self.set(column, row, series, ink);
+            self.set_dot(column, row, series, ink);
         }
     }
 
-    fn set(&mut self, column: u32, row: u32, series: usize, ink: Ink) {
+    fn set_dot(&mut self, column: u32, row: u32, series: usize, ink: DotReason) {
         let (wide, high) = self.per_cell();
         let Some(row) = self.rows().checked_sub(row + 1).filter(|_| column < self.columns()) else { return };
         let index = row / high * u32::from(self.width) + column / wide;
@@ -95,7 +95,7 @@ impl Canvas {
         if cell.series != series {
             (cell.series, cell.ink) = (series, ink);
         }
-        if ink != Ink::Join {
+        if ink != DotReason::Join {
             cell.is_shared |= *cell.first.get_or_insert(series) != series;
         }
         cell.dots |= dot;
@@ -117,35 +117,37 @@ impl Canvas {
                 continue;
             }
             if let Some(cell) = buf.cell_mut(Position::from((x, y))) {
-                let symbol = self.symbol(*drawn, usize::from(x - area.x), is_alone);
+                let symbol = self.cell_symbol(*drawn, usize::from(x - area.x), is_alone);
                 cell.set_char(symbol).set_style(style(drawn.series));
             }
         }
     }
 
-    fn symbol(&self, cell: Cell, column: usize, is_alone: bool) -> char {
+    fn cell_symbol(&self, cell: CanvasCell, column: usize, is_alone: bool) -> char {
         if cell.is_shared {
-            return shared(self.borders);
+            return shared_symbol(self.borders);
         }
         let shift = cell.series.wrapping_mul(MARK_SHIFT);
         let has_mark = !is_alone && column % MARK_COLUMNS == shift % MARK_COLUMNS;
         match (self.borders, cell.ink) {
-            (Borders::Ascii, Ink::Join) => '|',
-            (Borders::Ascii, Ink::Hold) if is_alone => '.',
-            (Borders::Ascii, Ink::Hold | Ink::Value) => mark(cell.series),
-            (Borders::Unicode, Ink::Hold | Ink::Value) if has_mark => mark(cell.series),
-            (Borders::Unicode, _) => char::from_u32(0x2800 + u32::from(cell.dots)).unwrap_or(' '),
+            (LineCharacters::Ascii, DotReason::Join) => '|',
+            (LineCharacters::Ascii, DotReason::Hold) if is_alone => '.',
+            (LineCharacters::Ascii, DotReason::Hold | DotReason::Value) => series_mark(cell.series),
+            (LineCharacters::Unicode, DotReason::Hold | DotReason::Value) if has_mark => {
+                series_mark(cell.series)
+            }
+            (LineCharacters::Unicode, _) => char::from_u32(0x2800 + u32::from(cell.dots)).unwrap_or(' '),
         }
     }
 }
 
 /// Character of values on several curves.
-pub fn shared(borders: Borders) -> char {
-    if borders == Borders::Unicode { '═' } else { '=' }
+pub fn shared_symbol(borders: LineCharacters) -> char {
+    if borders == LineCharacters::Unicode { '═' } else { '=' }
 }
 
 /// Mark of a series.
-pub fn mark(series: usize) -> char {
+pub fn series_mark(series: usize) -> char {
     MARKS.get(series % MARKS.len()).copied().unwrap_or('*')
 }
 
@@ -154,61 +156,61 @@ mod tests {
     use ratatui::style::Style;
 
     use super::*;
-    use crate::widgets::draw::tests::shown;
+    use crate::widgets::draw::tests::buffer_lines;
 
-    fn drawn(canvas: &Canvas) -> Vec<String> {
+    fn drawn(canvas: &DotCanvas) -> Vec<String> {
         let mut buf = Buffer::empty(Rect::new(0, 0, canvas.width, canvas.height));
         canvas.render(buf.area, &mut buf, true, |_| Style::new());
-        shown(&buf)
+        buffer_lines(&buf)
     }
 
     #[test]
     fn dots_are_counted_from_the_bottom_left() {
-        let mut canvas = Canvas::new(2, 2, Borders::Unicode);
+        let mut canvas = DotCanvas::new(2, 2, LineCharacters::Unicode);
         assert_eq!((canvas.columns(), canvas.rows()), (4, 8));
-        canvas.span(0, 0, 0, 0, Ink::Value);
-        canvas.span(3, 7, 7, 0, Ink::Value);
-        canvas.span(1, 0, 3, 0, Ink::Value);
+        canvas.set_span(0, 0, 0, 0, DotReason::Value);
+        canvas.set_span(3, 7, 7, 0, DotReason::Value);
+        canvas.set_span(1, 0, 3, 0, DotReason::Value);
         assert_eq!(drawn(&canvas), [" ⠈", "⣸"]);
     }
 
     #[test]
     fn what_is_outside_is_not_drawn() {
-        let mut canvas = Canvas::new(1, 1, Borders::Unicode);
-        canvas.span(2, 0, 3, 0, Ink::Value);
-        canvas.span(0, 4, u32::MAX, 0, Ink::Value);
+        let mut canvas = DotCanvas::new(1, 1, LineCharacters::Unicode);
+        canvas.set_span(2, 0, 3, 0, DotReason::Value);
+        canvas.set_span(0, 4, u32::MAX, 0, DotReason::Value);
         assert_eq!(drawn(&canvas), [""]);
-        canvas.span(0, 0, u32::MAX, 0, Ink::Value);
+        canvas.set_span(0, 0, u32::MAX, 0, DotReason::Value);
         assert_eq!(drawn(&canvas), ["⡇"]);
-        let mut none = Canvas::new(0, 3, Borders::Ascii);
-        none.span(0, 0, 2, 0, Ink::Value);
+        let mut none = DotCanvas::new(0, 3, LineCharacters::Ascii);
+        none.set_span(0, 0, 2, 0, DotReason::Value);
         assert_eq!(drawn(&none), ["", "", ""]);
     }
 
     #[test]
     fn values_hide_joins_and_curves_that_meet_have_their_own_character() {
-        let mut canvas = Canvas::new(4, 3, Borders::Ascii);
-        canvas.span(0, 0, 2, 0, Ink::Join);
-        canvas.span(0, 0, 0, 0, Ink::Value);
-        canvas.span(1, 0, 0, 0, Ink::Value);
-        canvas.span(1, 0, 0, 0, Ink::Hold);
-        canvas.span(2, 0, 0, 0, Ink::Value);
-        canvas.span(2, 0, 0, 1, Ink::Hold);
+        let mut canvas = DotCanvas::new(4, 3, LineCharacters::Ascii);
+        canvas.set_span(0, 0, 2, 0, DotReason::Join);
+        canvas.set_span(0, 0, 0, 0, DotReason::Value);
+        canvas.set_span(1, 0, 0, 0, DotReason::Value);
+        canvas.set_span(1, 0, 0, 0, DotReason::Hold);
+        canvas.set_span(2, 0, 0, 0, DotReason::Value);
+        canvas.set_span(2, 0, 0, 1, DotReason::Hold);
         // A join that crosses a curve is not on both.
-        canvas.span(3, 0, 0, 0, Ink::Value);
-        canvas.span(3, 0, 0, 1, Ink::Join);
+        canvas.set_span(3, 0, 0, 0, DotReason::Value);
+        canvas.set_span(3, 0, 0, 1, DotReason::Join);
         assert_eq!(drawn(&canvas), ["|", "|", "**=|"]);
     }
 
     #[test]
     fn several_series_have_marks() {
-        let mut canvas = Canvas::new(8, 1, Borders::Unicode);
-        (0..6).for_each(|column| canvas.span(column, 3, 3, 0, Ink::Value));
-        (4..8).for_each(|column| canvas.span(column, 0, 0, 1, Ink::Value));
-        canvas.span(8, 0, 3, 1, Ink::Join);
-        (9..16).for_each(|column| canvas.span(column, 0, 0, 2, Ink::Hold));
+        let mut canvas = DotCanvas::new(8, 1, LineCharacters::Unicode);
+        (0..6).for_each(|column| canvas.set_span(column, 3, 3, 0, DotReason::Value));
+        (4..8).for_each(|column| canvas.set_span(column, 0, 0, 1, DotReason::Value));
+        canvas.set_span(8, 0, 3, 1, DotReason::Join);
+        (9..16).for_each(|column| canvas.set_span(column, 0, 0, 2, DotReason::Hold));
         let mut buf = Buffer::empty(Rect::new(0, 0, 8, 1));
         canvas.render(buf.area, &mut buf, false, |_| Style::new());
-        assert_eq!(shown(&buf), ["*⠉═o⣇⣀x⣀"]);
+        assert_eq!(buffer_lines(&buf), ["*⠉═o⣇⣀x⣀"]);
     }
 }

@@ -15,8 +15,8 @@
 
 use ratatui::layout::Rect;
 
-use super::content::{MARKS_LABEL, Plot};
-use super::scale::Scale;
+use super::content::{MARKS_LABEL, TimePlot};
+use super::scale::ValueScale;
 use crate::widgets::draw;
 
 /// Minimum width of the plot; below it axes are dropped.
@@ -35,7 +35,7 @@ const TICK_LINES: u16 = 3;
 
 /// Areas of a plot.
 #[derive(Clone, Debug)]
-pub struct Places {
+pub struct PlotAreas {
     /// Area of all parts; its columns are the time.
     pub plot: Rect,
     /// Parts from above to below; at least one.
@@ -55,22 +55,22 @@ pub struct Places {
 #[derive(Clone, Copy, Debug)]
 pub struct PlotSection {
     pub area: Rect,
-    pub left: Option<Axis>,
-    pub right: Option<Axis>,
+    pub left: Option<UnitAxis>,
+    pub right: Option<UnitAxis>,
 }
 
 /// Scale of one unit.
 #[derive(Clone, Copy, Debug)]
-pub struct Axis {
+pub struct UnitAxis {
     /// Index of the unit.
     pub unit: usize,
-    pub scale: Scale,
+    pub scale: ValueScale,
 }
 
-impl Places {
+impl PlotAreas {
     /// Divides an area into these parts.
-    pub fn new(plot: &Plot<'_>, area: Rect) -> Self {
-        let lines = draw::cells(plot.series.len()).saturating_add(1);
+    pub fn new(plot: &TimePlot<'_>, area: Rect) -> Self {
+        let lines = draw::to_cells(plot.series.len()).saturating_add(1);
         // The second cursor is there to compare values.
         let compares = plot.cursors.1.is_some();
         let legend_height = match area.height {
@@ -83,16 +83,16 @@ impl Places {
         let marks_height = u16::from(plot.marks.is_some() && rest >= MARKS_FROM);
         let (above, below) = if has_frame { (1 + marks_height, 2) } else { (0, 0) };
         let inside = Rect { y: area.y + above, height: rest - above - below, ..area };
-        let mut parts = parts(plot, inside);
-        let wide = |axes: &dyn Fn(&PlotSection) -> Option<Axis>| {
+        let mut parts = stack_parts(plot, inside);
+        let wide = |axes: &dyn Fn(&PlotSection) -> Option<UnitAxis>| {
             let labels = parts.iter().filter_map(axes).flat_map(|axis| {
-                axis.scale.ticks().map(move |tick| draw::width(&axis.scale.label(tick)) + 1)
+                axis.scale.tick_values().map(move |tick| draw::text_width(&axis.scale.tick_label(tick)) + 1)
             });
             labels.max().unwrap_or(0)
         };
         let (mut left_width, mut right_width) = (wide(&|part| part.left), wide(&|part| part.right));
         if marks_height > 0 {
-            left_width = left_width.max(draw::width(MARKS_LABEL) + 1);
+            left_width = left_width.max(draw::text_width(MARKS_LABEL) + 1);
         }
         if area.width < LEAST_WIDTH.saturating_add(left_width).saturating_add(right_width) || !has_frame {
             right_width = 0;
@@ -111,7 +111,7 @@ impl Places {
     }
 
     /// The part with the curves of a unit, and their scale; None without room for the unit.
-    pub fn of_unit(&self, unit: usize) -> Option<(usize, Scale)> {
+    pub fn of_unit(&self, unit: usize) -> Option<(usize, ValueScale)> {
         self.parts.iter().enumerate().find_map(|(place, part)| {
             let mut axes = part.left.into_iter().chain(part.right);
             axes.find(|axis| axis.unit == unit).map(|axis| (place, axis.scale))
@@ -120,7 +120,7 @@ impl Places {
 }
 
 /// Stacks the parts: one for up to two units, else one per unit, or one per two units on low screens.
-fn parts(plot: &Plot<'_>, inside: Rect) -> Vec<PlotSection> {
+fn stack_parts(plot: &TimePlot<'_>, inside: Rect) -> Vec<PlotSection> {
     let units = plot.units().len();
     // A line with the units precedes each part.
     let fitting = |least: u16| usize::from((inside.height + 1) / (least + 1));
@@ -129,7 +129,7 @@ fn parts(plot: &Plot<'_>, inside: Rect) -> Vec<PlotSection> {
         _ if units <= fitting(ALONE) => (units, 1),
         _ => (units.div_ceil(2).min(fitting(SHARED)).max(1), 2),
     };
-    let count_of_lines = draw::cells(count);
+    let count_of_lines = draw::to_cells(count);
     let lines = inside.height.saturating_sub(count_of_lines.saturating_sub(1));
     let (each, mut more) = (lines / count_of_lines.max(1), lines % count_of_lines.max(1));
     let mut y = inside.y;
@@ -142,7 +142,10 @@ fn parts(plot: &Plot<'_>, inside: Rect) -> Vec<PlotSection> {
         let ticks = if height < TICK_LINES { 1 } else { 2 };
         let axis = |unit: usize| {
             let (low, high) = plot.unit_range(unit)?;
-            Some(Axis { unit, scale: Scale::round(low, high, (height / TICK_LINES).max(ticks)) })
+            Some(UnitAxis {
+                unit,
+                scale: ValueScale::round_range(low, high, (height / TICK_LINES).max(ticks)),
+            })
         };
         let first = place * per_part;
         let right = if per_part > 1 { axis(first + 1) } else { None };

@@ -11,7 +11,7 @@ const MOST_TICKS: u32 = 64;
 
 /// A value range with ticks at round numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Scale {
+pub struct ValueScale {
     /// Value at the bottom.
     pub low: f64,
     /// Value at the top.
@@ -19,23 +19,23 @@ pub struct Scale {
     step: f64,
 }
 
-impl Scale {
+impl ValueScale {
     /// A scale for `low` to `high` with ticks at its ends and about `ticks` steps between them.
-    pub fn round(low: f64, high: f64, ticks: u16) -> Self {
-        let (low, high) = widened(low, high);
+    pub fn round_range(low: f64, high: f64, ticks: u16) -> Self {
+        let (low, high) = widen_range(low, high);
         let step = round_step((high / 2.0 - low / 2.0) * 2.0 / f64::from(ticks.max(1)));
         Self { low: (low / step).floor() * step, high: (high / step).ceil() * step, step }
     }
 
     /// Row of a value; row 0 is the lowest. Values beyond the ends are at the end.
-    pub fn row(&self, value: f64, rows: u32) -> u32 {
+    pub fn value_row(&self, value: f64, rows: u32) -> u32 {
         // Halves, because the difference of two finite numbers may overflow.
         let share = (value / 2.0 - self.low / 2.0) / (self.high / 2.0 - self.low / 2.0);
-        draw::part(share, rows.saturating_sub(1))
+        draw::nearest_step(share, rows.saturating_sub(1))
     }
 
     /// Values of the ticks.
-    pub fn ticks(&self) -> impl Iterator<Item = f64> + use<> {
+    pub fn tick_values(&self) -> impl Iterator<Item = f64> + use<> {
         let Self { low, high, step } = *self;
         (0..MOST_TICKS)
             .map(move |tick| low + f64::from(tick) * step)
@@ -43,15 +43,15 @@ impl Scale {
     }
 
     /// Label of a tick.
-    pub fn label(&self, tick: f64) -> String {
+    pub fn tick_label(&self, tick: f64) -> String {
         // A rounding error of a tick at 0.
         let tick = if tick.abs() < self.step / 1e6 { 0.0 } else { tick };
-        number(tick, decimals(&[self.step, self.low]))
+        format_number(tick, decimals_for(&[self.step, self.low]))
     }
 }
 
 /// The range, widened if it is empty.
-fn widened(low: f64, high: f64) -> (f64, f64) {
+fn widen_range(low: f64, high: f64) -> (f64, f64) {
     let (low, high) = (low.clamp(-1e300, 1e300), high.clamp(-1e300, 1e300));
     if high - low > low.abs().max(high.abs()) * 1e-12 {
         return (low, high);
@@ -68,7 +68,7 @@ fn round_step(least: f64) -> f64 {
 }
 
 /// Number of decimals that shows the values with five digits, without trailing zeros.
-pub fn decimals(values: &[f64]) -> usize {
+pub fn decimals_for(values: &[f64]) -> usize {
     let largest =
         values.iter().copied().filter(|value| value.is_finite()).fold(0.0, |a: f64, b| a.max(b.abs()));
     let mut power = 1.0;
@@ -89,7 +89,7 @@ pub fn decimals(values: &[f64]) -> usize {
 }
 
 /// Text of a value; very large and very small ones have an exponent.
-pub fn number(value: f64, decimals: usize) -> String {
+pub fn format_number(value: f64, decimals: usize) -> String {
     let size = value.abs();
     if value.is_nan() {
         "–".to_owned()
@@ -131,7 +131,7 @@ pub fn time_decimals(step: u64) -> usize {
 }
 
 /// Nanoseconds as seconds.
-pub fn seconds(nanoseconds: i64, decimals: usize) -> String {
+pub fn format_seconds(nanoseconds: i64, decimals: usize) -> String {
     let unit = 10_u64.pow(9 - u32::try_from(decimals.min(9)).unwrap_or(9));
     let rounded = nanoseconds.unsigned_abs().saturating_add(unit / 2) / unit;
     let whole = SECOND / unit;
@@ -147,8 +147,8 @@ mod tests {
     use super::*;
 
     fn labels(low: f64, high: f64, ticks: u16) -> Vec<String> {
-        let scale = Scale::round(low, high, ticks);
-        scale.ticks().map(|tick| scale.label(tick)).collect()
+        let scale = ValueScale::round_range(low, high, ticks);
+        scale.tick_values().map(|tick| scale.tick_label(tick)).collect()
     }
 
     #[test]
@@ -177,34 +177,37 @@ mod tests {
             (f64::NAN, f64::NAN),
             (5e-324, 5e-324),
         ] {
-            let scale = Scale::round(low, high, 4);
-            let _ = (scale.ticks().map(|tick| scale.label(tick)).collect::<Vec<_>>(), scale.row(0.0, 10));
-            let _ = Scale::round(low, high, 1).row(low, 10);
+            let scale = ValueScale::round_range(low, high, 4);
+            let _ = (
+                scale.tick_values().map(|tick| scale.tick_label(tick)).collect::<Vec<_>>(),
+                scale.value_row(0.0, 10),
+            );
+            let _ = ValueScale::round_range(low, high, 1).value_row(low, 10);
         }
     }
 
     #[test]
     fn values_beyond_the_ends_are_at_the_ends() {
-        let scale = Scale::round(0.0, 10.0, 1);
+        let scale = ValueScale::round_range(0.0, 10.0, 1);
         let rows = [-1.0, 0.0, 5.0, 10.0, 99.0, f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
-        assert_eq!(rows.map(|value| scale.row(value, 11)), [0, 0, 5, 10, 10, 10, 0, 0]);
-        assert_eq!(scale.row(5.0, 0), 0);
+        assert_eq!(rows.map(|value| scale.value_row(value, 11)), [0, 0, 5, 10, 10, 10, 0, 0]);
+        assert_eq!(scale.value_row(5.0, 0), 0);
     }
 
     #[test]
     fn decimals_are_those_that_say_something() {
-        assert_eq!(decimals(&[124.0, 130.5]), 1);
-        assert_eq!(decimals(&[124.0, 130.0]), 0);
-        assert_eq!(decimals(&[1.0 / 3.0]), 5);
-        assert_eq!(decimals(&[37.449_999_9, 100.0]), 2);
-        assert_eq!(decimals(&[184_022.125]), 0);
-        assert_eq!(decimals(&[0.001_25]), 5);
-        assert_eq!(decimals(&[0.0]), 0);
-        assert_eq!(decimals(&[]), 0);
-        assert_eq!(decimals(&[f64::NAN, f64::INFINITY, 0.5]), 1);
+        assert_eq!(decimals_for(&[124.0, 130.5]), 1);
+        assert_eq!(decimals_for(&[124.0, 130.0]), 0);
+        assert_eq!(decimals_for(&[1.0 / 3.0]), 5);
+        assert_eq!(decimals_for(&[37.449_999_9, 100.0]), 2);
+        assert_eq!(decimals_for(&[184_022.125]), 0);
+        assert_eq!(decimals_for(&[0.001_25]), 5);
+        assert_eq!(decimals_for(&[0.0]), 0);
+        assert_eq!(decimals_for(&[]), 0);
+        assert_eq!(decimals_for(&[f64::NAN, f64::INFINITY, 0.5]), 1);
         let written = [(-0.01, 1), (f64::NEG_INFINITY, 2), (1e20, 0), (-2.5, 1)];
         assert_eq!(
-            written.map(|(value, decimals)| number(value, decimals)),
+            written.map(|(value, decimals)| format_number(value, decimals)),
             ["0.0", "-inf", "1.000e20", "-2.5"]
         );
     }
@@ -217,10 +220,10 @@ mod tests {
             [1, 10, 1_000_000, 500_000_000, SECOND, 5 * SECOND].map(time_decimals),
             [9, 8, 3, 1, 0, 0]
         );
-        assert_eq!(seconds(1_234_567_890, 3), "1.235");
-        assert_eq!(seconds(-1_234_567_890, 0), "-1");
-        assert_eq!(seconds(-1, 3), "0.000");
-        assert_eq!(seconds(999_999_999, 2), "1.00");
-        assert_eq!(seconds(i64::MIN, 9), "-9223372036.854775808");
+        assert_eq!(format_seconds(1_234_567_890, 3), "1.235");
+        assert_eq!(format_seconds(-1_234_567_890, 0), "-1");
+        assert_eq!(format_seconds(-1, 3), "0.000");
+        assert_eq!(format_seconds(999_999_999, 2), "1.00");
+        assert_eq!(format_seconds(i64::MIN, 9), "-9223372036.854775808");
     }
 }

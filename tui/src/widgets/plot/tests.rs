@@ -1,26 +1,26 @@
 //! Tests of complete plots as text.
 
 use super::*;
-use crate::bucket::Bucket;
-use crate::widgets::draw::tests::{in_every_small_size, plain, shown};
+use crate::bucket::SampleBucket;
+use crate::widgets::draw::tests::{buffer_lines, in_every_small_size, plain_theme};
 
 const MILLISECOND: i64 = 1_000_000;
 
-fn values(values: &[(i64, f64)]) -> Vec<Bucket> {
+fn values(values: &[(i64, f64)]) -> Vec<SampleBucket> {
     values
         .iter()
-        .map(|(t, value)| Bucket { t: t * MILLISECOND, min: *value, max: *value, last: *value })
+        .map(|(t, value)| SampleBucket { t: t * MILLISECOND, min: *value, max: *value, last: *value })
         .collect()
 }
 
-fn series<'a>(name: &'a str, unit: &'a str, look: u8, points: &'a [Bucket]) -> Series<'a> {
-    Series { name: name.into(), unit: unit.into(), role: Role::Highlight(look), points }
+fn series<'a>(name: &'a str, unit: &'a str, look: u8, points: &'a [SampleBucket]) -> PlotSeries<'a> {
+    PlotSeries { name: name.into(), unit: unit.into(), role: TextRole::Highlight(look), points }
 }
 
-fn drawn(plot: Plot<'_>, width: u16, height: u16) -> Vec<String> {
+fn drawn(plot: TimePlot<'_>, width: u16, height: u16) -> Vec<String> {
     let mut buf = Buffer::empty(Rect::new(0, 0, width, height));
     plot.render(buf.area, &mut buf);
-    shown(&buf)
+    buffer_lines(&buf)
 }
 
 fn ends(from: i64, to: i64) -> (i64, i64) {
@@ -32,8 +32,8 @@ fn a_line_with_axes_cursor_and_legend() {
     let pressure = values(&[(0, 124.0), (500, 130.0), (1000, 121.0), (1500, 121.5)]);
     let series = [series("pressure", "bar", 0, &pressure)];
     let (from, to) = ends(0, 2000);
-    let theme = plain(Borders::Unicode);
-    let plot = Plot::new(&theme, &series, from, to).cursors(Some(700 * MILLISECOND), None);
+    let theme = plain_theme(LineCharacters::Unicode);
+    let plot = TimePlot::new(&theme, &series, from, to).with_cursors(Some(700 * MILLISECOND), None);
     assert_eq!(
         drawn(plot, 44, 12),
         [
@@ -63,10 +63,10 @@ fn two_units_have_two_axes_and_a_third_its_own_part() {
         series("speed", "", 2, &set),
     ];
     let (from, to) = ends(0, 2000);
-    let theme = plain(Borders::Ascii);
-    let plot = Plot::new(&theme, &series, from, to);
+    let theme = plain_theme(LineCharacters::Ascii);
+    let plot = TimePlot::new(&theme, &series, from, to);
     assert_eq!(
-        drawn(plot.cursors(Some(700 * MILLISECOND), Some(1600 * MILLISECOND)), 70, 14),
+        drawn(plot.with_cursors(Some(700 * MILLISECOND), Some(1600 * MILLISECOND)), 70, 14),
         [
             "bar                       A                           B              %",
             "130+               ****************|     oooooooooooooooooooooooooo+50",
@@ -100,8 +100,8 @@ fn series_of_one_unit_share_its_scale() {
     let (set, position) = (values(&[(0, 37.5)]), values(&[(0, 37.5), (1_000, 12.0)]));
     let series = [series("set point", "%", 0, &set), series("position", "%", 1, &position)];
     let (from, to) = ends(0, 2000);
-    let theme = plain(Borders::Ascii);
-    let plot = Plot::new(&theme, &series, from, to);
+    let theme = plain_theme(LineCharacters::Ascii);
+    let plot = TimePlot::new(&theme, &series, from, to);
     assert_eq!(
         drawn(plot, 44, 13),
         [
@@ -127,8 +127,12 @@ fn marks_are_above_the_plot_and_later_ones_cover_earlier_ones() {
     let set = values(&[(0, 10.0), (500, 20.0)]);
     let series = [series("set point", "%", 0, &set)];
     let (from, to) = ends(0, 1000);
-    let mark =
-        |from, to, symbol| Mark { from: from * MILLISECOND, to: to * MILLISECOND, symbol, role: Role::Bad };
+    let mark = |from, to, symbol| TimeMark {
+        from: from * MILLISECOND,
+        to: to * MILLISECOND,
+        symbol,
+        role: TextRole::Bad,
+    };
     // Outside the window, across its end, and within it.
     let marks = [
         mark(-50, -10, "x"),
@@ -137,13 +141,13 @@ fn marks_are_above_the_plot_and_later_ones_cover_earlier_ones() {
         mark(0, 0, "N"),
         mark(9_000, 9_000, "x"),
     ];
-    let theme = plain(Borders::Ascii);
-    let plot = Plot::new(&theme, &series, from, to).marks(&marks);
+    let theme = plain_theme(LineCharacters::Ascii);
+    let plot = TimePlot::new(&theme, &series, from, to).with_marks(&marks);
     let rows = drawn(plot, 45, 8);
     assert_eq!(rows[..2], ["find N                               wwwwEwww", "%"]);
     // Below this height the row is dropped.
     assert_eq!(drawn(plot, 45, 5)[0], "%");
-    let none = Plot::new(&theme, &series, from, to).marks(&[]);
+    let none = TimePlot::new(&theme, &series, from, to).with_marks(&[]);
     assert_eq!(drawn(none, 45, 8)[0], "find");
 }
 
@@ -152,8 +156,8 @@ fn times_count_from_the_zero_that_was_given() {
     let set = values(&[(9_000, 10.0), (10_050, 20.0)]);
     let series = [series("set point", "", 0, &set)];
     let (from, to) = ends(10_000, 10_100);
-    let theme = plain(Borders::Ascii);
-    let plot = Plot::new(&theme, &series, from, to).zero(8_000 * MILLISECOND);
+    let theme = plain_theme(LineCharacters::Ascii);
+    let plot = TimePlot::new(&theme, &series, from, to).with_zero(8_000 * MILLISECOND);
     assert_eq!(
         drawn(plot, 44, 6),
         [
@@ -166,10 +170,10 @@ fn times_count_from_the_zero_that_was_given() {
         ]
     );
     // The capture ends within the window.
-    assert_eq!(drawn(plot.until(10_060 * MILLISECOND), 44, 6)[1], "20+                    *....");
+    assert_eq!(drawn(plot.with_end(10_060 * MILLISECOND), 44, 6)[1], "20+                    *....");
     // A value applies no longer than this: the left side is empty.
     assert_eq!(
-        drawn(plot.gap(Some(200 * MILLISECOND)), 44, 6)[1..4],
+        drawn(plot.with_gap(Some(200 * MILLISECOND)), 44, 6)[1..4],
         ["22+", "20+                    *....................", "18+"]
     );
 }
@@ -179,19 +183,19 @@ fn where_there_is_little_room_axes_and_legend_give_way() {
     let set = values(&[(0, 10.0), (1, 20.0)]);
     let series = [series("set point", "%", 0, &set)];
     let (from, to) = ends(0, 2);
-    let theme = plain(Borders::Ascii);
-    let plot = Plot::new(&theme, &series, from, to);
+    let theme = plain_theme(LineCharacters::Ascii);
+    let plot = TimePlot::new(&theme, &series, from, to);
     assert_eq!(drawn(plot, 8, 4), ["    *...", "    |", "    |", "*...|"]);
     assert_eq!(drawn(plot, 10, 5), ["", "     *....", "*....|", "+---------", "0.000    s"]);
 }
 
 #[test]
 fn nothing_to_draw() {
-    let (theme, none) = (plain(Borders::Unicode), values(&[(5, f64::NAN), (6, f64::INFINITY)]));
-    let plot = Plot::new(&theme, &[], 0, 100).empty("no signal chosen");
+    let (theme, none) = (plain_theme(LineCharacters::Unicode), values(&[(5, f64::NAN), (6, f64::INFINITY)]));
+    let plot = TimePlot::new(&theme, &[], 0, 100).with_empty_text("no signal chosen");
     assert_eq!(drawn(plot, 12, 2), ["no signal c…", ""]);
     let series = [series("x", "", 0, &none), series("y", "", 0, &[])];
-    let plot = Plot::new(&theme, &series, 0, 10 * MILLISECOND).empty("no values here");
+    let plot = TimePlot::new(&theme, &series, 0, 10 * MILLISECOND).with_empty_text("no values here");
     assert_eq!(drawn(plot, 20, 2), ["no values here", ""]);
 }
 
@@ -199,28 +203,28 @@ fn nothing_to_draw() {
 fn clicks_find_times() {
     let set = values(&[(0, 10.0), (1, 20.0)]);
     let series = [series("set point", "%", 0, &set)];
-    let theme = plain(Borders::Unicode);
-    let plot = Plot::new(&theme, &series, 100, 299);
+    let theme = plain_theme(LineCharacters::Unicode);
+    let plot = TimePlot::new(&theme, &series, 100, 299);
     let area = Rect::new(5, 5, 23, 10);
     // "20" and the axis take three columns.
-    assert_eq!(plot.resolution(area), 40);
+    assert_eq!(plot.dot_columns(area), 40);
     let times = [7, 8, 9, 27, 28].map(|x| plot.time_at(area, x));
     assert_eq!(times, [None, Some(100), Some(110), Some(290), None]);
-    assert_eq!(Plot::new(&theme, &series, i64::MIN, i64::MAX).time_at(area, 8), Some(i64::MIN));
-    assert_eq!(Plot::new(&theme, &series, 5, 5).time_at(area, 27), Some(5));
-    assert_eq!(Plot::new(&theme, &series, 9, 5).time_at(area, 27), Some(9));
+    assert_eq!(TimePlot::new(&theme, &series, i64::MIN, i64::MAX).time_at(area, 8), Some(i64::MIN));
+    assert_eq!(TimePlot::new(&theme, &series, 5, 5).time_at(area, 27), Some(5));
+    assert_eq!(TimePlot::new(&theme, &series, 9, 5).time_at(area, 27), Some(9));
 }
 
 #[test]
 fn series_have_their_looks() {
     let (low, high) = (values(&[(0, 0.0)]), values(&[(0, 10.0)]));
     let series = [series("low", "", 0, &low), series("high", "", 1, &high)];
-    let theme = plain(Borders::Unicode);
+    let theme = plain_theme(LineCharacters::Unicode);
     let mut buf = Buffer::empty(Rect::new(0, 0, 20, 4));
-    Plot::new(&theme, &series, 0, 100).render(buf.area, &mut buf);
-    assert_eq!(shown(&buf), ["⠉⠉⠉o⠉⠉⠉⠉⠉⠉⠉o⠉⠉⠉⠉⠉⠉⠉o", "", "", "*⣀⣀⣀⣀⣀⣀⣀*⣀⣀⣀⣀⣀⣀⣀*⣀⣀⣀"]);
+    TimePlot::new(&theme, &series, 0, 100).render(buf.area, &mut buf);
+    assert_eq!(buffer_lines(&buf), ["⠉⠉⠉o⠉⠉⠉⠉⠉⠉⠉o⠉⠉⠉⠉⠉⠉⠉o", "", "", "*⣀⣀⣀⣀⣀⣀⣀*⣀⣀⣀⣀⣀⣀⣀*⣀⣀⣀"]);
     let looks = [3, 0].map(|y| buf[(4, y)].modifier);
-    assert_eq!(looks, [0, 1].map(|look| theme.style(Role::Highlight(look)).add_modifier));
+    assert_eq!(looks, [0, 1].map(|look| theme.role_style(TextRole::Highlight(look)).add_modifier));
 }
 
 #[test]
@@ -228,22 +232,24 @@ fn every_small_size_and_strange_value() {
     let strange: Vec<_> = [f64::MIN, f64::MAX, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 5e-324, 0.0]
         .into_iter()
         .enumerate()
-        .map(|(t, value)| Bucket { t: i64::try_from(t).unwrap(), min: -value, max: value, last: value })
+        .map(|(t, value)| SampleBucket { t: i64::try_from(t).unwrap(), min: -value, max: value, last: value })
         .collect();
     let series = [
         series("日本語", "bar", 0, &strange),
         series("b", "°C", 9, &strange[1..]),
         series("c", "", 1, &strange[3..4]),
     ];
-    for borders in [Borders::Unicode, Borders::Ascii] {
-        let theme = plain(borders);
+    for borders in [LineCharacters::Unicode, LineCharacters::Ascii] {
+        let theme = plain_theme(borders);
         for (from, to) in
             [(0, 6), (i64::MIN, i64::MAX), (3, 3), (i64::MAX, i64::MIN), (i64::MAX - 1, i64::MAX)]
         {
-            let plot = Plot::new(&theme, &series, from, to).cursors(Some(2), Some(i64::MAX)).zero(i64::MIN);
+            let plot = TimePlot::new(&theme, &series, from, to)
+                .with_cursors(Some(2), Some(i64::MAX))
+                .with_zero(i64::MIN);
             in_every_small_size(|area, buf| {
                 plot.render(area, buf);
-                let _ = (plot.time_at(area, 3), plot.resolution(area));
+                let _ = (plot.time_at(area, 3), plot.dot_columns(area));
             });
             let mut buf = Buffer::empty(Rect::new(0, 0, 200, 60));
             plot.render(buf.area, &mut buf);
@@ -256,30 +262,30 @@ fn columns_are_counted_from_a_time() {
     let set = values(&[(0, 10.0), (50, 20.0)]);
     let series = [series("set point", "", 0, &set)];
     let (from, to) = ends(0, 100);
-    let theme = plain(Borders::Ascii);
-    let plot = Plot::new(&theme, &series, from, to);
+    let theme = plain_theme(LineCharacters::Ascii);
+    let plot = TimePlot::new(&theme, &series, from, to);
     // Labels and axis take three columns, which leaves 50 of 2 ms each.
     let area = Rect::new(0, 0, 53, 6);
-    assert_eq!(plot.beside(area, 9 * MILLISECOND, 0), 10 * MILLISECOND - 1);
-    assert_eq!(plot.beside(area, 9 * MILLISECOND, 1), 12 * MILLISECOND - 1);
-    assert_eq!(plot.beside(area, 9 * MILLISECOND, -1), 8 * MILLISECOND - 1);
-    assert_eq!(plot.beside(area, to, 0), to);
-    assert_eq!(plot.beside(area, to, 1), to + 2 * MILLISECOND);
-    assert_eq!(plot.beside(area, from, -1), from - 2 * MILLISECOND);
+    assert_eq!(plot.time_beside(area, 9 * MILLISECOND, 0), 10 * MILLISECOND - 1);
+    assert_eq!(plot.time_beside(area, 9 * MILLISECOND, 1), 12 * MILLISECOND - 1);
+    assert_eq!(plot.time_beside(area, 9 * MILLISECOND, -1), 8 * MILLISECOND - 1);
+    assert_eq!(plot.time_beside(area, to, 0), to);
+    assert_eq!(plot.time_beside(area, to, 1), to + 2 * MILLISECOND);
+    assert_eq!(plot.time_beside(area, from, -1), from - 2 * MILLISECOND);
 }
 
 #[test]
 fn a_column_is_found_again_by_its_times() {
     let set = values(&[(0, 10.0), (50, 20.0)]);
     let series = [series("set point", "", 0, &set)];
-    let theme = plain(Borders::Ascii);
+    let theme = plain_theme(LineCharacters::Ascii);
     // 1,000 ns cannot be divided into 47 columns.
-    let plot = Plot::new(&theme, &series, 5, 1_004);
+    let plot = TimePlot::new(&theme, &series, 5, 1_004);
     let area = Rect::new(0, 0, 47, 4);
     for x in 0..47 {
         let first = plot.time_at(area, x).unwrap();
-        let last = plot.beside(area, first, 0);
-        let column = |time| plot.window.column(time, 47);
+        let last = plot.time_beside(area, first, 0);
+        let column = |time| plot.window.column_of(time, 47);
         assert_eq!((column(first), column(last)), (i64::from(x), i64::from(x)));
         assert!(x == 0 || column(first - 1) == i64::from(x) - 1);
     }
@@ -291,10 +297,10 @@ fn the_legend_can_be_had_as_text() {
     let set = values(&[(200, 0.0), (1200, 50.0)]);
     let series = [series("pressure", "bar", 0, &pressure), series("set", "%", 1, &set)];
     let (from, to) = ends(0, 2000);
-    let theme = plain(Borders::Unicode);
-    let plot = Plot::new(&theme, &series, from, to).cursors(Some(700 * MILLISECOND), None);
+    let theme = plain_theme(LineCharacters::Unicode);
+    let plot = TimePlot::new(&theme, &series, from, to).with_cursors(Some(700 * MILLISECOND), None);
     assert_eq!(
-        plot.legend(),
+        plot.legend_text(),
         "          A 0.70 s  min  max\npressure       130  124  130 bar\nset              0    0   50 %"
     );
 }

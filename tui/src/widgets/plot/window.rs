@@ -2,7 +2,7 @@
 
 /// The visible time range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Window {
+pub struct TimeWindow {
     pub(super) from: i64,
     /// End, inclusive.
     pub(super) to: i64,
@@ -11,7 +11,7 @@ pub struct Window {
     pub(super) until: i64,
 }
 
-impl Window {
+impl TimeWindow {
     pub(super) fn contains(&self, time: i64) -> bool {
         (self.from..=self.to).contains(&time)
     }
@@ -22,7 +22,7 @@ impl Window {
     }
 
     /// Last visible time at which a value may apply.
-    pub(super) fn end(&self) -> i64 {
+    pub(super) fn last_time(&self) -> i64 {
         self.to.min(self.until)
     }
 
@@ -32,7 +32,7 @@ impl Window {
     }
 
     /// Column of a time: -1 before the window, `columns` after it.
-    pub(super) fn column(&self, time: i64, columns: u32) -> i64 {
+    pub(super) fn column_of(&self, time: i64, columns: u32) -> i64 {
         if time < self.from {
             -1
         } else if time > self.to {
@@ -44,7 +44,7 @@ impl Window {
     }
 
     /// First time of a column.
-    pub(super) fn time(&self, column: u32, columns: u32) -> i64 {
+    pub(super) fn time_of(&self, column: u32, columns: u32) -> i64 {
         let after = (u128::from(column) * u128::from(self.span())).div_ceil(u128::from(columns.max(1)));
         u64::try_from(after)
             .ok()

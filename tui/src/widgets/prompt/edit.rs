@@ -4,7 +4,7 @@ use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
 /// Edit command of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Edit {
+pub(super) enum EditCommand {
     Insert(char),
     Move(CursorReach),
     Delete(CursorReach),
@@ -26,7 +26,7 @@ pub(super) enum CursorReach {
 }
 
 /// A character as it is inserted: blanks become spaces, other control characters are dropped.
-pub(super) fn typeable(typed: char) -> Option<char> {
+pub(super) fn to_typeable(typed: char) -> Option<char> {
     match typed {
         '\t' | '\n' => Some(' '),
         _ => Some(typed).filter(|typed| !typed.is_control()),
@@ -34,8 +34,8 @@ pub(super) fn typeable(typed: char) -> Option<char> {
 }
 
 /// Edit command of a key, with the bindings of shells.
-pub(super) fn edit_of(key: KeyEvent) -> Option<Edit> {
-    use Edit::{Cancel, Delete, Insert, Move, Newer, Older, Submit};
+pub(super) fn edit_of(key: KeyEvent) -> Option<EditCommand> {
+    use EditCommand::{Cancel, Delete, Insert, Move, Newer, Older, Submit};
     if key.kind == KeyEventKind::Release {
         return None;
     }
@@ -43,7 +43,9 @@ pub(super) fn edit_of(key: KeyEvent) -> Option<Edit> {
     let alt = key.modifiers.contains(KeyModifiers::ALT);
     Some(match (key.code, control, alt) {
         // Some systems report AltGr as Ctrl and Alt.
-        (KeyCode::Char(typed), false, false) | (KeyCode::Char(typed), true, true) => Insert(typeable(typed)?),
+        (KeyCode::Char(typed), false, false) | (KeyCode::Char(typed), true, true) => {
+            Insert(to_typeable(typed)?)
+        }
         (KeyCode::Enter, ..) | (KeyCode::Char('j' | 'm'), true, _) => Submit,
         (KeyCode::Esc, ..) | (KeyCode::Char('c' | 'g'), true, _) => Cancel,
         (KeyCode::Up, ..) | (KeyCode::Char('p'), true, _) => Older,

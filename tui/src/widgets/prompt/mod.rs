@@ -14,8 +14,8 @@ use ratatui::crossterm::event::KeyEvent;
 use ratatui::layout::{Position, Rect};
 use ratatui::text::Line;
 
-use self::edit::{CursorReach, Edit, edit_of, typeable};
-use crate::theme::{Role, Theme};
+use self::edit::{CursorReach, EditCommand, edit_of, to_typeable};
+use crate::theme::{TextRole, Theme};
 use crate::widgets::draw;
 
 /// Maximum number of lines in the history.
@@ -38,7 +38,7 @@ pub enum PromptEvent {
 
 /// The edited line with its history.
 #[derive(Clone, Debug, Default)]
-pub struct Prompt {
+pub struct LinePrompt {
     label: Cow<'static, str>,
     text: String,
     /// Byte offset at a character boundary.
@@ -53,7 +53,7 @@ pub struct Prompt {
     is_proposed: bool,
 }
 
-impl Prompt {
+impl LinePrompt {
     /// An empty line.
     pub fn new(label: impl Into<Cow<'static, str>>) -> Self {
         Self { label: label.into(), ..Self::default() }
@@ -83,14 +83,14 @@ impl Prompt {
     /// Replaces the text and moves the cursor to its end.
     pub fn set_text(&mut self, text: &str) {
         self.text.clear();
-        self.text.extend(text.chars().filter_map(typeable));
+        self.text.extend(text.chars().filter_map(to_typeable));
         self.cursor = self.text.len();
         self.is_proposed = false;
-        self.edited();
+        self.on_edit();
     }
 
     /// Sets a text that the first typed character replaces; any other key keeps it.
-    pub fn propose(&mut self, text: &str) {
+    pub fn propose_text(&mut self, text: &str) {
         self.set_text(text);
         self.is_proposed = true;
     }
@@ -101,11 +101,11 @@ impl Prompt {
     }
 
     /// Replaces the text from a byte offset to the cursor.
-    pub fn complete(&mut self, start: usize, text: &str) {
+    pub fn complete_word(&mut self, start: usize, text: &str) {
         if self.text.get(start..self.cursor).is_some() {
             self.text.replace_range(start..self.cursor, text);
             self.cursor = start + text.len();
-            self.edited();
+            self.on_edit();
         }
     }
 
@@ -120,32 +120,32 @@ impl Prompt {
     }
 
     /// Inserts a text at the cursor; line breaks become spaces.
-    pub fn paste(&mut self, text: &str) -> PromptEvent {
+    pub fn paste_text(&mut self, text: &str) -> PromptEvent {
         self.replace_proposal();
         // A copied line may end with a line break.
-        for typed in text.trim_end_matches(['\r', '\n']).chars().filter_map(typeable) {
+        for typed in text.trim_end_matches(['\r', '\n']).chars().filter_map(to_typeable) {
             self.insert(typed);
         }
         PromptEvent::Changed
     }
 
     /// Applies a key.
-    pub fn key(&mut self, key: KeyEvent) -> PromptEvent {
+    pub fn on_key(&mut self, key: KeyEvent) -> PromptEvent {
         let Some(edit) = edit_of(key) else { return PromptEvent::Ignored };
         match edit {
-            Edit::Insert(typed) => {
+            EditCommand::Insert(typed) => {
                 self.replace_proposal();
                 self.insert(typed);
             }
-            Edit::Move(reach) => self.cursor = self.reached(reach),
-            Edit::Delete(reach) => self.delete(reach),
-            Edit::Older => self.recall(true),
-            Edit::Newer => self.recall(false),
-            Edit::Submit => {
-                self.remember();
+            EditCommand::Move(reach) => self.cursor = self.position_at(reach),
+            EditCommand::Delete(reach) => self.delete_to(reach),
+            EditCommand::Older => self.recall_line(true),
+            EditCommand::Newer => self.recall_line(false),
+            EditCommand::Submit => {
+                self.remember_line();
                 return PromptEvent::Submitted;
             }
-            Edit::Cancel => return PromptEvent::Cancelled,
+            EditCommand::Cancel => return PromptEvent::Cancelled,
         }
         self.is_proposed = false;
         PromptEvent::Changed
@@ -157,20 +157,21 @@ impl Prompt {
         if area.is_empty() {
             return;
         }
-        let label = draw::width(&self.label) + u16::from(!self.label.is_empty());
+        let label = draw::text_width(&self.label) + u16::from(!self.label.is_empty());
         let label = if area.width >= label.saturating_add(LEAST_TEXT) { label } else { 0 };
         if label > 0 {
-            draw::put(buf, area.x, area.y, label, &self.label, theme.style(Role::Key));
+            draw::put_text(buf, area.x, area.y, label, &self.label, theme.role_style(TextRole::Key));
         }
         let place = Rect { x: area.x + label, width: area.width - label, height: 1, ..area };
         let start = self.first_shown(place.width);
         let shown = self.text.get(start..).unwrap_or_default();
-        let role = if self.is_proposed { Role::Selected } else { Role::Text };
-        draw::put(buf, place.x, place.y, place.width, shown, theme.style(role));
+        let role = if self.is_proposed { TextRole::Selected } else { TextRole::Text };
+        draw::put_text(buf, place.x, place.y, place.width, shown, theme.role_style(role));
         let before = self.text.get(start..self.cursor).unwrap_or_default();
-        if let Some(cell) = buf.cell_mut(Position::new(place.x.saturating_add(draw::width(before)), place.y))
+        if let Some(cell) =
+            buf.cell_mut(Position::new(place.x.saturating_add(draw::text_width(before)), place.y))
         {
-            cell.set_style(theme.style(Role::Cursor));
+            cell.set_style(theme.role_style(TextRole::Cursor));
         }
         if area.height > 1 {
             self.draw_error(theme, start, Rect { y: area.y + 1, ..place }, area, buf);
@@ -180,33 +181,33 @@ impl Prompt {
     /// Draws a caret below the error and the message on the side with enough room.
     fn draw_error(&self, theme: &Theme, start: usize, place: Rect, area: Rect, buf: &mut Buffer) {
         let Some((offset, message)) = &self.error else { return };
-        let style = theme.style(Role::Bad);
+        let style = theme.role_style(TextRole::Bad);
         let before = self.text.get(start..(*offset).min(self.text.len())).unwrap_or_default();
-        let caret = place.x.saturating_add(draw::width(before)).min(place.right().saturating_sub(1));
-        draw::put(buf, caret, place.y, 1, "^", style);
+        let caret = place.x.saturating_add(draw::text_width(before)).min(place.right().saturating_sub(1));
+        draw::put_text(buf, caret, place.y, 1, "^", style);
         let line = Line::styled(message.as_str(), style);
-        let wanted = draw::width(message);
+        let wanted = draw::text_width(message);
         let (left, right) = (caret - area.x, place.right() - caret - 1);
         if wanted < right || right >= left {
             let x = caret.saturating_add(2);
             let room = Rect { x, width: place.right().saturating_sub(x), height: 1, ..place };
-            draw::line(buf, room, &line, draw::Align::Left, theme);
+            draw::draw_line(buf, room, &line, draw::TextAlignment::Left, theme);
         } else {
             let room = Rect { x: area.x, width: left.saturating_sub(1), height: 1, ..place };
-            draw::line(buf, room, &line, draw::Align::Right, theme);
+            draw::draw_line(buf, room, &line, draw::TextAlignment::Right, theme);
         }
     }
 
     /// Offset of the first visible character; the cursor is always visible.
     fn first_shown(&self, room: u16) -> usize {
         let before = self.text.get(..self.cursor).unwrap_or_default();
-        let mut used = draw::width(before);
+        let mut used = draw::text_width(before);
         let mut start = 0;
         for (at, next) in before.char_indices() {
             if used < room {
                 break;
             }
-            used = used.saturating_sub(draw::width(next.encode_utf8(&mut [0; 4])));
+            used = used.saturating_sub(draw::text_width(next.encode_utf8(&mut [0; 4])));
             start = at + next.len_utf8();
         }
         start
@@ -221,24 +222,24 @@ impl Prompt {
     fn insert(&mut self, typed: char) {
         self.text.insert(self.cursor, typed);
         self.cursor += typed.len_utf8();
-        self.edited();
+        self.on_edit();
     }
 
-    fn delete(&mut self, reach: CursorReach) {
-        let other = self.reached(reach);
+    fn delete_to(&mut self, reach: CursorReach) {
+        let other = self.position_at(reach);
         let range = self.cursor.min(other)..self.cursor.max(other);
         self.cursor = range.start;
         self.text.drain(range);
-        self.edited();
+        self.on_edit();
     }
 
     /// Clears error and recall after an edit.
-    fn edited(&mut self) {
+    fn on_edit(&mut self) {
         self.recalled = None;
         self.error = None;
     }
 
-    fn reached(&self, reach: CursorReach) -> usize {
+    fn position_at(&self, reach: CursorReach) -> usize {
         let (before, behind) = self.text.split_at_checked(self.cursor).unwrap_or_default();
         let is_blank = |text: char| !(text.is_alphanumeric() || text == '_');
         match reach {
@@ -256,7 +257,7 @@ impl Prompt {
         }
     }
 
-    fn recall(&mut self, is_older: bool) {
+    fn recall_line(&mut self, is_older: bool) {
         let next = match (self.recalled, is_older) {
             (None, true) => self.history.len().checked_sub(1),
             (Some(at), true) => Some(at.saturating_sub(1)),
@@ -274,7 +275,7 @@ impl Prompt {
         self.recalled = next;
     }
 
-    fn remember(&mut self) {
+    fn remember_line(&mut self) {
         self.recalled = None;
         if !self.text.is_empty() {
             self.history.retain(|line| *line != self.text);

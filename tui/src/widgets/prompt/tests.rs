@@ -3,32 +3,32 @@
 use ratatui::crossterm::event::{KeyCode, KeyEventKind, KeyModifiers};
 
 use super::*;
-use crate::theme::Borders;
-use crate::widgets::draw::tests::{in_every_small_size, plain, shown};
+use crate::theme::LineCharacters;
+use crate::widgets::draw::tests::{buffer_lines, in_every_small_size, plain_theme};
 
-fn press(prompt: &mut Prompt, code: KeyCode, modifiers: KeyModifiers) -> PromptEvent {
-    prompt.key(KeyEvent::new(code, modifiers))
+fn press(prompt: &mut LinePrompt, code: KeyCode, modifiers: KeyModifiers) -> PromptEvent {
+    prompt.on_key(KeyEvent::new(code, modifiers))
 }
 
-fn typed(prompt: &mut Prompt, text: &str) {
+fn typed(prompt: &mut LinePrompt, text: &str) {
     for letter in text.chars() {
         assert_eq!(press(prompt, KeyCode::Char(letter), KeyModifiers::NONE), PromptEvent::Changed);
     }
 }
 
-fn control(prompt: &mut Prompt, letter: char) -> PromptEvent {
+fn control(prompt: &mut LinePrompt, letter: char) -> PromptEvent {
     press(prompt, KeyCode::Char(letter), KeyModifiers::CONTROL)
 }
 
 /// The text with a bar at the cursor.
-fn line(prompt: &Prompt) -> String {
+fn line(prompt: &LinePrompt) -> String {
     let (before, after) = prompt.text().split_at(prompt.cursor());
     format!("{before}|{after}")
 }
 
 #[test]
 fn typing_and_deleting() {
-    let mut prompt = Prompt::new("filter:");
+    let mut prompt = LinePrompt::new("filter:");
     typed(&mut prompt, "nöde = 5");
     assert_eq!(line(&prompt), "nöde = 5|");
     for _ in 0..6 {
@@ -52,7 +52,7 @@ fn typing_and_deleting() {
 
 #[test]
 fn words() {
-    let mut prompt = Prompt::new("");
+    let mut prompt = LinePrompt::new("");
     prompt.set_text("sdo.index == 0x6040  ");
     control(&mut prompt, 'w');
     assert_eq!(line(&prompt), "sdo.index == |");
@@ -77,10 +77,10 @@ fn words() {
 
 #[test]
 fn history_goes_back_to_what_was_typed() {
-    let mut prompt = Prompt::new("").with_history(["first".to_owned(), "second".to_owned()]);
+    let mut prompt = LinePrompt::new("").with_history(["first".to_owned(), "second".to_owned()]);
     typed(&mut prompt, "dra");
-    let up = |prompt: &mut Prompt| press(prompt, KeyCode::Up, KeyModifiers::NONE);
-    let down = |prompt: &mut Prompt| press(prompt, KeyCode::Down, KeyModifiers::NONE);
+    let up = |prompt: &mut LinePrompt| press(prompt, KeyCode::Up, KeyModifiers::NONE);
+    let down = |prompt: &mut LinePrompt| press(prompt, KeyCode::Down, KeyModifiers::NONE);
     down(&mut prompt);
     assert_eq!(line(&prompt), "dra|");
     let older = [(); 3].map(|()| {
@@ -106,7 +106,7 @@ fn history_goes_back_to_what_was_typed() {
     up(&mut prompt);
     down(&mut prompt);
     assert_eq!(line(&prompt), "first!|");
-    let mut empty = Prompt::new("");
+    let mut empty = LinePrompt::new("");
     typed(&mut empty, "x");
     up(&mut empty);
     assert_eq!(line(&empty), "x|");
@@ -114,7 +114,7 @@ fn history_goes_back_to_what_was_typed() {
 
 #[test]
 fn keys_for_somebody_else() {
-    let mut prompt = Prompt::new("");
+    let mut prompt = LinePrompt::new("");
     assert_eq!(press(&mut prompt, KeyCode::Esc, KeyModifiers::NONE), PromptEvent::Cancelled);
     assert_eq!(control(&mut prompt, 'c'), PromptEvent::Cancelled);
     assert_eq!(press(&mut prompt, KeyCode::Tab, KeyModifiers::NONE), PromptEvent::Ignored);
@@ -122,28 +122,28 @@ fn keys_for_somebody_else() {
     assert_eq!(control(&mut prompt, 'z'), PromptEvent::Ignored);
     let mut released = KeyEvent::new(KeyCode::Char('a'), KeyModifiers::NONE);
     released.kind = KeyEventKind::Release;
-    assert_eq!(prompt.key(released), PromptEvent::Ignored);
+    assert_eq!(prompt.on_key(released), PromptEvent::Ignored);
     assert_eq!(prompt.text(), "");
 }
 
 #[test]
 fn what_is_pasted_becomes_one_line() {
-    let mut prompt = Prompt::new("");
+    let mut prompt = LinePrompt::new("");
     prompt.set_text("ab");
     press(&mut prompt, KeyCode::Left, KeyModifiers::NONE);
-    assert_eq!(prompt.paste("x\ty\r\nz\x1b[2J\r\n"), PromptEvent::Changed);
+    assert_eq!(prompt.paste_text("x\ty\r\nz\x1b[2J\r\n"), PromptEvent::Changed);
     assert_eq!(line(&prompt), "ax y z[2J|b");
 }
 
-fn drawn(prompt: &Prompt, width: u16) -> Vec<String> {
+fn drawn(prompt: &LinePrompt, width: u16) -> Vec<String> {
     let mut buf = Buffer::empty(Rect::new(0, 0, width, 2));
-    prompt.render(&plain(Borders::Unicode), buf.area, &mut buf);
-    shown(&buf)
+    prompt.render(&plain_theme(LineCharacters::Unicode), buf.area, &mut buf);
+    buffer_lines(&buf)
 }
 
 #[test]
 fn the_caret_is_under_what_is_wrong() {
-    let mut prompt = Prompt::new("filter:");
+    let mut prompt = LinePrompt::new("filter:");
     prompt.set_text("nö == 0x6z");
     prompt.set_error(10, "not a digit");
     assert_eq!(drawn(&prompt, 40), ["filter: nö == 0x6z", "                 ^ not a digit"]);
@@ -162,7 +162,7 @@ fn the_caret_is_under_what_is_wrong() {
 
 #[test]
 fn the_cursor_stays_in_view() {
-    let mut prompt = Prompt::new("filter:");
+    let mut prompt = LinePrompt::new("filter:");
     prompt.set_text("0123456789abcdef");
     assert_eq!(drawn(&prompt, 18), ["filter: 789abcdef", ""]);
     assert_eq!(drawn(&prompt, 10), ["789abcdef", ""]);
@@ -171,24 +171,24 @@ fn the_cursor_stays_in_view() {
     prompt.set_text("日本語日本語");
     assert_eq!(drawn(&prompt, 7), ["日本語", ""]);
     let mut buf = Buffer::empty(Rect::new(0, 0, 7, 1));
-    let theme = plain(Borders::Unicode);
+    let theme = plain_theme(LineCharacters::Unicode);
     prompt.render(&theme, buf.area, &mut buf);
-    assert_eq!(buf[(6, 0)].modifier, theme.style(Role::Cursor).add_modifier);
+    assert_eq!(buf[(6, 0)].modifier, theme.role_style(TextRole::Cursor).add_modifier);
 }
 
 #[test]
 fn every_small_size() {
-    let mut prompt = Prompt::new("filter:");
+    let mut prompt = LinePrompt::new("filter:");
     prompt.set_text("日本語 0123456789");
     prompt.set_error(3, "日本語日本語日本語");
-    in_every_small_size(|area, buf| prompt.render(&plain(Borders::Ascii), area, buf));
+    in_every_small_size(|area, buf| prompt.render(&plain_theme(LineCharacters::Ascii), area, buf));
 }
 
 #[test]
 fn the_first_typed_key_replaces_a_proposal() {
     let proposed = || {
-        let mut prompt = Prompt::new("write to");
-        prompt.propose("pve-export.log");
+        let mut prompt = LinePrompt::new("write to");
+        prompt.propose_text("pve-export.log");
         prompt
     };
     let mut prompt = proposed();
@@ -199,7 +199,7 @@ fn the_first_typed_key_replaces_a_proposal() {
     typed(&mut prompt, "x");
     assert_eq!(line(&prompt), "pve-export.lox|g");
     let mut prompt = proposed();
-    prompt.paste("b.csv");
+    prompt.paste_text("b.csv");
     assert_eq!(line(&prompt), "b.csv|");
     let mut prompt = proposed();
     press(&mut prompt, KeyCode::Backspace, KeyModifiers::NONE);
@@ -208,14 +208,14 @@ fn the_first_typed_key_replaces_a_proposal() {
 
 #[test]
 fn a_word_is_completed_up_to_the_cursor() {
-    let mut prompt = Prompt::new("filter");
+    let mut prompt = LinePrompt::new("filter");
     prompt.set_text("kind == em && node");
     (0..8).for_each(|_| {
         press(&mut prompt, KeyCode::Left, KeyModifiers::NONE);
     });
-    prompt.complete(8, "emcy");
+    prompt.complete_word(8, "emcy");
     assert_eq!(line(&prompt), "kind == emcy| && node");
     // A start after the cursor or inside a character changes nothing.
-    prompt.complete(99, "x");
+    prompt.complete_word(99, "x");
     assert_eq!(line(&prompt), "kind == emcy| && node");
 }

@@ -7,7 +7,7 @@
 
 use std::borrow::Cow;
 
-use crate::widgets::draw::Align;
+use crate::widgets::draw::TextAlignment;
 
 /// Space between two columns.
 const SPACE: u16 = 1;
@@ -16,7 +16,7 @@ const LEAST_FILL: u16 = 10;
 
 /// Width of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Width {
+pub enum ColumnWidth {
     /// A fixed width; 0 for a column that is not needed.
     Fixed(u16),
     /// A minimum width. The column grows if there is room and no `Fill` column.
@@ -27,41 +27,41 @@ pub enum Width {
 
 /// A column of a table.
 #[derive(Clone, Debug)]
-pub struct Column {
+pub struct TableColumn {
     /// Column head.
     pub title: Cow<'static, str>,
     /// Width on the screen.
-    pub width: Width,
+    pub width: ColumnWidth,
     /// Alignment of its text.
-    pub align: Align,
+    pub align: TextAlignment,
     /// In a narrow table the column with the lowest priority is dropped first; of equal ones the rightmost.
     pub priority: u8,
 }
 
-impl Column {
+impl TableColumn {
     /// A left-aligned column with the highest priority.
-    pub fn new(title: impl Into<Cow<'static, str>>, width: Width) -> Self {
-        Self { title: title.into(), width, align: Align::Left, priority: u8::MAX }
+    pub fn new(title: impl Into<Cow<'static, str>>, width: ColumnWidth) -> Self {
+        Self { title: title.into(), width, align: TextAlignment::Left, priority: u8::MAX }
     }
 
     /// Aligns the column to the right, for numbers.
     #[must_use]
-    pub fn right(self) -> Self {
-        Self { align: Align::Right, ..self }
+    pub fn align_right(self) -> Self {
+        Self { align: TextAlignment::Right, ..self }
     }
 
     /// Sets the priority.
     #[must_use]
-    pub fn priority(self, priority: u8) -> Self {
+    pub fn with_priority(self, priority: u8) -> Self {
         Self { priority, ..self }
     }
 }
 
 /// Minimum width.
-fn least_of(width: Width) -> u16 {
+fn least_of(width: ColumnWidth) -> u16 {
     match width {
-        Width::Fixed(least) | Width::Min(least) => least,
-        Width::Fill => LEAST_FILL,
+        ColumnWidth::Fixed(least) | ColumnWidth::Min(least) => least,
+        ColumnWidth::Fill => LEAST_FILL,
     }
 }
 
@@ -77,21 +77,21 @@ pub struct VisibleColumn {
 }
 
 /// Places the columns that fit into `available`, from left to right.
-pub fn place(columns: &[Column], available: u16) -> Vec<VisibleColumn> {
-    let is_needed = |(_, column): &(usize, &Column)| column.width != Width::Fixed(0);
+pub fn place_columns(columns: &[TableColumn], available: u16) -> Vec<VisibleColumn> {
+    let is_needed = |(_, column): &(usize, &TableColumn)| column.width != ColumnWidth::Fixed(0);
     let mut kept: Vec<_> = columns.iter().enumerate().filter(is_needed).collect();
-    while kept.len() > 1 && least(&kept) > available {
+    while kept.len() > 1 && min_width(&kept) > available {
         // The rightmost of the columns with the lowest priority.
         let goes = kept.iter().enumerate().rev().min_by_key(|(_, (_, column))| column.priority);
         let Some((at, _)) = goes else { break };
         kept.remove(at);
     }
-    let mut spare = available.saturating_sub(least(&kept));
-    let has_fill = kept.iter().any(|(_, column)| column.width == Width::Fill);
-    let grows = |column: &Column| match column.width {
-        Width::Fixed(_) => false,
-        Width::Min(_) => !has_fill,
-        Width::Fill => true,
+    let mut spare = available.saturating_sub(min_width(&kept));
+    let has_fill = kept.iter().any(|(_, column)| column.width == ColumnWidth::Fill);
+    let grows = |column: &TableColumn| match column.width {
+        ColumnWidth::Fixed(_) => false,
+        ColumnWidth::Min(_) => !has_fill,
+        ColumnWidth::Fill => true,
     };
     let mut growing = kept.iter().filter(|(_, column)| grows(column)).count();
     let mut x = 0;
@@ -114,7 +114,7 @@ pub fn place(columns: &[Column], available: u16) -> Vec<VisibleColumn> {
 }
 
 /// Minimum width of these columns with the spaces between them.
-fn least(kept: &[(usize, &Column)]) -> u16 {
+fn min_width(kept: &[(usize, &TableColumn)]) -> u16 {
     let widths = kept.iter().fold(0_u16, |sum, (_, column)| sum.saturating_add(least_of(column.width)));
     let spaces = u16::try_from(kept.len().saturating_sub(1)).unwrap_or(u16::MAX);
     widths.saturating_add(spaces.saturating_mul(SPACE))
@@ -124,17 +124,20 @@ fn least(kept: &[(usize, &Column)]) -> u16 {
 mod tests {
     use super::*;
 
-    fn columns() -> Vec<Column> {
+    fn columns() -> Vec<TableColumn> {
         vec![
-            Column::new("No", Width::Fixed(4)).right().priority(5),
-            Column::new("Node", Width::Min(6)).priority(2),
-            Column::new("What", Width::Fill).priority(9),
-            Column::new("Data", Width::Fixed(8)).priority(2),
+            TableColumn::new("No", ColumnWidth::Fixed(4)).align_right().with_priority(5),
+            TableColumn::new("Node", ColumnWidth::Min(6)).with_priority(2),
+            TableColumn::new("What", ColumnWidth::Fill).with_priority(9),
+            TableColumn::new("Data", ColumnWidth::Fixed(8)).with_priority(2),
         ]
     }
 
     fn placed(available: u16) -> Vec<(usize, u16, u16)> {
-        place(&columns(), available).iter().map(|column| (column.index, column.x, column.width)).collect()
+        place_columns(&columns(), available)
+            .iter()
+            .map(|column| (column.index, column.x, column.width))
+            .collect()
     }
 
     #[test]
@@ -155,20 +158,21 @@ mod tests {
     #[test]
     fn a_column_without_width_takes_no_space() {
         let columns = [
-            Column::new("a", Width::Fixed(2)),
-            Column::new("b", Width::Fixed(0)),
-            Column::new("c", Width::Fill),
+            TableColumn::new("a", ColumnWidth::Fixed(2)),
+            TableColumn::new("b", ColumnWidth::Fixed(0)),
+            TableColumn::new("c", ColumnWidth::Fill),
         ];
         let placed: Vec<_> =
-            place(&columns, 20).iter().map(|column| (column.index, column.x, column.width)).collect();
+            place_columns(&columns, 20).iter().map(|column| (column.index, column.x, column.width)).collect();
         assert_eq!(placed, [(0, 0, 2), (2, 3, 17)]);
     }
 
     #[test]
     fn without_one_that_fills_those_with_a_minimum_share() {
-        let columns = [Column::new("a", Width::Min(3)), Column::new("b", Width::Min(5))];
-        let widths: Vec<_> = place(&columns, 14).iter().map(|column| column.width).collect();
+        let columns =
+            [TableColumn::new("a", ColumnWidth::Min(3)), TableColumn::new("b", ColumnWidth::Min(5))];
+        let widths: Vec<_> = place_columns(&columns, 14).iter().map(|column| column.width).collect();
         assert_eq!(widths, [5, 8]);
-        assert_eq!(place(&[], 14), []);
+        assert_eq!(place_columns(&[], 14), []);
     }
 }

@@ -15,30 +15,30 @@ use ratatui::layout::Rect;
 use ratatui::style::{Modifier, Style};
 use ratatui::text::Line;
 
-pub use columns::{Column, Width};
+pub use columns::{ColumnWidth, TableColumn};
 pub use state::TableState;
 
-use crate::theme::{Glyph, Role, Theme};
+use crate::theme::{Glyph, TextRole, Theme};
 use crate::widgets::draw;
-pub use crate::widgets::draw::Align;
+pub use crate::widgets::draw::TextAlignment;
 
 /// A cell of a row.
 #[derive(Clone, Debug, Default)]
-pub struct Cell<'a> {
+pub struct TableCell<'a> {
     /// Text of the cell.
     pub text: Line<'a>,
     /// Style of the parts of the text without their own style.
     pub style: Style,
 }
 
-impl<'a> Cell<'a> {
+impl<'a> TableCell<'a> {
     /// A text in a style.
     pub fn new(text: impl Into<Line<'a>>, style: Style) -> Self {
         Self { text: text.into(), style }
     }
 }
 
-impl<'a, T: Into<Line<'a>>> From<T> for Cell<'a> {
+impl<'a, T: Into<Line<'a>>> From<T> for TableCell<'a> {
     fn from(text: T) -> Self {
         Self { text: text.into(), style: Style::new() }
     }
@@ -46,7 +46,7 @@ impl<'a, T: Into<Line<'a>>> From<T> for Cell<'a> {
 
 /// Position of a row in a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Group {
+pub struct TreePosition {
     /// Depth, 0 at the root.
     pub level: u8,
     /// Whether its children are shown; None without children.
@@ -55,41 +55,41 @@ pub struct Group {
 
 /// A row of a table.
 #[derive(Clone, Debug, Default)]
-pub struct Row<'a> {
+pub struct TableRow<'a> {
     /// Cells in column order; missing cells are empty.
-    pub cells: Vec<Cell<'a>>,
+    pub cells: Vec<TableCell<'a>>,
     /// Style under the styles of the cells.
     pub style: Style,
     /// Position in a tree, if the table is one.
-    pub group: Option<Group>,
+    pub group: Option<TreePosition>,
 }
 
-impl<'a> Row<'a> {
+impl<'a> TableRow<'a> {
     /// A row of cells.
-    pub fn new<C: Into<Cell<'a>>>(cells: impl IntoIterator<Item = C>) -> Self {
+    pub fn new<C: Into<TableCell<'a>>>(cells: impl IntoIterator<Item = C>) -> Self {
         Self { cells: cells.into_iter().map(Into::into).collect(), ..Self::default() }
     }
 
     /// Sets the style under the styles of the cells.
     #[must_use]
-    pub fn style(self, style: Style) -> Self {
+    pub fn with_style(self, style: Style) -> Self {
         Self { style, ..self }
     }
 
     /// Sets the position in a tree.
     #[must_use]
-    pub fn group(self, level: u8, open: Option<bool>) -> Self {
-        Self { group: Some(Group { level, open }), ..self }
+    pub fn with_group(self, level: u8, open: Option<bool>) -> Self {
+        Self { group: Some(TreePosition { level, open }), ..self }
     }
 }
 
 /// Returns the row with an index.
-type Rows<'a> = Box<dyn FnMut(usize) -> Row<'a> + 'a>;
+type Rows<'a> = Box<dyn FnMut(usize) -> TableRow<'a> + 'a>;
 
 /// A table with its rows and state.
-pub struct Table<'a> {
+pub struct TableWidget<'a> {
     theme: &'a Theme,
-    columns: &'a [Column],
+    columns: &'a [TableColumn],
     count: usize,
     rows: Rows<'a>,
     state: Option<&'a TableState>,
@@ -98,10 +98,10 @@ pub struct Table<'a> {
     empty: &'a str,
 }
 
-impl<'a> Table<'a> {
+impl<'a> TableWidget<'a> {
     /// A table without rows.
-    pub fn new(theme: &'a Theme, columns: &'a [Column]) -> Self {
-        let rows = Box::new(|_| Row::default());
+    pub fn new(theme: &'a Theme, columns: &'a [TableColumn]) -> Self {
+        let rows = Box::new(|_| TableRow::default());
         Self { theme, columns, count: 0, rows, state: None, is_focused: true, tree_column: 0, empty: "" }
     }
 
@@ -114,23 +114,23 @@ impl<'a> Table<'a> {
     /// Sets the source of rows; it is called for visible rows only.
     #[must_use]
     #[expect(clippy::redundant_closure, reason = "the closure shortens the lifetime of the row")]
-    pub fn rows<'row: 'a>(self, mut rows: impl FnMut(usize) -> Row<'row> + 'a) -> Self {
+    pub fn with_rows<'row: 'a>(self, mut rows: impl FnMut(usize) -> TableRow<'row> + 'a) -> Self {
         Self { rows: Box::new(move |index| rows(index)), ..self }
     }
 
     /// Sets the selection and the visible part.
     #[must_use]
-    pub fn state(self, state: &'a TableState) -> Self {
+    pub fn with_state(self, state: &'a TableState) -> Self {
         Self { state: Some(state), ..self }
     }
 
     /// Sets whether keys act on this table.
     #[must_use]
-    pub fn focused(self, is_focused: bool) -> Self {
+    pub fn with_focus(self, is_focused: bool) -> Self {
         Self { is_focused, ..self }
     }
 
-    /// Sets the column indented by [`Row::group`]; the default is the first one.
+    /// Sets the column indented by [`TableRow::with_group`]; the default is the first one.
     #[must_use]
     pub fn tree_column(self, column: usize) -> Self {
         Self { tree_column: column, ..self }
@@ -138,18 +138,18 @@ impl<'a> Table<'a> {
 
     /// Sets the text of an empty table.
     #[must_use]
-    pub fn empty(self, text: &'a str) -> Self {
+    pub fn with_empty_text(self, text: &'a str) -> Self {
         Self { empty: text, ..self }
     }
 
     /// Number of visible rows in an area: the height for `TableState`.
-    pub fn height(area: Rect) -> usize {
-        usize::from(body(area).height)
+    pub fn visible_height(area: Rect) -> usize {
+        usize::from(body_area(area).height)
     }
 
     /// Width of a column in a table of `width`; 0 if it is not visible.
-    pub fn width_of(columns: &[Column], index: usize, width: u16) -> u16 {
-        columns::place(columns, width)
+    pub fn width_of(columns: &[TableColumn], index: usize, width: u16) -> u16 {
+        columns::place_columns(columns, width)
             .iter()
             .find(|placed| placed.index == index)
             .map_or(0, |placed| placed.width)
@@ -161,85 +161,94 @@ impl<'a> Table<'a> {
         if area.is_empty() {
             return;
         }
-        let inside = self.inside(area);
-        let placed = columns::place(self.columns, inside.width);
-        let body = body(inside);
+        let inside = self.inside_area(area);
+        let placed = columns::place_columns(self.columns, inside.width);
+        let body = body_area(inside);
         if body.y > area.y {
             self.draw_titles(&placed, inside, buf);
         }
         if self.count == 0 {
-            let text = Line::styled(self.empty, self.theme.style(Role::Quiet));
-            draw::line(buf, body, &text, Align::Left, self.theme);
+            let text = Line::styled(self.empty, self.theme.role_style(TextRole::Quiet));
+            draw::draw_line(buf, body, &text, TextAlignment::Left, self.theme);
             return;
         }
-        let visible = self.visible(area);
+        let visible = self.visible_rows(area);
         let selected = self.state.map(|state| state.selected.min(self.count - 1));
         for (y, index) in (body.y..).zip(visible.clone()) {
             let row = (self.rows)(index);
             let place = Rect { y, height: 1, ..body };
             self.draw_row(&row, &placed, place, buf);
             if Some(index) == selected {
-                buf.set_style(Rect { width: area.width, ..place }, self.theme.selection(self.is_focused));
+                buf.set_style(
+                    Rect { width: area.width, ..place },
+                    self.theme.selection_style(self.is_focused),
+                );
                 self.mark_cell(&placed, place, buf);
             }
         }
         if inside.width < area.width {
-            draw::scrollbar(buf, Rect { width: area.width, ..body }, visible.start, self.count, self.theme);
+            draw::draw_scrollbar(
+                buf,
+                Rect { width: area.width, ..body },
+                visible.start,
+                self.count,
+                self.theme,
+            );
         }
     }
 
     /// The row at a screen line.
     pub fn row_at(&self, area: Rect, y: u16, state: &TableState) -> Option<usize> {
-        let body = body(area);
+        let body = body_area(area);
         let line = usize::from(y.checked_sub(body.y)?);
-        let visible = state.visible(usize::from(body.height), self.count);
+        let visible = state.visible_rows(usize::from(body.height), self.count);
         (line < visible.len()).then(|| visible.start + line)
     }
 
     /// The column at a screen column; the space after a column belongs to it.
     pub fn column_at(&self, area: Rect, x: u16) -> Option<usize> {
-        let inside = self.inside(area);
+        let inside = self.inside_area(area);
         if !(inside.left()..inside.right()).contains(&x) {
             return None;
         }
-        let placed = columns::place(self.columns, inside.width);
+        let placed = columns::place_columns(self.columns, inside.width);
         placed.iter().rev().find(|column| inside.x + column.x <= x).map(|column| column.index)
     }
 
     /// Indices of the columns that are visible in an area.
-    pub fn shown(&self, area: Rect) -> Vec<usize> {
-        let placed = columns::place(self.columns, self.inside(area).width);
+    pub fn visible_columns(&self, area: Rect) -> Vec<usize> {
+        let placed = columns::place_columns(self.columns, self.inside_area(area).width);
         placed.iter().map(|column| column.index).collect()
     }
 
     /// Whether a screen line is that of the column heads.
     pub fn is_title_at(area: Rect, y: u16) -> bool {
-        area.y == y && body(area).y > y
+        area.y == y && body_area(area).y > y
     }
 
     /// Indices of the visible rows.
-    fn visible(&self, area: Rect) -> std::ops::Range<usize> {
-        let height = Self::height(area);
-        self.state.map_or(0..height.min(self.count), |state| state.visible(height, self.count))
+    fn visible_rows(&self, area: Rect) -> std::ops::Range<usize> {
+        let height = Self::visible_height(area);
+        self.state.map_or(0..height.min(self.count), |state| state.visible_rows(height, self.count))
     }
 
     /// The area without the scroll bar.
-    fn inside(&self, area: Rect) -> Rect {
-        let scrolls = self.count > Self::height(area) && area.width > 2;
+    fn inside_area(&self, area: Rect) -> Rect {
+        let scrolls = self.count > Self::visible_height(area) && area.width > 2;
         Rect { width: area.width - u16::from(scrolls), ..area }
     }
 
     /// The visible column that keys act on; None without a selected one.
-    fn current(&self, placed: &[columns::VisibleColumn]) -> Option<usize> {
+    fn current_column(&self, placed: &[columns::VisibleColumn]) -> Option<usize> {
         let state = self.state.filter(|state| self.is_focused && state.column < self.columns.len())?;
         Some(state.column_in(&placed.iter().map(|column| column.index).collect::<Vec<_>>()))
     }
 
     fn draw_titles(&self, placed: &[columns::VisibleColumn], area: Rect, buf: &mut Buffer) {
-        let current = self.current(placed);
+        let current = self.current_column(placed);
         let sort = self.state.and_then(|state| state.sort);
         for column in placed {
-            let Some(Column { title, align, .. }) = self.columns.get(column.index) else { continue };
+            let Some(TableColumn { title, align, .. }) = self.columns.get(column.index) else { continue };
             let mark = match sort {
                 Some((index, is_descending)) if index == column.index => {
                     self.theme.glyph(if is_descending { Glyph::Down } else { Glyph::Up })
@@ -247,29 +256,29 @@ impl<'a> Table<'a> {
                 _ => "",
             };
             let mut place = Rect { x: area.x + column.x, width: column.width, height: 1, ..area };
-            let mut style = self.theme.style(Role::HeaderCell);
+            let mut style = self.theme.role_style(TextRole::HeaderCell);
             if current == Some(column.index) {
-                style = style.patch(self.theme.style(Role::Key));
+                style = style.patch(self.theme.role_style(TextRole::Key));
             }
             // The mark stays visible if the head is cut.
-            let mark_width = draw::width(mark).min(place.width);
+            let mark_width = draw::text_width(mark).min(place.width);
             place.width -= mark_width;
-            draw::line(buf, place, &Line::styled(title.as_ref(), style), *align, self.theme);
+            draw::draw_line(buf, place, &Line::styled(title.as_ref(), style), *align, self.theme);
             let title_width = match align {
-                Align::Left => draw::width(title).min(place.width),
-                Align::Right => place.width,
+                TextAlignment::Left => draw::text_width(title).min(place.width),
+                TextAlignment::Right => place.width,
             };
-            draw::put(buf, place.x + title_width, place.y, mark_width, mark, style);
+            draw::put_text(buf, place.x + title_width, place.y, mark_width, mark, style);
         }
     }
 
-    fn draw_row(&self, row: &Row<'_>, placed: &[columns::VisibleColumn], area: Rect, buf: &mut Buffer) {
+    fn draw_row(&self, row: &TableRow<'_>, placed: &[columns::VisibleColumn], area: Rect, buf: &mut Buffer) {
         buf.set_style(area, row.style);
         // If the column of the tree is not visible, the next one shows the tree.
         let tree = placed.iter().find(|column| column.index >= self.tree_column).or(placed.first());
         for column in placed {
             let mut place = Rect { x: area.x + column.x, width: column.width, ..area };
-            let align = self.columns.get(column.index).map_or(Align::Left, |column| column.align);
+            let align = self.columns.get(column.index).map_or(TextAlignment::Left, |column| column.align);
             if let Some(group) = row.group
                 && tree == Some(column)
             {
@@ -277,27 +286,34 @@ impl<'a> Table<'a> {
             }
             if let Some(cell) = row.cells.get(column.index) {
                 buf.set_style(place, cell.style);
-                draw::line(buf, place, &cell.text, align, self.theme);
+                draw::draw_line(buf, place, &cell.text, align, self.theme);
             }
         }
     }
 
     /// Draws indent and mark of a tree row; returns the rest of the cell.
-    fn draw_branch(&self, group: Group, place: Rect, buf: &mut Buffer) -> Rect {
+    fn draw_branch(&self, group: TreePosition, place: Rect, buf: &mut Buffer) -> Rect {
         let mark = match group.open {
             Some(true) => self.theme.glyph(Glyph::Open),
             Some(false) => self.theme.glyph(Glyph::Closed),
             None => " ",
         };
         let indent = (u16::from(group.level) * 2).min(place.width);
-        draw::put(buf, place.x + indent, place.y, place.width - indent, mark, self.theme.style(Role::Quiet));
+        draw::put_text(
+            buf,
+            place.x + indent,
+            place.y,
+            place.width - indent,
+            mark,
+            self.theme.role_style(TextRole::Quiet),
+        );
         let used = (indent + 2).min(place.width);
         Rect { x: place.x + used, width: place.width - used, ..place }
     }
 
     /// Underlines the current column in the selected row.
     fn mark_cell(&self, placed: &[columns::VisibleColumn], place: Rect, buf: &mut Buffer) {
-        let current = self.current(placed);
+        let current = self.current_column(placed);
         if let Some(column) = placed.iter().find(|column| Some(column.index) == current) {
             let cell = Rect { x: place.x + column.x, width: column.width, ..place };
             buf.set_style(cell, Style::new().add_modifier(Modifier::UNDERLINED));
@@ -306,7 +322,7 @@ impl<'a> Table<'a> {
 }
 
 /// The area without the heads, which are dropped in an area of one line.
-fn body(area: Rect) -> Rect {
+fn body_area(area: Rect) -> Rect {
     let titles = u16::from(area.height > 1);
     Rect { y: area.y + titles, height: area.height - titles, ..area }
 }
@@ -316,34 +332,44 @@ mod tests {
     use std::cell::RefCell;
 
     use super::*;
-    use crate::theme::{Borders, Depth, Palette};
-    use crate::widgets::draw::tests::{in_every_small_size, plain, shown};
+    use crate::theme::{ColorDepth, LineCharacters, ThemePalette};
+    use crate::widgets::draw::tests::{buffer_lines, in_every_small_size, plain_theme};
 
-    fn columns() -> Vec<Column> {
+    fn columns() -> Vec<TableColumn> {
         vec![
-            Column::new("No", Width::Fixed(4)).right().priority(5),
-            Column::new("Node", Width::Fixed(6)).priority(2),
-            Column::new("What", Width::Fill).priority(9),
+            TableColumn::new("No", ColumnWidth::Fixed(4)).align_right().with_priority(5),
+            TableColumn::new("Node", ColumnWidth::Fixed(6)).with_priority(2),
+            TableColumn::new("What", ColumnWidth::Fill).with_priority(9),
         ]
     }
 
-    fn row(index: usize) -> Row<'static> {
+    fn row(index: usize) -> TableRow<'static> {
         let what = if index.is_multiple_of(2) { "boot-up" } else { "EMCY 8305 spool position error" };
-        Row::new([Cell::from(index.to_string()), "boom".into(), what.into()])
+        TableRow::new([TableCell::from(index.to_string()), "boom".into(), what.into()])
     }
 
-    fn drawn(width: u16, height: u16, borders: Borders, count: usize, state: &TableState) -> Vec<String> {
-        let (theme, columns) = (plain(borders), columns());
+    fn drawn(
+        width: u16,
+        height: u16,
+        borders: LineCharacters,
+        count: usize,
+        state: &TableState,
+    ) -> Vec<String> {
+        let (theme, columns) = (plain_theme(borders), columns());
         let mut buf = Buffer::empty(Rect::new(0, 0, width, height));
-        Table::new(&theme, &columns).row_count(count).rows(row).state(state).render(buf.area, &mut buf);
-        shown(&buf)
+        TableWidget::new(&theme, &columns)
+            .row_count(count)
+            .with_rows(row)
+            .with_state(state)
+            .render(buf.area, &mut buf);
+        buffer_lines(&buf)
     }
 
     #[test]
     fn rows_titles_and_a_scrollbar() {
         let state = TableState { selected: 12, offset: 9, sort: Some((0, false)), column: 2 };
         assert_eq!(
-            drawn(32, 7, Borders::Unicode, 40, &state),
+            drawn(32, 7, LineCharacters::Unicode, 40, &state),
             [
                 " No▲ Node   What",
                 "   9 boom   EMCY 8305 spool po…│",
@@ -356,7 +382,7 @@ mod tests {
         );
         let state = TableState { sort: Some((1, true)), ..state };
         assert_eq!(
-            drawn(32, 4, Borders::Ascii, 40, &state),
+            drawn(32, 4, LineCharacters::Ascii, 40, &state),
             [
                 "  No Nodev  What",
                 "  11 boom   EMCY 8305 spool po~|",
@@ -370,17 +396,17 @@ mod tests {
     fn narrow_tables_keep_what_matters() {
         let state = TableState::default();
         assert_eq!(
-            drawn(20, 3, Borders::Unicode, 2, &state),
+            drawn(20, 3, LineCharacters::Unicode, 2, &state),
             ["  No What", "   0 boot-up", "   1 EMCY 8305 spoo…"]
         );
-        assert_eq!(drawn(9, 3, Borders::Unicode, 9, &state), ["What", "boot-up █", "EMCY 83…│"]);
-        assert_eq!(drawn(9, 1, Borders::Unicode, 9, &state), ["boot-up █"]);
-        assert_eq!(drawn(1, 2, Borders::Unicode, 9, &state), ["…", "…"]);
+        assert_eq!(drawn(9, 3, LineCharacters::Unicode, 9, &state), ["What", "boot-up █", "EMCY 83…│"]);
+        assert_eq!(drawn(9, 1, LineCharacters::Unicode, 9, &state), ["boot-up █"]);
+        assert_eq!(drawn(1, 2, LineCharacters::Unicode, 9, &state), ["…", "…"]);
     }
 
     #[test]
     fn only_rows_in_view_are_asked_for() {
-        let (theme, columns) = (plain(Borders::Unicode), columns());
+        let (theme, columns) = (plain_theme(LineCharacters::Unicode), columns());
         let asked = RefCell::new(Vec::new());
         let state = TableState { selected: usize::MAX / 2, ..TableState::default() };
         let mut buf = Buffer::empty(Rect::new(0, 0, 30, 4));
@@ -388,10 +414,10 @@ mod tests {
             asked.borrow_mut().push(index);
             row(index)
         };
-        Table::new(&theme, &columns)
+        TableWidget::new(&theme, &columns)
             .row_count(usize::MAX)
-            .rows(rows)
-            .state(&state)
+            .with_rows(rows)
+            .with_state(&state)
             .render(buf.area, &mut buf);
         let middle = usize::MAX / 2;
         assert_eq!(asked.into_inner(), [middle - 1, middle, middle + 1]);
@@ -399,30 +425,34 @@ mod tests {
 
     #[test]
     fn the_selected_line_is_highlighted_across() {
-        let (theme, columns) = (plain(Borders::Unicode), columns());
+        let (theme, columns) = (plain_theme(LineCharacters::Unicode), columns());
         let state = TableState { selected: 1, column: 1, ..TableState::default() };
         let mut buf = Buffer::empty(Rect::new(0, 0, 30, 4));
-        Table::new(&theme, &columns).row_count(2).rows(row).state(&state).render(buf.area, &mut buf);
+        TableWidget::new(&theme, &columns)
+            .row_count(2)
+            .with_rows(row)
+            .with_state(&state)
+            .render(buf.area, &mut buf);
         for x in 0..30 {
             assert!(!buf[(x, 1)].modifier.contains(Modifier::REVERSED), "{x}");
             assert!(buf[(x, 2)].modifier.contains(Modifier::REVERSED), "{x}");
             assert_eq!(buf[(x, 2)].modifier.contains(Modifier::UNDERLINED), (5..11).contains(&x), "{x}");
         }
         let mut buf = Buffer::empty(Rect::new(0, 0, 30, 4));
-        let table = Table::new(&theme, &columns).row_count(2).rows(row).state(&state);
-        table.focused(false).render(buf.area, &mut buf);
+        let table = TableWidget::new(&theme, &columns).row_count(2).with_rows(row).with_state(&state);
+        table.with_focus(false).render(buf.area, &mut buf);
         assert_eq!(buf[(0, 2)].modifier, Modifier::UNDERLINED);
     }
 
     #[test]
     fn cells_keep_their_styles() {
-        let theme = Theme::new(Palette::Dark, Depth::Sixteen, Borders::Unicode);
+        let theme = Theme::new(ThemePalette::Dark, ColorDepth::Sixteen, LineCharacters::Unicode);
         let columns = columns();
-        let bad = theme.style(Role::Bad);
-        let quiet = theme.style(Role::Quiet);
+        let bad = theme.role_style(TextRole::Bad);
+        let quiet = theme.role_style(TextRole::Quiet);
         let mut buf = Buffer::empty(Rect::new(0, 0, 30, 2));
-        let row = |_| Row::new([Cell::from("1"), Cell::new("boom", bad)]).style(quiet);
-        Table::new(&theme, &columns).row_count(1).rows(row).render(buf.area, &mut buf);
+        let row = |_| TableRow::new([TableCell::from("1"), TableCell::new("boom", bad)]).with_style(quiet);
+        TableWidget::new(&theme, &columns).row_count(1).with_rows(row).render(buf.area, &mut buf);
         assert_eq!(
             (buf[(3, 1)].fg, buf[(5, 1)].fg, buf[(20, 1)].fg),
             (quiet.fg.unwrap(), bad.fg.unwrap(), quiet.fg.unwrap())
@@ -431,53 +461,56 @@ mod tests {
 
     #[test]
     fn a_tree_is_indented() {
-        let columns = [Column::new("Finding", Width::Fill), Column::new("Count", Width::Fixed(5)).right()];
+        let columns = [
+            TableColumn::new("Finding", ColumnWidth::Fill),
+            TableColumn::new("Count", ColumnWidth::Fixed(5)).align_right(),
+        ];
         let rows = |index| {
             let (level, open, text) =
                 [(0, Some(true), "node-lost"), (1, None, "node 5"), (0, Some(false), "guard-late")][index];
-            Row::new([text, "1"]).group(level, open)
+            TableRow::new([text, "1"]).with_group(level, open)
         };
         let drawn = |borders| {
-            let theme = plain(borders);
+            let theme = plain_theme(borders);
             let mut buf = Buffer::empty(Rect::new(0, 0, 20, 4));
-            Table::new(&theme, &columns).row_count(3).rows(rows).render(buf.area, &mut buf);
-            shown(&buf)
+            TableWidget::new(&theme, &columns).row_count(3).with_rows(rows).render(buf.area, &mut buf);
+            buffer_lines(&buf)
         };
         assert_eq!(
-            drawn(Borders::Unicode),
+            drawn(LineCharacters::Unicode),
             ["Finding        Count", "▾ node-lost        1", "    node 5         1", "▸ guard-late       1"]
         );
-        assert_eq!(drawn(Borders::Ascii)[1], "- node-lost        1");
-        assert_eq!(drawn(Borders::Ascii)[3], "+ guard-late       1");
-        let theme = plain(Borders::Unicode);
+        assert_eq!(drawn(LineCharacters::Ascii)[1], "- node-lost        1");
+        assert_eq!(drawn(LineCharacters::Ascii)[3], "+ guard-late       1");
+        let theme = plain_theme(LineCharacters::Unicode);
         let mut buf = Buffer::empty(Rect::new(0, 0, 22, 3));
-        let table = Table::new(&theme, &columns).row_count(2).tree_column(1);
+        let table = TableWidget::new(&theme, &columns).row_count(2).tree_column(1);
         table
-            .rows(|index| Row::new(["node-lost", "1"]).group(0, Some(index == 0)))
+            .with_rows(|index| TableRow::new(["node-lost", "1"]).with_group(0, Some(index == 0)))
             .render(buf.area, &mut buf);
-        assert_eq!(shown(&buf)[1..], ["node-lost        ▾   1", "node-lost        ▸   1"]);
+        assert_eq!(buffer_lines(&buf)[1..], ["node-lost        ▾   1", "node-lost        ▸   1"]);
     }
 
     #[test]
     fn an_empty_table_says_so() {
-        let (theme, columns) = (plain(Borders::Unicode), columns());
+        let (theme, columns) = (plain_theme(LineCharacters::Unicode), columns());
         let mut buf = Buffer::empty(Rect::new(0, 0, 24, 3));
-        Table::new(&theme, &columns).empty("no events yet").render(buf.area, &mut buf);
-        assert_eq!(shown(&buf), ["  No Node   What", "no events yet", ""]);
+        TableWidget::new(&theme, &columns).with_empty_text("no events yet").render(buf.area, &mut buf);
+        assert_eq!(buffer_lines(&buf), ["  No Node   What", "no events yet", ""]);
     }
 
     #[test]
     fn clicks_find_rows_and_columns() {
-        let (theme, columns) = (plain(Borders::Unicode), columns());
+        let (theme, columns) = (plain_theme(LineCharacters::Unicode), columns());
         let area = Rect::new(10, 5, 30, 6);
         let state = TableState { selected: 20, offset: 18, ..TableState::default() };
-        let table = Table::new(&theme, &columns).row_count(22);
+        let table = TableWidget::new(&theme, &columns).row_count(22);
         assert_eq!(table.row_at(area, 4, &state), None);
         assert_eq!(table.row_at(area, 5, &state), None);
         assert_eq!(table.row_at(area, 6, &state), Some(17));
         assert_eq!(table.row_at(area, 10, &state), Some(21));
         assert_eq!(table.row_at(area, 11, &state), None);
-        assert!(Table::is_title_at(area, 5) && !Table::is_title_at(area, 6));
+        assert!(TableWidget::is_title_at(area, 5) && !TableWidget::is_title_at(area, 6));
         let at = |x| table.column_at(area, x);
         assert_eq!(
             [at(9), at(10), at(14), at(15), at(22), at(38), at(39)],
@@ -487,13 +520,16 @@ mod tests {
 
     #[test]
     fn every_small_size() {
-        let (theme, columns) = (plain(Borders::Ascii), columns());
+        let (theme, columns) = (plain_theme(LineCharacters::Ascii), columns());
         for count in [0, 1, 100] {
             let state = TableState { selected: 50, sort: Some((2, true)), ..TableState::default() };
             in_every_small_size(|area, buf| {
-                let table = Table::new(&theme, &columns).row_count(count).state(&state).empty("none");
+                let table = TableWidget::new(&theme, &columns)
+                    .row_count(count)
+                    .with_state(&state)
+                    .with_empty_text("none");
                 let _ = (table.row_at(area, 2, &state), table.column_at(area, 4));
-                table.rows(|index| row(index).group(200, Some(true))).render(area, buf);
+                table.with_rows(|index| row(index).with_group(200, Some(true))).render(area, buf);
             });
         }
     }

@@ -18,7 +18,7 @@ const MARGIN: usize = 2;
 pub struct TableState {
     /// The selected row.
     pub selected: usize,
-    /// First visible row, unless the selection requires another; see [`TableState::visible`].
+    /// First visible row, unless the selection requires another; see [`TableState::visible_rows`].
     pub offset: usize,
     /// Column of the sort order, and whether it is descending.
     pub sort: Option<(usize, bool)>,
@@ -30,39 +30,39 @@ impl TableState {
     /// Moves the selection by `delta` rows, but not beyond the ends.
     pub fn move_by(&mut self, delta: isize, len: usize) {
         self.selected = self.selected.saturating_add_signed(delta);
-        self.clamp(len);
+        self.clamp_to(len);
     }
 
     /// Moves the selection by pages of `height` rows with an overlap of one row.
-    pub fn page(&mut self, delta: isize, height: usize, len: usize) {
+    pub fn page_selection(&mut self, delta: isize, height: usize, len: usize) {
         let rows = isize::try_from(height.saturating_sub(1).max(1)).unwrap_or(isize::MAX);
         let by = delta.saturating_mul(rows);
-        self.offset = self.visible(height, len).start.saturating_add_signed(by);
+        self.offset = self.visible_rows(height, len).start.saturating_add_signed(by);
         self.move_by(by, len);
-        self.settle(height, len);
+        self.settle_offset(height, len);
     }
 
     /// Scrolls; the selection moves only if it would leave the visible part.
-    pub fn scroll(&mut self, delta: isize, height: usize, len: usize) {
+    pub fn scroll_by(&mut self, delta: isize, height: usize, len: usize) {
         let last = len.saturating_sub(height);
-        self.offset = self.visible(height, len).start.saturating_add_signed(delta).min(last);
-        let margin = margin(height);
+        self.offset = self.visible_rows(height, len).start.saturating_add_signed(delta).min(last);
+        let margin = scroll_margin(height);
         let first = if self.offset == 0 { 0 } else { self.offset.saturating_add(margin) };
         let end = if self.offset == last { len } else { self.offset.saturating_add(height - margin) };
         self.selected = self.selected.clamp(first, end.saturating_sub(1).max(first));
-        self.clamp(len);
+        self.clamp_to(len);
     }
 
     /// Selects the first row.
-    pub fn home(&mut self) {
+    pub fn select_first(&mut self) {
         self.selected = 0;
         self.offset = 0;
     }
 
     /// Selects the last row.
-    pub fn end(&mut self, len: usize) {
+    pub fn select_last(&mut self, len: usize) {
         self.selected = usize::MAX;
-        self.clamp(len);
+        self.clamp_to(len);
     }
 
     /// The selected column. If it is not among the visible ones in `shown`, the next of them, or the last one.
@@ -90,20 +90,20 @@ impl TableState {
     }
 
     /// Limits the selection to `len` rows.
-    pub fn clamp(&mut self, len: usize) {
+    pub fn clamp_to(&mut self, len: usize) {
         self.selected = self.selected.min(len.saturating_sub(1));
     }
 
     /// Stores the visible part, so that it stays in place when the selection moves back. Called after moves,
     /// with the number of visible rows.
-    pub fn settle(&mut self, height: usize, len: usize) {
-        self.offset = self.visible(height, len).start;
+    pub fn settle_offset(&mut self, height: usize, len: usize) {
+        self.offset = self.visible_rows(height, len).start;
     }
 
     /// The visible rows: from `offset`, moved as far as the selection and the end of the table require.
-    pub fn visible(&self, height: usize, len: usize) -> Range<usize> {
+    pub fn visible_rows(&self, height: usize, len: usize) -> Range<usize> {
         let selected = self.selected.min(len.saturating_sub(1));
-        let margin = margin(height);
+        let margin = scroll_margin(height);
         let earliest = selected.saturating_add(margin + 1).saturating_sub(height.max(1));
         let start = self.offset.min(selected.saturating_sub(margin)).max(earliest);
         let start = start.min(len.saturating_sub(height));
@@ -112,7 +112,7 @@ impl TableState {
 }
 
 /// Rows kept before and after the selection in a view of `height` rows.
-fn margin(height: usize) -> usize {
+fn scroll_margin(height: usize) -> usize {
     MARGIN.min(height.saturating_sub(1) / 2)
 }
 
@@ -126,33 +126,33 @@ mod tests {
 
     #[test]
     fn the_selection_stays_in_view_with_a_margin() {
-        assert_eq!(at(0, 0).visible(10, 100), 0..10);
-        assert_eq!(at(7, 0).visible(10, 100), 0..10);
-        assert_eq!(at(8, 0).visible(10, 100), 1..11);
-        assert_eq!(at(99, 0).visible(10, 100), 90..100);
-        assert_eq!(at(42, 40).visible(10, 100), 40..50);
-        assert_eq!(at(41, 40).visible(10, 100), 39..49);
-        assert_eq!(at(1, 40).visible(10, 100), 0..10);
+        assert_eq!(at(0, 0).visible_rows(10, 100), 0..10);
+        assert_eq!(at(7, 0).visible_rows(10, 100), 0..10);
+        assert_eq!(at(8, 0).visible_rows(10, 100), 1..11);
+        assert_eq!(at(99, 0).visible_rows(10, 100), 90..100);
+        assert_eq!(at(42, 40).visible_rows(10, 100), 40..50);
+        assert_eq!(at(41, 40).visible_rows(10, 100), 39..49);
+        assert_eq!(at(1, 40).visible_rows(10, 100), 0..10);
     }
 
     #[test]
     fn views_of_few_rows() {
-        assert_eq!(at(5, 0).visible(0, 100), 5..5);
-        assert_eq!(at(5, 0).visible(1, 100), 5..6);
-        assert_eq!(at(5, 0).visible(2, 100), 4..6);
-        assert_eq!(at(5, 0).visible(3, 100), 4..7);
-        assert_eq!(at(5, 3).visible(10, 4), 0..4);
-        assert_eq!(at(5, 3).visible(10, 0), 0..0);
+        assert_eq!(at(5, 0).visible_rows(0, 100), 5..5);
+        assert_eq!(at(5, 0).visible_rows(1, 100), 5..6);
+        assert_eq!(at(5, 0).visible_rows(2, 100), 4..6);
+        assert_eq!(at(5, 0).visible_rows(3, 100), 4..7);
+        assert_eq!(at(5, 3).visible_rows(10, 4), 0..4);
+        assert_eq!(at(5, 3).visible_rows(10, 0), 0..0);
     }
 
     #[test]
     fn the_view_stays_when_the_selection_turns_back() {
         let mut state = at(0, 0);
         state.move_by(20, 100);
-        state.settle(10, 100);
-        assert_eq!(state.visible(10, 100), 13..23);
+        state.settle_offset(10, 100);
+        assert_eq!(state.visible_rows(10, 100), 13..23);
         state.move_by(-3, 100);
-        assert_eq!(state.visible(10, 100), 13..23);
+        assert_eq!(state.visible_rows(10, 100), 13..23);
     }
 
     #[test]
@@ -160,7 +160,7 @@ mod tests {
         let mut state = at(3, 0);
         state.move_by(-10, 100);
         assert_eq!(state.selected, 0);
-        state.end(100);
+        state.select_last(100);
         assert_eq!(state.selected, 99);
         state.move_by(isize::MAX, 100);
         assert_eq!(state.selected, 99);
@@ -168,40 +168,40 @@ mod tests {
         assert_eq!(state.selected, 0);
         state.move_by(isize::MIN, usize::MAX);
         assert_eq!(state.selected, 0);
-        state.home();
+        state.select_first();
         assert_eq!((state.selected, state.offset), (0, 0));
     }
 
     #[test]
     fn a_page_leaves_one_row_in_view() {
         let mut state = at(0, 0);
-        state.page(1, 10, 100);
+        state.page_selection(1, 10, 100);
         assert_eq!((state.selected, state.offset), (9, 9 - 2));
-        state.page(1, 10, 100);
+        state.page_selection(1, 10, 100);
         assert_eq!((state.selected, state.offset), (18, 16));
-        state.page(-1, 10, 100);
+        state.page_selection(-1, 10, 100);
         assert_eq!((state.selected, state.offset), (9, 7));
-        state.page(50, 10, 100);
+        state.page_selection(50, 10, 100);
         assert_eq!((state.selected, state.offset), (99, 90));
-        state.page(-1, 0, 100);
+        state.page_selection(-1, 0, 100);
         assert_eq!(state.selected, 98);
     }
 
     #[test]
     fn the_wheel_drags_the_selection_only_where_it_must() {
         let mut state = at(5, 0);
-        state.scroll(3, 10, 100);
+        state.scroll_by(3, 10, 100);
         assert_eq!((state.selected, state.offset), (5, 3));
-        state.scroll(3, 10, 100);
+        state.scroll_by(3, 10, 100);
         assert_eq!((state.selected, state.offset), (8, 6));
-        assert_eq!(state.visible(10, 100), 6..16);
-        state.scroll(-6, 10, 100);
+        assert_eq!(state.visible_rows(10, 100), 6..16);
+        state.scroll_by(-6, 10, 100);
         assert_eq!((state.selected, state.offset), (7, 0));
-        state.scroll(1000, 10, 100);
-        assert_eq!(state.visible(10, 100), 90..100);
-        state.scroll(1, 10, 3);
+        state.scroll_by(1000, 10, 100);
+        assert_eq!(state.visible_rows(10, 100), 90..100);
+        state.scroll_by(1, 10, 3);
         assert_eq!((state.selected, state.offset), (2, 0));
-        state.scroll(1, 0, 0);
+        state.scroll_by(1, 0, 0);
         assert_eq!(state.selected, 0);
     }
 

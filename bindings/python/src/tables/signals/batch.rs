@@ -6,8 +6,8 @@ use arrow_array::ArrayRef;
 use arrow_schema::ArrowError;
 use cobscope_decoder::frame::Timestamp;
 
-use crate::columns::{Key, Parts, dictionary};
-use crate::tables::micros;
+use crate::columns::{Key, NumberParts, dictionary_array};
+use crate::tables::to_micros;
 
 /// Cells that are equal in all rows of an event.
 pub(super) struct EventCells {
@@ -31,13 +31,13 @@ pub(super) struct SignalKeys {
 
 /// Rows before they become columns.
 #[derive(Default)]
-pub(super) struct Rows {
+pub(super) struct PendingSignalRows {
     pub(super) events: Vec<EventCells>,
     /// Number of the signal of each row.
     pub(super) signals: Vec<u32>,
 }
 
-impl Rows {
+impl PendingSignalRows {
     /// A cell of each event, and its number of rows.
     pub(super) fn of_events<T>(
         &self,
@@ -49,15 +49,15 @@ impl Rows {
 
 /// Memory of rows for the next batches.
 #[derive(Default, Clone)]
-pub(super) struct SpareRows(Arc<Mutex<Vec<Rows>>>);
+pub(super) struct SpareRows(Arc<Mutex<Vec<PendingSignalRows>>>);
 
 impl SpareRows {
     /// No rows, in memory of an earlier batch if there is some.
-    pub(super) fn take(&self) -> Rows {
+    pub(super) fn take_spare(&self) -> PendingSignalRows {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
     }
 
-    fn give(&self, mut rows: Rows) {
+    fn give_back(&self, mut rows: PendingSignalRows) {
         rows.events.clear();
         rows.signals.clear();
         self.0.lock().unwrap_or_else(PoisonError::into_inner).push(rows);
@@ -66,7 +66,7 @@ impl SpareRows {
 
 /// A batch of values.
 pub(super) struct SignalBatch {
-    pub(super) rows: Rows,
+    pub(super) rows: PendingSignalRows,
     pub(super) spare: SpareRows,
     /// By number of the signal.
     pub(super) keys: Vec<SignalKeys>,
@@ -90,23 +90,27 @@ impl SignalBatch {
     ///
     /// # Errors
     /// If a dictionary has too many texts.
-    pub(super) fn columns(self) -> Result<Vec<ArrayRef>, ArrowError> {
+    pub(super) fn into_columns(self) -> Result<Vec<ArrayRef>, ArrowError> {
         let Self { rows, keys, .. } = &self;
         let count = rows.signals.len();
-        let numbers = |cell: fn(&EventCells) -> Option<i64>| Parts::of_runs(rows.of_events(cell), count);
+        let numbers =
+            |cell: fn(&EventCells) -> Option<i64>| NumberParts::of_runs(rows.of_events(cell), count);
         let names = |texts: &ArrayRef, key: fn(&SignalKeys) -> Option<Key>| {
             let keys = rows.signals.iter().map(|signal| keys.get(*signal as usize).and_then(key));
-            dictionary(Parts::of_rows(keys), texts)
+            dictionary_array(NumberParts::of_rows(keys), texts)
         };
         let columns = vec![
-            numbers(|event| event.time.map(micros)).times(),
-            numbers(|event| event.time.map(|Timestamp(time)| time)).numbers(),
+            numbers(|event| event.time.map(to_micros)).to_times(),
+            numbers(|event| event.time.map(|Timestamp(time)| time)).to_numbers(),
             Arc::clone(&self.capture),
             Arc::clone(&self.bus),
-            numbers(|event| Some(event.frame.cast_signed())).numbers(),
-            numbers(|event| event.node.map(i64::from)).numbers(),
+            numbers(|event| Some(event.frame.cast_signed())).to_numbers(),
+            numbers(|event| event.node.map(i64::from)).to_numbers(),
             Arc::clone(&self.device),
-            dictionary(Parts::of_runs(rows.of_events(|event| Some(event.group)), count), &self.groups)?,
+            dictionary_array(
+                NumberParts::of_runs(rows.of_events(|event| Some(event.group)), count),
+                &self.groups,
+            )?,
             names(&self.signals, |keys| Some(keys.signal))?,
             names(&self.ids, |keys| Some(keys.id))?,
             Arc::clone(&self.value),
@@ -116,7 +120,7 @@ impl SignalBatch {
             Arc::clone(&self.raw),
             Arc::clone(&self.raw_hex),
         ];
-        self.spare.give(self.rows);
+        self.spare.give_back(self.rows);
         Ok(columns)
     }
 }

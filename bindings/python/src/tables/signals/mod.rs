@@ -8,27 +8,27 @@ use cobscope_decoder::event::Event;
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::rows::{ValueCells, ValueRows, ValueSource, ValueTable};
 
-use super::{Table, Unfinished};
-use crate::columns::{Key, Kind, Names, Numbers, Texts, schema};
-use batch::{EventCells, Rows, SignalBatch, SignalKeys, SpareRows};
+use super::{GrowingTable, Unfinished};
+use crate::columns::{ArrowKind, Key, NameColumn, NumberColumn, TextColumn, table_schema};
+use batch::{EventCells, PendingSignalRows, SignalBatch, SignalKeys, SpareRows};
 
-const SIGNALS: &[(&str, Kind)] = &[
-    ("time", Kind::Time),
-    ("time_ns", Kind::Number),
-    ("capture", Kind::Name),
-    ("bus", Kind::Name),
-    ("frame", Kind::Number),
-    ("node", Kind::Number),
-    ("device", Kind::Name),
-    ("group", Kind::Name),
-    ("signal", Kind::Name),
-    ("id", Kind::Name),
-    ("value", Kind::Real),
-    ("text", Kind::Text),
-    ("unit", Kind::Name),
-    ("label", Kind::Name),
-    ("raw", Kind::Number),
-    ("raw_hex", Kind::Text),
+const SIGNALS: &[(&str, ArrowKind)] = &[
+    ("time", ArrowKind::Time),
+    ("time_ns", ArrowKind::Number),
+    ("capture", ArrowKind::Name),
+    ("bus", ArrowKind::Name),
+    ("frame", ArrowKind::Number),
+    ("node", ArrowKind::Number),
+    ("device", ArrowKind::Name),
+    ("group", ArrowKind::Name),
+    ("signal", ArrowKind::Name),
+    ("id", ArrowKind::Name),
+    ("value", ArrowKind::Real),
+    ("text", ArrowKind::Text),
+    ("unit", ArrowKind::Name),
+    ("label", ArrowKind::Name),
+    ("raw", ArrowKind::Number),
+    ("raw_hex", ArrowKind::Text),
 ];
 
 /// Labels that are kept for the next batch.
@@ -46,7 +46,7 @@ struct KnownSignal {
 }
 
 /// The table of values.
-pub struct Signals {
+pub struct SignalsTable {
     schema: SchemaRef,
     values: ValueRows,
     columns: SignalColumns,
@@ -54,38 +54,38 @@ pub struct Signals {
 
 #[derive(Default)]
 struct SignalColumns {
-    capture: Names,
+    capture: NameColumn,
     /// Number of the only capture.
     name: Key,
-    bus: Names,
-    device: Names,
-    group: Names,
-    signal: Names,
-    id: Names,
-    unit: Names,
+    bus: NameColumn,
+    device: NameColumn,
+    group: NameColumn,
+    signal: NameColumn,
+    id: NameColumn,
+    unit: NameColumn,
     known: Vec<KnownSignal>,
     last_device: Option<(Box<str>, Key)>,
-    rows: Rows,
+    rows: PendingSignalRows,
     spare: SpareRows,
-    value: Numbers<f64>,
-    text: Texts,
-    label: Names,
-    raw: Numbers<i64>,
-    raw_hex: Texts,
+    value: NumberColumn<f64>,
+    text: TextColumn,
+    label: NameColumn,
+    raw: NumberColumn<i64>,
+    raw_hex: TextColumn,
 }
 
-impl Signals {
+impl SignalsTable {
     /// No rows yet.
     pub fn new(capture: &str) -> Self {
         let mut columns = SignalColumns::default();
-        columns.name = columns.capture.key(capture);
-        Self { schema: schema(SIGNALS), values: ValueRows::default(), columns }
+        columns.name = columns.capture.text_key(capture);
+        Self { schema: table_schema(SIGNALS), values: ValueRows::default(), columns }
     }
 }
 
 impl ValueTable for SignalColumns {
     #[inline]
-    fn value(&mut self, source: &ValueSource<'_>, cells: &ValueCells<'_>) {
+    fn add_value(&mut self, source: &ValueSource<'_>, cells: &ValueCells<'_>) {
         let number = cells.signal_number as usize;
         if !self.known.get(number).is_some_and(|known| known.is_known) {
             self.learn(source, cells);
@@ -97,7 +97,7 @@ impl ValueTable for SignalColumns {
         let label = cells.label.map(|label| match &known.label {
             Some((last, key)) if **last == *label => *key,
             _ => {
-                let key = self.label.key(label);
+                let key = self.label.text_key(label);
                 known.label = Some((label.into(), key));
                 key
             }
@@ -113,7 +113,7 @@ impl ValueTable for SignalColumns {
     }
 
     #[inline]
-    fn source(&mut self, source: &ValueSource<'_>, signal_number: u32, count: usize) {
+    fn add_source(&mut self, source: &ValueSource<'_>, signal_number: u32, count: usize) {
         let Some(known) = self.known.get(signal_number as usize) else { return };
         let (bus, group) = (known.bus, known.group);
         let device = source.device.map(|device| self.device_key(device));
@@ -125,7 +125,7 @@ impl ValueTable for SignalColumns {
 impl SignalColumns {
     /// The rows since the last batch. Cells that the rows of an event or of a signal share become columns later.
     fn take(&mut self) -> Result<SignalBatch, ArrowError> {
-        let rows = std::mem::replace(&mut self.rows, self.spare.take());
+        let rows = std::mem::replace(&mut self.rows, self.spare.take_spare());
         let count = rows.signals.len();
         let capture = self.capture.equal_keys(Some(self.name), count);
         let bus = self.bus.keys_of_runs(rows.of_events(|event| Some(event.bus)), count);
@@ -135,15 +135,15 @@ impl SignalColumns {
             capture: self.capture.array_of(capture)?,
             bus: self.bus.array_of(bus)?,
             device: self.device.array_of(device)?,
-            groups: self.group.texts(),
-            signals: self.signal.texts(),
-            ids: self.id.texts(),
-            units: self.unit.texts(),
-            value: self.value.take(),
-            text: self.text.take()?,
-            label: self.label.take()?,
-            raw: self.raw.take(),
-            raw_hex: self.raw_hex.take()?,
+            groups: self.group.all_texts(),
+            signals: self.signal.all_texts(),
+            ids: self.id.all_texts(),
+            units: self.unit.all_texts(),
+            value: self.value.take_rows(),
+            text: self.text.take_rows()?,
+            label: self.label.take_rows()?,
+            raw: self.raw.take_rows(),
+            raw_hex: self.raw_hex.take_rows()?,
             rows,
             spare: self.spare.clone(),
         })
@@ -152,7 +152,7 @@ impl SignalColumns {
     /// Forgets labels between batches if a capture has very many: labels of bits are composed.
     fn limit_labels(&mut self) {
         if self.label.size() > MOST_LABELS {
-            self.label.forget();
+            self.label.forget_texts();
             self.known.iter_mut().for_each(|known| known.label = None);
         }
     }
@@ -164,10 +164,11 @@ impl SignalColumns {
         while self.known.len() <= number {
             self.known.push(KnownSignal::default());
         }
-        let unit = (!cells.unit.is_empty()).then(|| self.unit.key(cells.unit));
-        let keys = SignalKeys { signal: self.signal.key(cells.signal), id: self.id.key(cells.id), unit };
-        let bus = self.bus.key(source.bus);
-        let group = self.group.key(source.group);
+        let unit = (!cells.unit.is_empty()).then(|| self.unit.text_key(cells.unit));
+        let keys =
+            SignalKeys { signal: self.signal.text_key(cells.signal), id: self.id.text_key(cells.id), unit };
+        let bus = self.bus.text_key(source.bus);
+        let group = self.group.text_key(source.group);
         if let Some(known) = self.known.get_mut(number) {
             *known = KnownSignal { is_known: true, bus, group, keys, label: None };
         }
@@ -178,7 +179,7 @@ impl SignalColumns {
         match &self.last_device {
             Some((last, key)) if **last == *device => *key,
             _ => {
-                let key = self.device.key(device);
+                let key = self.device.text_key(device);
                 self.last_device = Some((device.into(), key));
                 key
             }
@@ -186,25 +187,25 @@ impl SignalColumns {
     }
 }
 
-impl Table for Signals {
+impl GrowingTable for SignalsTable {
     fn schema(&self) -> SchemaRef {
         SchemaRef::clone(&self.schema)
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, bus: &Bus) {
+    fn add_event(&mut self, event: &Event, bus: &Bus) {
         let Self { values, columns, .. } = self;
-        values.visit(event, bus, columns);
+        values.visit_values(event, bus, columns);
     }
 
-    fn rows(&self) -> usize {
+    fn row_count(&self) -> usize {
         self.columns.rows.signals.len()
     }
 
-    fn take(&mut self) -> Result<Unfinished, ArrowError> {
+    fn take_batch(&mut self) -> Result<Unfinished, ArrowError> {
         let batch = self.columns.take()?;
         self.columns.limit_labels();
         let schema = self.schema();
-        Ok(Box::new(move || RecordBatch::try_new(schema, batch.columns()?)))
+        Ok(Box::new(move || RecordBatch::try_new(schema, batch.into_columns()?)))
     }
 }

@@ -14,8 +14,8 @@
 
 use std::fmt;
 
-use super::{PendingReply, hexadecimal};
-use crate::capture::text::lines::excerpt;
+use super::{PendingReply, parse_hexadecimal};
+use crate::capture::text::lines::line_excerpt;
 use crate::frame::{CanId, Frame, FrameFlags, fd_length};
 
 /// Longest accepted line in bytes, without its end; the longest frame has 142.
@@ -29,7 +29,7 @@ const BEL: u8 = 0x07;
 
 /// A bit rate for which the protocol has a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct BitRate(usize);
+pub struct SlcanBitRate(usize);
 
 /// Bit rates in bit/s and the commands that set them. (Some CANable firmware has 750,000 for `S7`.)
 const BIT_RATES: [(u32, &[u8]); 9] = [
@@ -44,14 +44,14 @@ const BIT_RATES: [(u32, &[u8]); 9] = [
     (1_000_000, b"S8\r"),
 ];
 
-impl BitRate {
+impl SlcanBitRate {
     /// The command for this bit rate; `None` if the protocol has none.
-    pub fn of(bits_per_second: u32) -> Option<Self> {
+    pub fn for_rate(bits_per_second: u32) -> Option<Self> {
         BIT_RATES.iter().position(|(rate, _)| *rate == bits_per_second).map(Self)
     }
 
     /// All supported bit rates in bit/s, ascending.
-    pub fn all() -> impl Iterator<Item = u32> {
+    pub fn supported_rates() -> impl Iterator<Item = u32> {
         BIT_RATES.iter().map(|(rate, _)| *rate)
     }
 }
@@ -59,11 +59,11 @@ impl BitRate {
 /// Commands to an adapter. No command transmits a frame or opens the channel in another mode than
 /// listen-only, and none can be constructed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Command {
+pub enum SlcanCommand {
     /// Close the channel.
     Close,
     /// Set the bit rate; only while the channel is closed.
-    SetBitRate(BitRate),
+    SetBitRate(SlcanBitRate),
     /// Append milliseconds to each frame; only while the channel is closed.
     TimestampsOn,
     /// Open the channel in listen-only mode: the controller does not even acknowledge frames.
@@ -72,12 +72,12 @@ pub enum Command {
     ReadFlags,
 }
 
-impl Command {
+impl SlcanCommand {
     /// The bytes to write: one complete line.
     pub fn bytes(self) -> &'static [u8] {
         match self {
             Self::Close => b"C\r",
-            Self::SetBitRate(BitRate(index)) => BIT_RATES.get(index).map_or(b"C\r", |(_, bytes)| bytes),
+            Self::SetBitRate(SlcanBitRate(index)) => BIT_RATES.get(index).map_or(b"C\r", |(_, bytes)| bytes),
             Self::TimestampsOn => b"Z1\r",
             Self::Listen => b"L\r",
             Self::ReadFlags => b"F\r",
@@ -121,7 +121,7 @@ impl fmt::Display for StatusFlags {
 
 /// Fault confinement state of a controller (ISO 11898-1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Confinement {
+pub enum SlcanConfinement {
     /// Both error counters are below 96.
     Active,
     /// An error counter is 96 or more.
@@ -134,16 +134,16 @@ pub enum Confinement {
 
 /// State of the adapter's controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ControllerState {
+pub struct SlcanControllerState {
     /// Fault confinement state.
-    pub confinement: Confinement,
+    pub confinement: SlcanConfinement,
     /// Receive error counter.
     pub receive_errors: u16,
     /// Transmit error counter.
     pub transmit_errors: u16,
 }
 
-impl Confinement {
+impl SlcanConfinement {
     /// Example: `error passive`.
     pub const fn name(self) -> &'static str {
         match self {
@@ -156,7 +156,7 @@ impl Confinement {
 }
 
 /// Example: `error passive, rx 130 tx 5`.
-impl fmt::Display for ControllerState {
+impl fmt::Display for SlcanControllerState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = self.confinement.name();
         write!(f, "{name}, rx {} tx {}", self.receive_errors, self.transmit_errors)
@@ -165,7 +165,7 @@ impl fmt::Display for ControllerState {
 
 /// A reply of an adapter.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Reply {
+pub enum SlcanReply {
     /// A frame without number and time, on bus 0, and the adapter's milliseconds, which restart each minute.
     Frame(Frame, Option<u16>),
     /// The last command was executed.
@@ -175,20 +175,20 @@ pub enum Reply {
     /// Status flags of the adapter.
     Flags(StatusFlags),
     /// New state of the controller; the corresponding error frame follows.
-    State(ControllerState),
+    State(SlcanControllerState),
     /// An unknown line: the text found and the text expected, already escaped.
     Unreadable(String),
 }
 
 /// Parses an adapter's output, which may arrive in pieces of any size.
 #[derive(Debug, Clone, Default)]
-pub struct Reader {
+pub struct SlcanReader {
     begun: PendingReply,
 }
 
-impl Reader {
+impl SlcanReader {
     /// Parses `input`, the continuation of the previous input, and passes each complete reply to `give`.
-    pub fn read(&mut self, input: &[u8], mut give: impl FnMut(Reply)) {
+    pub fn read_input(&mut self, input: &[u8], mut give: impl FnMut(SlcanReply)) {
         let mut rest = input;
         while let Some(end) = memchr::memchr2(CR, BEL, rest) {
             let (piece, behind) = rest.split_at_checked(end).unwrap_or((rest, &[]));
@@ -198,24 +198,24 @@ impl Reader {
             };
             rest = after;
             if self.begun.bytes.is_empty() && piece.len() <= LONGEST_LINE {
-                line(piece, is_refused, &mut give);
+                parse_line(piece, is_refused, &mut give);
                 continue;
             }
-            self.begun.add(piece, LONGEST_LINE);
+            self.begun.append_piece(piece, LONGEST_LINE);
             if self.begun.is_too_long {
-                let start = excerpt(&self.begun.bytes);
-                give(Reply::Unreadable(format!(
+                let start = line_excerpt(&self.begun.bytes);
+                give(SlcanReply::Unreadable(format!(
                     "slcan: line too long (max {LONGEST_LINE} bytes); found {start}"
                 )));
                 if is_refused {
-                    give(Reply::Refused);
+                    give(SlcanReply::Refused);
                 }
             } else {
-                line(&self.begun.bytes, is_refused, &mut give);
+                parse_line(&self.begun.bytes, is_refused, &mut give);
             }
             self.begun.clear();
         }
-        self.begun.add(rest, LONGEST_LINE);
+        self.begun.append_piece(rest, LONGEST_LINE);
     }
 
     /// Discards an incomplete line: the next input is from another connection.
@@ -225,36 +225,39 @@ impl Reader {
 }
 
 /// Parses one line; a refusal within a line ends it early.
-fn line(line: &[u8], is_refused: bool, give: &mut impl FnMut(Reply)) {
+fn parse_line(line: &[u8], is_refused: bool, give: &mut impl FnMut(SlcanReply)) {
     // Firmware that ends its lines with CR LF leaves the LF at the start of the next line.
     let line = line.trim_ascii();
-    let unreadable = |what: &str| Reply::Unreadable(format!("slcan: {what}; found {}", excerpt(line)));
+    let unreadable =
+        |what: &str| SlcanReply::Unreadable(format!("slcan: {what}; found {}", line_excerpt(line)));
     if is_refused {
         if !line.is_empty() {
             give(unreadable("incomplete line"));
         }
-        return give(Reply::Refused);
+        return give(SlcanReply::Refused);
     }
     match line {
-        [] => give(Reply::Done),
-        [b'F', digits @ ..] => give(match hexadecimal(digits).and_then(|flags| u8::try_from(flags).ok()) {
-            Some(flags) if digits.len() == 2 => Reply::Flags(StatusFlags(flags)),
-            _ => unreadable("expected two hex digits of status flags after F"),
-        }),
-        [b's', rest @ ..] => match state(rest) {
+        [] => give(SlcanReply::Done),
+        [b'F', digits @ ..] => {
+            give(match parse_hexadecimal(digits).and_then(|flags| u8::try_from(flags).ok()) {
+                Some(flags) if digits.len() == 2 => SlcanReply::Flags(StatusFlags(flags)),
+                _ => unreadable("expected two hex digits of status flags after F"),
+            })
+        }
+        [b's', rest @ ..] => match parse_state(rest) {
             Some(state) => {
-                give(Reply::State(state));
-                give(Reply::Frame(state_frame(state), None));
+                give(SlcanReply::State(state));
+                give(SlcanReply::Frame(state_frame(state), None));
             }
             None => give(unreadable("expected s, then a, w, p or b, and two counters of three digits")),
         },
         [b'e', rest @ ..] => give(match error_frame(rest) {
-            Some(frame) => Reply::Frame(frame, None),
+            Some(frame) => SlcanReply::Frame(frame, None),
             None => unreadable("expected e, a count and that number of letters of a, b, B, c, f, o, O, s"),
         }),
         [kind, rest @ ..] => give(match KINDS.iter().find(|(letter, ..)| letter == kind) {
-            Some((_, is_extended, flags)) => match frame(*is_extended, *flags, rest) {
-                Ok((frame, milliseconds)) => Reply::Frame(frame, milliseconds),
+            Some((_, is_extended, flags)) => match parse_frame(*is_extended, *flags, rest) {
+                Ok((frame, milliseconds)) => SlcanReply::Frame(frame, milliseconds),
                 Err(what) => unreadable(what),
             },
             None => unreadable("expected a frame (t, T, r, R, d, D, b, B), F, s or e"),
@@ -275,13 +278,17 @@ const KINDS: [(u8, bool, FrameFlags); 8] = [
 ];
 
 /// Parses a frame after its letter.
-fn frame(is_extended: bool, flags: FrameFlags, rest: &[u8]) -> Result<(Frame, Option<u16>), &'static str> {
+fn parse_frame(
+    is_extended: bool,
+    flags: FrameFlags,
+    rest: &[u8],
+) -> Result<(Frame, Option<u16>), &'static str> {
     const SHORT: &str = "frame: ends before its identifier and DLC";
     let (digits, rest) = rest.split_at_checked(if is_extended { 8 } else { 3 }).ok_or(SHORT)?;
-    let number = hexadecimal(digits).ok_or("identifier: expected hex digits")?;
+    let number = parse_hexadecimal(digits).ok_or("identifier: expected hex digits")?;
     let id = match u16::try_from(number) {
-        Ok(number) if !is_extended && number <= 0x7FF => CanId::standard(number),
-        _ if is_extended && number <= 0x1FFF_FFFF => CanId::extended(number),
+        Ok(number) if !is_extended && number <= 0x7FF => CanId::from_standard(number),
+        _ if is_extended && number <= 0x1FFF_FFFF => CanId::from_extended(number),
         _ => return Err("identifier: expected at most 7FF, or 1FFFFFFF after a capital letter"),
     };
     let (dlc, rest) = rest.split_first().ok_or(SHORT)?;
@@ -298,12 +305,12 @@ fn frame(is_extended: bool, flags: FrameFlags, rest: &[u8]) -> Result<(Frame, Op
     let count = if flags.contains(FrameFlags::REMOTE) { 0 } else { usize::from(frame.length) };
     let (data, rest) = rest.split_at_checked(2 * count).ok_or("data: fewer bytes than the DLC")?;
     for (slot, digits) in frame.bytes.iter_mut().zip(data.chunks_exact(2)) {
-        let byte = hexadecimal(digits).and_then(|byte| u8::try_from(byte).ok());
+        let byte = parse_hexadecimal(digits).and_then(|byte| u8::try_from(byte).ok());
         *slot = byte.ok_or("data: expected pairs of hex digits")?;
     }
     let stamp = match rest.len() {
         0 => None,
-        4 => Some(hexadecimal(rest).and_then(|stamp| u16::try_from(stamp).ok()).ok_or(STAMP)?),
+        4 => Some(parse_hexadecimal(rest).and_then(|stamp| u16::try_from(stamp).ok()).ok_or(STAMP)?),
         _ => return Err(STAMP),
     };
     Ok((frame, stamp))
@@ -312,13 +319,13 @@ fn frame(is_extended: bool, flags: FrameFlags, rest: &[u8]) -> Result<(Frame, Op
 const STAMP: &str = "after the data: expected nothing or four hex digits of milliseconds";
 
 /// Parses a state: one letter and two counters of three digits.
-fn state(rest: &[u8]) -> Option<ControllerState> {
+fn parse_state(rest: &[u8]) -> Option<SlcanControllerState> {
     let [letter, counters @ ..] = rest else { return None };
     let confinement = match letter {
-        b'a' => Confinement::Active,
-        b'w' => Confinement::Warning,
-        b'p' => Confinement::Passive,
-        b'b' => Confinement::BusOff,
+        b'a' => SlcanConfinement::Active,
+        b'w' => SlcanConfinement::Warning,
+        b'p' => SlcanConfinement::Passive,
+        b'b' => SlcanConfinement::BusOff,
         _ => return None,
     };
     if counters.len() != 6 || !counters.iter().all(u8::is_ascii_digit) {
@@ -327,11 +334,15 @@ fn state(rest: &[u8]) -> Option<ControllerState> {
     let number =
         |digits: &[u8]| digits.iter().fold(0_u16, |value, digit| value * 10 + u16::from(digit - b'0'));
     let (receive, transmit) = counters.split_at_checked(3)?;
-    Some(ControllerState { confinement, receive_errors: number(receive), transmit_errors: number(transmit) })
+    Some(SlcanControllerState {
+        confinement,
+        receive_errors: number(receive),
+        transmit_errors: number(transmit),
+    })
 }
 
 /// The error frame that SocketCAN creates for a state (linux/can/error.h): counters in bytes 6 and 7.
-pub(super) fn state_frame(state: ControllerState) -> Frame {
+pub(super) fn state_frame(state: SlcanControllerState) -> Frame {
     const CONTROLLER: u32 = 0x004;
     const BUS_OFF: u32 = 0x040;
     const COUNTERS: u32 = 0x200;
@@ -342,16 +353,16 @@ pub(super) fn state_frame(state: ControllerState) -> Frame {
         (if is_receive { on_receive } else { 0 }) | (if is_transmit { on_transmit } else { 0 })
     };
     let (class, controller) = match state.confinement {
-        Confinement::Active => (CONTROLLER, 0x40),
-        Confinement::Warning => (CONTROLLER, either(0x04, 0x08)),
-        Confinement::Passive => (CONTROLLER, either(0x10, 0x20)),
-        Confinement::BusOff => (BUS_OFF, 0),
+        SlcanConfinement::Active => (CONTROLLER, 0x40),
+        SlcanConfinement::Warning => (CONTROLLER, either(0x04, 0x08)),
+        SlcanConfinement::Passive => (CONTROLLER, either(0x10, 0x20)),
+        SlcanConfinement::BusOff => (BUS_OFF, 0),
     };
-    error(class | COUNTERS, [0, controller, 0, 0, 0, 0, transmit, receive])
+    build_error_frame(class | COUNTERS, [0, controller, 0, 0, 0, 0, transmit, receive])
 }
 
-fn error(classes: u32, bytes: [u8; 8]) -> Frame {
-    Frame { flags: FrameFlags::ERROR, ..Frame::data_frame(CanId::extended(classes), &bytes) }
+fn build_error_frame(classes: u32, bytes: [u8; 8]) -> Frame {
+    Frame { flags: FrameFlags::ERROR, ..Frame::data_frame(CanId::from_extended(classes), &bytes) }
 }
 
 /// Letter of a bus error, its class in addition to "protocol" and "bus error", index of the byte in the error
@@ -381,7 +392,7 @@ fn error_frame(rest: &[u8]) -> Option<Frame> {
         classes |= class;
         *bytes.get_mut(*index)? |= bits;
     }
-    Some(error(classes, bytes))
+    Some(build_error_frame(classes, bytes))
 }
 
 #[cfg(test)]

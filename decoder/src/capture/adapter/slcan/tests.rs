@@ -3,10 +3,10 @@
 use super::*;
 
 /// Replies parsed from `text` in pieces of `size` bytes.
-fn replies(text: &[u8], size: usize) -> Vec<Reply> {
-    let (mut reader, mut found) = (Reader::default(), Vec::new());
+fn replies(text: &[u8], size: usize) -> Vec<SlcanReply> {
+    let (mut reader, mut found) = (SlcanReader::default(), Vec::new());
     for piece in text.chunks(size) {
-        reader.read(piece, |reply| found.push(reply));
+        reader.read_input(piece, |reply| found.push(reply));
     }
     found
 }
@@ -14,7 +14,7 @@ fn replies(text: &[u8], size: usize) -> Vec<Reply> {
 /// The single frame in `line`, as text, and its milliseconds.
 fn one_frame(line: &str) -> (Frame, Option<u16>) {
     let found = replies(line.as_bytes(), usize::MAX);
-    let [Reply::Frame(frame, milliseconds)] = &found[..] else { panic!("{line:?} gave {found:?}") };
+    let [SlcanReply::Frame(frame, milliseconds)] = &found[..] else { panic!("{line:?} gave {found:?}") };
     (*frame, *milliseconds)
 }
 
@@ -67,15 +67,15 @@ fn a_classic_dlc_above_eight_carries_eight_bytes() {
 #[test]
 fn answers_between_frames() {
     let found = replies(b"\r\x07t0010\rF29\r\nF00\r\n", usize::MAX);
-    let frame = Frame::data_frame(CanId::standard(1), &[]);
+    let frame = Frame::data_frame(CanId::from_standard(1), &[]);
     assert_eq!(
         found,
         [
-            Reply::Done,
-            Reply::Refused,
-            Reply::Frame(frame, None),
-            Reply::Flags(StatusFlags(0x29)),
-            Reply::Flags(StatusFlags(0)),
+            SlcanReply::Done,
+            SlcanReply::Refused,
+            SlcanReply::Frame(frame, None),
+            SlcanReply::Flags(StatusFlags(0x29)),
+            SlcanReply::Flags(StatusFlags(0)),
         ]
     );
 }
@@ -91,14 +91,18 @@ fn status_flags_in_words() {
 #[test]
 fn a_state_is_reported_and_becomes_a_socketcan_error_frame() {
     let found = replies(b"sp130005\r", usize::MAX);
-    let state =
-        ControllerState { confinement: Confinement::Passive, receive_errors: 130, transmit_errors: 5 };
-    let mut frame = Frame::data_frame(CanId::extended(0x204), &[0, 0x10, 0, 0, 0, 0, 5, 130]);
+    let state = SlcanControllerState {
+        confinement: SlcanConfinement::Passive,
+        receive_errors: 130,
+        transmit_errors: 5,
+    };
+    let mut frame = Frame::data_frame(CanId::from_extended(0x204), &[0, 0x10, 0, 0, 0, 0, 5, 130]);
     frame.flags = FrameFlags::ERROR;
-    assert_eq!(found, [Reply::State(state), Reply::Frame(frame, None)]);
+    assert_eq!(found, [SlcanReply::State(state), SlcanReply::Frame(frame, None)]);
     assert_eq!(state.to_string(), "error passive, rx 130 tx 5");
     // Example from the driver: bus off.
-    let [Reply::State(state), Reply::Frame(frame, None)] = &replies(b"sb256256\r", usize::MAX)[..] else {
+    let [SlcanReply::State(state), SlcanReply::Frame(frame, None)] = &replies(b"sb256256\r", usize::MAX)[..]
+    else {
         panic!("expected a state and its frame")
     };
     assert_eq!(state.to_string(), "bus-off, rx 256 tx 256");
@@ -150,10 +154,10 @@ fn unreadable_input_is_reported_with_its_start() {
     ] {
         let found = replies(format!("{line}\rt0010\r").as_bytes(), usize::MAX);
         assert_eq!(found.len(), 2, "{line}");
-        assert_eq!(found[0], Reply::Unreadable(reason.into()));
-        assert!(matches!(found[1], Reply::Frame(..)), "{line}");
+        assert_eq!(found[0], SlcanReply::Unreadable(reason.into()));
+        assert!(matches!(found[1], SlcanReply::Frame(..)), "{line}");
     }
-    let [Reply::Unreadable(reason), Reply::Refused] = &replies(b"t1232\x07", usize::MAX)[..] else {
+    let [SlcanReply::Unreadable(reason), SlcanReply::Refused] = &replies(b"t1232\x07", usize::MAX)[..] else {
         panic!("expected a broken line and a refusal")
     };
     assert_eq!(reason, "slcan: incomplete line; found \"t1232\"");
@@ -165,12 +169,14 @@ fn a_line_without_end_is_thrown_away_up_to_the_next_end() {
     text.extend_from_slice(b"\rt0010\r");
     for size in [1, 7, 160, 161, usize::MAX] {
         let found = replies(&text, size);
-        let [Reply::Unreadable(reason), Reply::Frame(..)] = &found[..] else { panic!("{size}: {found:?}") };
+        let [SlcanReply::Unreadable(reason), SlcanReply::Frame(..)] = &found[..] else {
+            panic!("{size}: {found:?}")
+        };
         let start = "t".repeat(60);
         assert_eq!(reason, &format!("slcan: line too long (max 160 bytes); found \"{start}…\""));
     }
-    let mut reader = Reader::default();
-    (0..1_000).for_each(|_| reader.read(&[b'x'; 1_000], |reply| panic!("{reply:?}")));
+    let mut reader = SlcanReader::default();
+    (0..1_000).for_each(|_| reader.read_input(&[b'x'; 1_000], |reply| panic!("{reply:?}")));
     assert_eq!(reader.begun.bytes.len(), LONGEST_LINE);
 }
 
@@ -186,23 +192,25 @@ fn pieces_do_not_matter() {
 
 #[test]
 fn half_a_line_of_a_lost_connection_is_forgotten() {
-    let (mut reader, mut found) = (Reader::default(), Vec::new());
-    reader.read(b"t12", |reply| found.push(reply));
+    let (mut reader, mut found) = (SlcanReader::default(), Vec::new());
+    reader.read_input(b"t12", |reply| found.push(reply));
     reader.reset();
-    reader.read(b"t0010\r", |reply| found.push(reply));
-    assert_eq!(found, [Reply::Frame(Frame::data_frame(CanId::standard(1), &[]), None)]);
+    reader.read_input(b"t0010\r", |reply| found.push(reply));
+    assert_eq!(found, [SlcanReply::Frame(Frame::data_frame(CanId::from_standard(1), &[]), None)]);
 }
 
 /// All commands.
-fn commands() -> Vec<Command> {
-    let rates = BitRate::all().map(|rate| Command::SetBitRate(BitRate::of(rate).unwrap()));
-    let others = [Command::Close, Command::TimestampsOn, Command::Listen, Command::ReadFlags];
+fn commands() -> Vec<SlcanCommand> {
+    let rates = SlcanBitRate::supported_rates()
+        .map(|rate| SlcanCommand::SetBitRate(SlcanBitRate::for_rate(rate).unwrap()));
+    let others =
+        [SlcanCommand::Close, SlcanCommand::TimestampsOn, SlcanCommand::Listen, SlcanCommand::ReadFlags];
     rates.chain(others).collect()
 }
 
 #[test]
 fn bit_rates_have_the_codes_of_the_manual() {
-    let texts = |rate| BitRate::of(rate).map(|rate| Command::SetBitRate(rate).bytes());
+    let texts = |rate| SlcanBitRate::for_rate(rate).map(|rate| SlcanCommand::SetBitRate(rate).bytes());
     assert_eq!(texts(10_000), Some(&b"S0\r"[..]));
     assert_eq!(texts(125_000), Some(&b"S4\r"[..]));
     assert_eq!(texts(500_000), Some(&b"S6\r"[..]));

@@ -15,8 +15,8 @@
 //!
 //! Locations are the SJA1000's segment codes, as in SocketCAN.
 
-use crate::capture::bus_error::{ProtocolViolation, Violation, violation};
-use crate::capture::text::columns::{Base, ColumnWords};
+use crate::capture::bus_error::{ProtocolViolation, Violation, violation_frame};
+use crate::capture::text::columns::{ColumnWords, NumberBase};
 use crate::frame::{Frame, FrameFlags};
 
 /// Error types in both codes; an ECC contains the first four.
@@ -43,7 +43,7 @@ const TEXTS: &[(&[u8], Violation)] = &[
 const PHASES: &[&[u8]] = &[b"Arb.", b"Data"];
 
 /// Parses the text after the channel; `None` if it is not an error frame.
-pub(super) fn parse(text: &[u8]) -> Option<Frame> {
+pub(super) fn parse_error(text: &[u8]) -> Option<Frame> {
     let mut words = ColumnWords::new(text);
     let mut flags = FrameFlags::ERROR;
     match words.peek() {
@@ -56,20 +56,20 @@ pub(super) fn parse(text: &[u8]) -> Option<Frame> {
     }
     let first = words.next()?;
     if first.eq_ignore_ascii_case(b"OverloadFrame") {
-        let frame = violation(Violation::Overload, false, 0, None);
+        let frame = violation_frame(Violation::Overload, false, 0, None);
         return Some(Frame { flags, ..frame });
     }
-    first.eq_ignore_ascii_case(b"ErrorFrame").then(|| Frame { flags, ..details(&words) })
+    first.eq_ignore_ascii_case(b"ErrorFrame").then(|| Frame { flags, ..parse_details(&words) })
 }
 
-fn details(words: &ColumnWords<'_>) -> Frame {
+fn parse_details(words: &ColumnWords<'_>) -> Frame {
     let by_code = error_code_capture(words.clone()).or_else(|| extended_code(words.clone()));
     by_code.unwrap_or_else(|| {
-        let text = words.rest().trim_ascii_start().to_ascii_lowercase();
+        let text = words.remaining_text().trim_ascii_start().to_ascii_lowercase();
         let kind = TEXTS.iter().find(|(start, _)| text.starts_with(start));
         let kind = kind.map_or(Violation::Other, |(_, kind)| *kind);
         let code = behind_text(words.clone()).unwrap_or(0);
-        violation(kind, is_sending(code), place(code), None)
+        violation_frame(kind, is_sending(code), segment_place(code), None)
     })
 }
 
@@ -81,7 +81,7 @@ fn error_code_capture(mut words: ColumnWords<'_>) -> Option<Frame> {
         b'0' | b'1' => Some(code << 1 | u32::from(digit - b'0')),
         _ => None,
     })?;
-    Some(violation(kind(code >> 6)?, code & 0x20 == 0, place(code), None))
+    Some(violation_frame(violation_kind(code >> 6)?, code & 0x20 == 0, segment_place(code), None))
 }
 
 /// Parses `CodeExt = 0x20a2`; decimal if the base of the file is decimal.
@@ -89,11 +89,11 @@ fn extended_code(mut words: ColumnWords<'_>) -> Option<Frame> {
     words.find(|word| *word == b"CodeExt")?;
     words.next().filter(|word| *word == b"=")?;
     let code = match words.next()? {
-        [b'0', b'x' | b'X', digits @ ..] => Base::Hex.number(digits)?,
-        digits => Base::Decimal.number(digits)?,
+        [b'0', b'x' | b'X', digits @ ..] => NumberBase::Hex.parse_number(digits)?,
+        digits => NumberBase::Decimal.parse_number(digits)?,
     };
-    let kind = kind(code >> 6 & 0x3F).unwrap_or(Violation::Other);
-    Some(violation(kind, is_sending(code), place(code), None))
+    let kind = violation_kind(code >> 6 & 0x3F).unwrap_or(Violation::Other);
+    Some(violation_frame(kind, is_sending(code), segment_place(code), None))
 }
 
 /// The number before the phase, in lines of FD channels.
@@ -101,14 +101,14 @@ fn behind_text(words: ColumnWords<'_>) -> Option<u32> {
     let mut last = None;
     for word in words {
         if PHASES.contains(&word) {
-            return last.and_then(|word| Base::Hex.number(word));
+            return last.and_then(|word| NumberBase::Hex.parse_number(word));
         }
         last = Some(word);
     }
     None
 }
 
-fn kind(code: u32) -> Option<Violation> {
+fn violation_kind(code: u32) -> Option<Violation> {
     KINDS.iter().find(|(known, _)| *known == code).map(|(_, kind)| *kind)
 }
 
@@ -116,7 +116,7 @@ fn is_sending(code: u32) -> bool {
     matches!(code >> 12 & 3, 1 | 3)
 }
 
-fn place(code: u32) -> u8 {
+fn segment_place(code: u32) -> u8 {
     u8::try_from(code & 0x1F).unwrap_or(0)
 }
 
@@ -148,7 +148,7 @@ mod tests {
     use crate::frame::CanId;
 
     fn read(text: &str) -> Frame {
-        parse(text.as_bytes()).unwrap()
+        parse_error(text.as_bytes()).unwrap()
     }
 
     #[test]
@@ -192,8 +192,8 @@ mod tests {
             for (sending, place) in [(false, 0), (true, 0), (false, 0x1F), (true, 0x19)] {
                 let mut line = Vec::new();
                 push(&mut line, Some(ProtocolViolation { kind, sending, place }));
-                let frame = parse(&line).unwrap();
-                assert_eq!(frame, violation(kind, sending, place, None), "{kind:?} {sending} {place}");
+                let frame = parse_error(&line).unwrap();
+                assert_eq!(frame, violation_frame(kind, sending, place, None), "{kind:?} {sending} {place}");
             }
         }
         let mut line = Vec::new();
@@ -204,7 +204,7 @@ mod tests {
     #[test]
     fn overload_frames_are_a_violation_and_data_frames_none() {
         assert_eq!(read("OverloadFrame").data()[2], 0x20);
-        assert_eq!(parse(b"123 Rx d 0"), None);
-        assert_eq!(parse(b"Rx"), None);
+        assert_eq!(parse_error(b"123 Rx d 0"), None);
+        assert_eq!(parse_error(b"Rx"), None);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::error;
 use super::frame;
-use crate::capture::text::columns::{Base, ColumnWords, time};
+use crate::capture::text::columns::{ColumnWords, NumberBase, parse_time};
 use crate::frame::Frame;
 
 /// Unit of time in nanoseconds.
@@ -32,16 +32,16 @@ const ABOUT_CHANNEL: &[&[u8]] = &[b"Statistic", b"Status", b"J1939TP", b"OSEKTL"
 
 /// A line with a time.
 #[derive(Debug)]
-pub(super) struct Event<'a> {
+pub(super) struct AscEvent<'a> {
     /// Time as in the line, in nanoseconds.
     pub(super) stamp: i64,
     /// The event, or the content expected.
-    pub(super) content: Result<Content<'a>, &'static str>,
+    pub(super) content: Result<AscEventContent<'a>, &'static str>,
 }
 
 /// Content of a line with a time.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Content<'a> {
+pub(super) enum AscEventContent<'a> {
     /// Channel and frame; number, time and bus of the frame are not set.
     Frame(&'a [u8], Frame),
     /// `Start of measurement`: the date of the block is the zero of the times.
@@ -55,25 +55,25 @@ pub(super) enum Content<'a> {
 }
 
 /// Parses a line; `None` if it does not begin with a time.
-pub(super) fn parse(line: &[u8], base: Base) -> Option<Event<'_>> {
+pub(super) fn parse_event(line: &[u8], base: NumberBase) -> Option<AscEvent<'_>> {
     let mut words = ColumnWords::new(line);
-    let stamp = words.next().filter(|word| word.contains(&b'.')).and_then(|word| time(word, SECOND))?;
-    Some(Event { stamp, content: content(words, base) })
+    let stamp = words.next().filter(|word| word.contains(&b'.')).and_then(|word| parse_time(word, SECOND))?;
+    Some(AscEvent { stamp, content: parse_content(words, base) })
 }
 
-fn content(mut words: ColumnWords<'_>, base: Base) -> Result<Content<'_>, &'static str> {
+fn parse_content(mut words: ColumnWords<'_>, base: NumberBase) -> Result<AscEventContent<'_>, &'static str> {
     let first = words.next().unwrap_or_default();
     let rest = words.clone();
     if first == b"Start" {
-        return Ok(Content::Start);
+        return Ok(AscEventContent::Start);
     }
     // `// comment`, `EnvVar := 1`
     let is_silent = first.starts_with(b"//") || words.peek() == Some(b":=") || NO_FRAME.contains(&first);
     if is_silent {
-        return Ok(Content::Nothing);
+        return Ok(AscEventContent::Nothing);
     }
     if is_foreign(first) {
-        return Ok(Content::Foreign);
+        return Ok(AscEventContent::Foreign);
     }
     let is_fd = first.eq_ignore_ascii_case(b"CANFD");
     let channel = if is_fd { words.next().unwrap_or_default() } else { first };
@@ -85,13 +85,14 @@ fn content(mut words: ColumnWords<'_>, base: Base) -> Result<Content<'_>, &'stat
     }
     let about = words.peek().unwrap_or_default();
     if ABOUT_CHANNEL.iter().any(|start| about.starts_with(start)) {
-        return Ok(Content::Nothing);
+        return Ok(AscEventContent::Nothing);
     }
-    if let Some(frame) = error::parse(words.rest()) {
-        return Ok(Content::Frame(channel, frame));
+    if let Some(frame) = error::parse_error(words.remaining_text()) {
+        return Ok(AscEventContent::Frame(channel, frame));
     }
-    let frame = if is_fd { frame::on_fd_channel(words, base)? } else { frame::classic(words, base, rest)? };
-    Ok(frame.map_or(Content::Request, |frame| Content::Frame(channel, frame)))
+    let frame =
+        if is_fd { frame::on_fd_channel(words, base)? } else { frame::parse_classic(words, base, rest)? };
+    Ok(frame.map_or(AscEventContent::Request, |frame| AscEventContent::Frame(channel, frame)))
 }
 
 fn is_foreign(first: &[u8]) -> bool {
@@ -103,8 +104,8 @@ fn is_foreign(first: &[u8]) -> bool {
 mod tests {
     use super::*;
 
-    fn content_of(line: &str) -> Result<Content<'_>, &'static str> {
-        parse(line.as_bytes(), Base::Hex).unwrap().content
+    fn content_of(line: &str) -> Result<AscEventContent<'_>, &'static str> {
+        parse_event(line.as_bytes(), NumberBase::Hex).unwrap().content
     }
 
     #[test]
@@ -119,10 +120,10 @@ mod tests {
             "   1.5 log trigger event",
             "   1.5 Comment: 1 text",
         ] {
-            assert_eq!(content_of(line), Ok(Content::Nothing), "{line}");
+            assert_eq!(content_of(line), Ok(AscEventContent::Nothing), "{line}");
         }
-        assert_eq!(content_of("   0.000000 Start of measurement"), Ok(Content::Start));
-        assert_eq!(content_of("   0.1 1 291 TxRq d 0"), Ok(Content::Request));
+        assert_eq!(content_of("   0.000000 Start of measurement"), Ok(AscEventContent::Start));
+        assert_eq!(content_of("   0.1 1 291 TxRq d 0"), Ok(AscEventContent::Request));
     }
 
     #[test]
@@ -133,7 +134,7 @@ mod tests {
             "   0.1 Fr RMSG  0 0 1 1 1e 0 Rx 0 40 4 8 01 02",
             "   0.1 ETH  1 Rx 40:FFFFFFFFFFFF020000000001080045",
         ] {
-            assert_eq!(content_of(line), Ok(Content::Foreign), "{line}");
+            assert_eq!(content_of(line), Ok(AscEventContent::Foreign), "{line}");
         }
         assert!(content_of("   0.1 Lx 3c Tx 8").is_err());
     }
@@ -150,7 +151,7 @@ mod tests {
     #[test]
     fn lines_of_the_header_have_no_time() {
         for line in ["base hex", "// 1.0 x", "-1.0 1 100 Rx d 0", "1 1 100 Rx d 0", ""] {
-            assert!(parse(line.as_bytes(), Base::Hex).is_none(), "{line}");
+            assert!(parse_event(line.as_bytes(), NumberBase::Hex).is_none(), "{line}");
         }
     }
 }

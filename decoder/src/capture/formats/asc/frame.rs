@@ -9,7 +9,7 @@
 //!
 //! `CANFD` means that the channel supports FD. The flags determine whether the frame is an FD frame.
 
-use crate::capture::text::columns::{Base, ColumnWords, data, identifier};
+use crate::capture::text::columns::{ColumnWords, NumberBase, parse_data, parse_identifier};
 use crate::capture::text::payload::is_fd_length;
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
 
@@ -29,7 +29,7 @@ type ParsedFrame = Result<Option<Frame>, &'static str>;
 
 /// Meaning of the direction word.
 #[derive(Debug, Clone, Copy)]
-enum Direction {
+enum AscDirection {
     /// A frame on the bus.
     Frame(FrameFlags),
     /// A request to send a frame.
@@ -37,51 +37,55 @@ enum Direction {
 }
 
 /// Direction words, compared without regard to case.
-const DIRECTIONS: &[(&[u8], Direction)] = &[
-    (b"Rx", Direction::Frame(FrameFlags::RECEIVED)),
-    (b"Tx", Direction::Frame(FrameFlags::TRANSMITTED)),
-    (b"TxRq", Direction::Request),
+const DIRECTIONS: &[(&[u8], AscDirection)] = &[
+    (b"Rx", AscDirection::Frame(FrameFlags::RECEIVED)),
+    (b"Tx", AscDirection::Frame(FrameFlags::TRANSMITTED)),
+    (b"TxRq", AscDirection::Request),
 ];
 
-fn direction(word: &[u8]) -> Option<Direction> {
+fn parse_direction(word: &[u8]) -> Option<AscDirection> {
     DIRECTIONS.iter().find(|(known, _)| word.eq_ignore_ascii_case(known)).map(|(_, direction)| *direction)
 }
 
 /// Parses `123` or `18FEF100x`.
-fn can_id(word: &[u8], base: Base) -> Option<CanId> {
+fn can_id(word: &[u8], base: NumberBase) -> Option<CanId> {
     let (digits, extended) = match word {
         [digits @ .., b'x' | b'X'] => (digits, true),
         digits => (digits, false),
     };
-    identifier(base.number(digits)?, extended)
+    parse_identifier(base.parse_number(digits)?, extended)
 }
 
 /// The identifier, or if a name replaces it, the decimal number after `ID =`.
-fn classic_id(word: &[u8], base: Base, mut line: ColumnWords<'_>) -> Option<CanId> {
+fn classic_id(word: &[u8], base: NumberBase, mut line: ColumnWords<'_>) -> Option<CanId> {
     can_id(word, base).or_else(|| {
         line.find(|word| *word == b"ID")?;
         line.next().filter(|word| *word == b"=")?;
-        can_id(line.next()?, Base::Decimal)
+        can_id(line.next()?, NumberBase::Decimal)
     })
 }
 
 /// Parses a frame after its channel. `line` is a copy of the words, used to find the fields at the end.
-pub(super) fn classic(mut words: ColumnWords<'_>, base: Base, line: ColumnWords<'_>) -> ParsedFrame {
+pub(super) fn parse_classic(
+    mut words: ColumnWords<'_>,
+    base: NumberBase,
+    line: ColumnWords<'_>,
+) -> ParsedFrame {
     let id = words.next().unwrap_or_default();
-    let way = direction(words.next().unwrap_or_default()).ok_or(DIRECTION)?;
-    let Direction::Frame(flags) = way else { return Ok(None) };
+    let way = parse_direction(words.next().unwrap_or_default()).ok_or(DIRECTION)?;
+    let AscDirection::Frame(flags) = way else { return Ok(None) };
     let id = classic_id(id, base, line).ok_or(IDENTIFIER)?;
     let frame = Frame { id, flags, ..Frame::EMPTY };
     match words.next() {
-        Some(b"r" | b"R") => Ok(Some(remote(frame, &words, base))),
-        Some(b"d" | b"D") => payload(frame, words, base).map(Some),
+        Some(b"r" | b"R") => Ok(Some(parse_remote(frame, &words, base))),
+        Some(b"d" | b"D") => parse_payload(frame, words, base).map(Some),
         _ => Err("frame type: expected d or r"),
     }
 }
 
 /// Parses a remote frame; older files have no length.
-fn remote(frame: Frame, words: &ColumnWords<'_>, base: Base) -> Frame {
-    let dlc = words.peek().and_then(|word| base.byte(word)).filter(|dlc| *dlc <= 15).unwrap_or(0);
+fn parse_remote(frame: Frame, words: &ColumnWords<'_>, base: NumberBase) -> Frame {
+    let dlc = words.peek().and_then(|word| base.parse_byte(word)).filter(|dlc| *dlc <= 15).unwrap_or(0);
     with_dlc(Frame { flags: frame.flags.with(FrameFlags::REMOTE), ..frame }, dlc)
 }
 
@@ -95,10 +99,10 @@ fn with_dlc(frame: Frame, dlc: u8) -> Frame {
 /// Some programs write FD frames in this form too. The number before the data is then the DLC in the base of
 /// the file, the DLC in decimal in spite of base hex, or the length. The number of bytes on the line
 /// determines which; python-can cuts all of these to eight bytes.
-fn payload(frame: Frame, mut words: ColumnWords<'_>, base: Base) -> Result<Frame, &'static str> {
+fn parse_payload(frame: Frame, mut words: ColumnWords<'_>, base: NumberBase) -> Result<Frame, &'static str> {
     let number = words.next().ok_or(LENGTH)?;
-    let there = words.clone().take(MAX_DATA).take_while(|word| base.byte(word).is_some()).count();
-    let readings = [base.byte(number), Base::Decimal.byte(number)];
+    let there = words.clone().take(MAX_DATA).take_while(|word| base.parse_byte(word).is_some()).count();
+    let readings = [base.parse_byte(number), NumberBase::Decimal.parse_byte(number)];
     let lengths = || readings.iter().flatten().flat_map(|number| readings_of(*number));
     let exact = lengths().find(|(length, _, _)| usize::from(*length) == there);
     // Extra bytes are accepted only if the number has a single meaning.
@@ -108,7 +112,7 @@ fn payload(frame: Frame, mut words: ColumnWords<'_>, base: Base) -> Result<Frame
     }
     let (length, raw_dlc, fd) = exact.or_else(enough).ok_or(SHORT)?;
     let flags = if fd { frame.flags.with(FrameFlags::FD) } else { frame.flags };
-    let bytes = data(words, usize::from(length), base).ok_or(SHORT)?;
+    let bytes = parse_data(words, usize::from(length), base).ok_or(SHORT)?;
     Ok(Frame { flags, length, raw_dlc, bytes, ..frame })
 }
 
@@ -125,15 +129,15 @@ fn readings_of(number: u8) -> impl Iterator<Item = (u8, u8, bool)> {
 }
 
 /// Parses a frame on an FD channel, after the channel number.
-pub(super) fn on_fd_channel(mut words: ColumnWords<'_>, base: Base) -> ParsedFrame {
+pub(super) fn on_fd_channel(mut words: ColumnWords<'_>, base: NumberBase) -> ParsedFrame {
     let first = words.next().unwrap_or_default();
     let second = words.next().unwrap_or_default();
     // Old files have the identifier before the direction.
-    let (way, id) = match direction(first) {
+    let (way, id) = match parse_direction(first) {
         Some(way) => (way, second),
-        None => (direction(second).ok_or(DIRECTION)?, first),
+        None => (parse_direction(second).ok_or(DIRECTION)?, first),
     };
-    let Direction::Frame(mut flags) = way else { return Ok(None) };
+    let AscDirection::Frame(mut flags) = way else { return Ok(None) };
     if !matches!(words.peek(), Some(b"0" | b"1")) {
         // Name of the message; it does not begin with a digit.
         words.next();
@@ -148,9 +152,9 @@ pub(super) fn on_fd_channel(mut words: ColumnWords<'_>, base: Base) -> ParsedFra
     let (dlc, length) = fd_lengths(&mut words).ok_or(LENGTH)?;
     let base = fd_base(&words, length, base);
     let id = can_id(id, base).ok_or(IDENTIFIER)?;
-    let bytes = data(words.clone(), length.into(), base).ok_or(SHORT)?;
+    let bytes = parse_data(words.clone(), length.into(), base).ok_or(SHORT)?;
     // Duration and number of bits precede the flags. Flags of 0 mean that no flags were recorded.
-    let marks = words.nth(usize::from(length) + 2).and_then(|word| Base::Hex.number(word));
+    let marks = words.nth(usize::from(length) + 2).and_then(|word| NumberBase::Hex.parse_number(word));
     let marks = marks.filter(|marks| *marks != 0);
     let frame = Frame { id, flags, length, bytes, ..Frame::EMPTY };
     Ok(Some(kind_of_fd_line(frame, dlc, marks)))
@@ -160,8 +164,12 @@ pub(super) fn on_fd_channel(mut words: ColumnWords<'_>, base: Base) -> ParsedFra
 fn fd_lengths(words: &mut ColumnWords<'_>) -> Option<(u8, u8)> {
     let pair = |words: &mut ColumnWords<'_>| {
         let digits = words.next()?;
-        let dlc = if digits.len() == 1 { Base::Hex.byte(digits) } else { Base::Decimal.byte(digits) };
-        let length = Base::Decimal.byte(words.next()?)?;
+        let dlc = if digits.len() == 1 {
+            NumberBase::Hex.parse_byte(digits)
+        } else {
+            NumberBase::Decimal.parse_byte(digits)
+        };
+        let length = NumberBase::Decimal.parse_byte(words.next()?)?;
         dlc.filter(|dlc| *dlc <= 15 && usize::from(length) <= MAX_DATA).map(|dlc| (dlc, length))
     };
     let has_kind = matches!(words.peek(), Some(b"d" | b"r"));
@@ -178,9 +186,9 @@ fn fd_lengths(words: &mut ColumnWords<'_>) -> Option<(u8, u8)> {
 
 /// Base of the data in an FD line. Vector's programs write hex even if the base is decimal: always two digits
 /// per byte, which is unlikely in decimal data.
-fn fd_base(words: &ColumnWords<'_>, length: u8, base: Base) -> Base {
+fn fd_base(words: &ColumnWords<'_>, length: u8, base: NumberBase) -> NumberBase {
     let all_pairs = words.clone().take(length.into()).all(|word| word.len() == 2);
-    if all_pairs { Base::Hex } else { base }
+    if all_pairs { NumberBase::Hex } else { base }
 }
 
 /// Sets the frame type from the flags of an FD line; without flags the word `CANFD` decides.
@@ -204,13 +212,13 @@ fn kind_of_fd_line(frame: Frame, dlc: u8, marks: Option<u32>) -> Frame {
 mod tests {
     use super::*;
 
-    fn classic_in(line: &str, base: Base) -> Result<Frame, &'static str> {
+    fn classic_in(line: &str, base: NumberBase) -> Result<Frame, &'static str> {
         let words = ColumnWords::new(line.as_bytes());
-        classic(words.clone(), base, words).map(Option::unwrap)
+        parse_classic(words.clone(), base, words).map(Option::unwrap)
     }
 
     fn fd(line: &str) -> Frame {
-        on_fd_channel(ColumnWords::new(line.as_bytes()), Base::Hex).unwrap().unwrap()
+        on_fd_channel(ColumnWords::new(line.as_bytes()), NumberBase::Hex).unwrap().unwrap()
     }
 
     fn bytes(count: usize) -> String {
@@ -219,20 +227,21 @@ mod tests {
 
     #[test]
     fn classic_frames_in_both_bases() {
-        let hex = classic_in("18EBFF00x  Rx d 3 01 A0 0F  Length = 273910 BitCount = 141 ID = 1x", Base::Hex);
-        let decimal = classic_in("418119424x Rx d 3   1 160  15", Base::Decimal);
+        let hex =
+            classic_in("18EBFF00x  Rx d 3 01 A0 0F  Length = 273910 BitCount = 141 ID = 1x", NumberBase::Hex);
+        let decimal = classic_in("418119424x Rx d 3   1 160  15", NumberBase::Decimal);
         assert_eq!(hex, decimal);
         let frame = hex.unwrap();
         assert_eq!(frame.id, CanId::Extended(0x18EB_FF00));
         assert_eq!((frame.data(), frame.flags), (&[1, 0xA0, 0x0F][..], FrameFlags::RECEIVED));
-        assert_eq!(classic_in("7FF Tx d 0", Base::Hex).unwrap().flags, FrameFlags::TRANSMITTED);
+        assert_eq!(classic_in("7FF Tx d 0", NumberBase::Hex).unwrap().flags, FrameFlags::TRANSMITTED);
     }
 
     #[test]
     fn a_name_is_replaced_by_the_number_at_the_end() {
         let line = "EngineData Rx d 1 05  Length = 1 BitCount = 60 ID = 418119424x";
-        assert_eq!(classic_in(line, Base::Hex).unwrap().id, CanId::Extended(0x18EB_FF00));
-        assert_eq!(classic_in("EngineData Rx d 1 05", Base::Hex), Err(IDENTIFIER));
+        assert_eq!(classic_in(line, NumberBase::Hex).unwrap().id, CanId::Extended(0x18EB_FF00));
+        assert_eq!(classic_in("EngineData Rx d 1 05", NumberBase::Hex), Err(IDENTIFIER));
     }
 
     #[test]
@@ -248,7 +257,7 @@ mod tests {
             ("40", 64, 64, 0, true),
             ("F", 64, 64, 0, true),
         ] {
-            let frame = classic_in(&format!("123 Rx d {number}{}", bytes(count)), Base::Hex).unwrap();
+            let frame = classic_in(&format!("123 Rx d {number}{}", bytes(count)), NumberBase::Hex).unwrap();
             let found = (frame.data().len(), frame.raw_dlc, frame.flags.contains(FrameFlags::FD));
             assert_eq!(found, (length, raw_dlc, is_fd), "{number} before {count} bytes");
         }
@@ -259,7 +268,7 @@ mod tests {
         for (line, length) in
             [("100 Rx r", 0), ("200 Tx r Length = 1704000 BitCount = 145", 0), ("300 Rx r 8", 8)]
         {
-            let frame = classic_in(line, Base::Hex).unwrap();
+            let frame = classic_in(line, NumberBase::Hex).unwrap();
             assert!(frame.flags.contains(FrameFlags::REMOTE), "{line}");
             assert_eq!((frame.length, frame.data().len()), (length, 0), "{line}");
         }
@@ -293,10 +302,10 @@ mod tests {
     #[test]
     fn fd_lines_are_hex_in_decimal_files() {
         let line = "Rx a8 Motor_12 1 0 3 3 ad 69 1e 102031 130 323000 b0011297";
-        let frame = on_fd_channel(ColumnWords::new(line.as_bytes()), Base::Decimal).unwrap().unwrap();
+        let frame = on_fd_channel(ColumnWords::new(line.as_bytes()), NumberBase::Decimal).unwrap().unwrap();
         assert_eq!((frame.id, frame.data()), (CanId::Standard(0xA8), &[0xAD, 0x69, 0x1E][..]));
         let line = "Rx 168 1 0 3 3 173 105 30";
-        let decimal = on_fd_channel(ColumnWords::new(line.as_bytes()), Base::Decimal).unwrap().unwrap();
+        let decimal = on_fd_channel(ColumnWords::new(line.as_bytes()), NumberBase::Decimal).unwrap().unwrap();
         assert_eq!(decimal, Frame { flags: decimal.flags, ..frame });
     }
 
@@ -312,14 +321,18 @@ mod tests {
             ("100 Rx d 4 00 00", SHORT),
             ("100 Rx d 9 00 01 02 03 04 05 06 07 08 09 0A", SHORT),
         ] {
-            assert_eq!(classic_in(line, Base::Hex), Err(part), "{line}");
+            assert_eq!(classic_in(line, NumberBase::Hex), Err(part), "{line}");
         }
         for (line, part) in [
             ("Rx 100 1 2 8 8", "bit rate switch, error state: expected 0 or 1"),
             ("Rx 100 1 0 8 65", LENGTH),
             ("Rx 100 1 0 8 8 00", SHORT),
         ] {
-            assert_eq!(on_fd_channel(ColumnWords::new(line.as_bytes()), Base::Hex), Err(part), "{line}");
+            assert_eq!(
+                on_fd_channel(ColumnWords::new(line.as_bytes()), NumberBase::Hex),
+                Err(part),
+                "{line}"
+            );
         }
     }
 }

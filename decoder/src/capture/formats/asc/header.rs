@@ -15,8 +15,8 @@ use nom::combinator::{all_consuming, map_opt, opt, verify};
 use nom::sequence::{preceded, terminated};
 use nom::{IResult, Parser};
 
-use crate::capture::calendar::utc;
-use crate::capture::text::columns::{Base, ColumnWords, time};
+use crate::capture::calendar::from_utc;
+use crate::capture::text::columns::{ColumnWords, NumberBase, parse_time};
 
 /// Unit of time in nanoseconds.
 const SECOND: i64 = 1_000_000_000;
@@ -49,7 +49,7 @@ const SILENT: &[&[u8]] =
 
 /// Content of a line without a time.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Header {
+pub(super) enum AscHeader {
     /// Start of the measurement, in nanoseconds since 1970, read as UTC.
     Date(i64),
     /// Start of a block by a trigger; the date is optional.
@@ -57,7 +57,7 @@ pub(super) enum Header {
     /// Format of numbers and times.
     Base {
         /// Base of identifiers and data.
-        base: Base,
+        base: NumberBase,
         /// Whether times are relative to the previous line.
         relative: bool,
     },
@@ -66,25 +66,25 @@ pub(super) enum Header {
 }
 
 /// Parses a line that does not begin with a time; the error contains the expected content.
-pub(super) fn parse(line: &[u8]) -> Result<Header, &'static str> {
+pub(super) fn parse_header(line: &[u8]) -> Result<AscHeader, &'static str> {
     const DATE: &str = "date: expected weekday, month, day, time and year";
     if SILENT.iter().any(|start| begins_with(line, start)) {
-        return Ok(Header::Silent);
+        return Ok(AscHeader::Silent);
     }
     let mut words = ColumnWords::new(line);
     let first = words.next().unwrap_or_default();
     if first.eq_ignore_ascii_case(b"date") {
-        return date(words.rest()).map(Header::Date).ok_or(DATE);
+        return parse_date(words.remaining_text()).map(AscHeader::Date).ok_or(DATE);
     }
     if first.eq_ignore_ascii_case(b"base") {
-        return base(words).ok_or("base: expected hex or dec");
+        return parse_base(words).ok_or("base: expected hex or dec");
     }
     let second = words.next().unwrap_or_default();
     if first.eq_ignore_ascii_case(b"begin") && second.eq_ignore_ascii_case(b"triggerblock") {
-        let rest = words.rest().trim_ascii();
-        let date = date(rest);
+        let rest = words.remaining_text().trim_ascii();
+        let date = parse_date(rest);
         let is_blank = rest.is_empty();
-        return if date.is_some() || is_blank { Ok(Header::TriggerBlock(date)) } else { Err(DATE) };
+        return if date.is_some() || is_blank { Ok(AscHeader::TriggerBlock(date)) } else { Err(DATE) };
     }
     Err("expected a time in seconds or a header line")
 }
@@ -94,28 +94,28 @@ fn begins_with(line: &[u8], start: &[u8]) -> bool {
 }
 
 /// Parses `hex  timestamps absolute`; without `timestamps` the times are absolute.
-fn base(mut words: ColumnWords<'_>) -> Option<Header> {
+fn parse_base(mut words: ColumnWords<'_>) -> Option<AscHeader> {
     let base = match words.next()?.to_ascii_lowercase().as_slice() {
-        b"hex" => Base::Hex,
-        b"dec" => Base::Decimal,
+        b"hex" => NumberBase::Hex,
+        b"dec" => NumberBase::Decimal,
         _ => return None,
     };
     let stamps = words.next().is_some_and(|word| word.eq_ignore_ascii_case(b"timestamps"));
     let relative = stamps && words.next().is_some_and(|word| word.eq_ignore_ascii_case(b"relative"));
-    Some(Header::Base { base, relative })
+    Some(AscHeader::Base { base, relative })
 }
 
 type Parsed<'a, T> = IResult<&'a [u8], T>;
 
 /// Parses a date as UTC: `Sam Sep 30 15:06:13.191 2017`, `Fri May 18 12:14:42 am 2012`.
-fn date(input: &[u8]) -> Option<i64> {
+fn parse_date(input: &[u8]) -> Option<i64> {
     let fields = (
-        preceded(space0, word),
-        map_opt(word, month),
-        terminated(number(2), space1),
-        clock,
+        preceded(space0, parse_word),
+        map_opt(parse_word, month_number),
+        terminated(parse_number(2), space1),
+        parse_clock,
         opt(terminated(half_of_day, space1)),
-        terminated(number(4), space0),
+        terminated(parse_number(4), space0),
     );
     let (_, (_, month, day, [hour, minute, second, fraction], half, year)) =
         all_consuming(fields).parse(input).ok()?;
@@ -125,27 +125,28 @@ fn date(input: &[u8]) -> Option<i64> {
         Some(false) if hour == 12 => 0,
         _ => hour,
     };
-    utc([year, month, day, hour, minute, second], fraction)
+    from_utc([year, month, day, hour, minute, second], fraction)
 }
 
-fn word(input: &[u8]) -> Parsed<'_, &[u8]> {
+fn parse_word(input: &[u8]) -> Parsed<'_, &[u8]> {
     terminated(take_till1(|byte: u8| byte.is_ascii_whitespace()), space1).parse(input)
 }
 
-fn month(word: &[u8]) -> Option<i64> {
+fn month_number(word: &[u8]) -> Option<i64> {
     let word = word.to_ascii_lowercase();
     MONTHS.iter().find(|(start, _)| word.starts_with(start)).map(|(_, month)| *month)
 }
 
-fn number<'a>(most: usize) -> impl Parser<&'a [u8], Output = i64, Error = nom::error::Error<&'a [u8]>> {
+fn parse_number<'a>(most: usize) -> impl Parser<&'a [u8], Output = i64, Error = nom::error::Error<&'a [u8]>> {
     verify(digit1, move |digits: &[u8]| digits.len() <= most)
         .map(|digits: &[u8]| digits.iter().fold(0, |value, digit| value * 10 + i64::from(digit - b'0')))
 }
 
 /// Parses `15:06:13.191` into hour, minute, second and nanoseconds.
-fn clock(input: &[u8]) -> Parsed<'_, [i64; 4]> {
-    let (rest, (hour, _, minute, _)) = (number(2), char(':'), number(2), char(':')).parse(input)?;
-    let second = map_opt(word, |text| time(text, SECOND));
+fn parse_clock(input: &[u8]) -> Parsed<'_, [i64; 4]> {
+    let (rest, (hour, _, minute, _)) =
+        (parse_number(2), char(':'), parse_number(2), char(':')).parse(input)?;
+    let second = map_opt(parse_word, |text| parse_time(text, SECOND));
     let (rest, second) = verify(second, |second| *second < 61 * SECOND).parse(rest)?;
     Ok((rest, [hour, minute, second / SECOND, second % SECOND]))
 }
@@ -164,7 +165,7 @@ mod tests {
     #[test]
     fn dates_in_both_languages_and_both_clocks() {
         // `date -u -d '2017-09-30 15:06:13.191' +%s%N`
-        let expected = Ok(Header::Date(1_506_783_973_191_000_000));
+        let expected = Ok(AscHeader::Date(1_506_783_973_191_000_000));
         for line in [
             "date Sam Sep 30 15:06:13.191 2017",
             "date Sat Sep 30 15:06:13.191 2017",
@@ -172,13 +173,18 @@ mod tests {
             "Date Samstag September 30 03:06:13.191 PM 2017",
             "date Sat Sep 30 15:06:13.191 pm 2017",
         ] {
-            assert_eq!(parse(line.as_bytes()), expected, "{line}");
+            assert_eq!(parse_header(line.as_bytes()), expected, "{line}");
         }
-        let midnight = parse(b"date Fri May 18 12:14:42 am 2012");
-        assert_eq!(midnight, Ok(Header::Date(1_337_300_082_000_000_000)));
+        let midnight = parse_header(b"date Fri May 18 12:14:42 am 2012");
+        assert_eq!(midnight, Ok(AscHeader::Date(1_337_300_082_000_000_000)));
         for march in [&b"M\xE4r"[..], b"M\xC3\xA4rz", b"Mrz", b"Mar"] {
             let line = [b"date Mit ", march, b" 1 00:00:00 2017"].concat();
-            assert_eq!(parse(&line), Ok(Header::Date(1_488_326_400_000_000_000)), "{}", line.escape_ascii());
+            assert_eq!(
+                parse_header(&line),
+                Ok(AscHeader::Date(1_488_326_400_000_000_000)),
+                "{}",
+                line.escape_ascii()
+            );
         }
     }
 
@@ -187,30 +193,30 @@ mod tests {
         for line in
             ["date Sat Foo 30 15:06:13 2017", "date Sat Feb 30 15:06:13 2017", "date", "date Sat Sep 30"]
         {
-            assert!(parse(line.as_bytes()).is_err(), "{line}");
+            assert!(parse_header(line.as_bytes()).is_err(), "{line}");
         }
     }
 
     #[test]
     fn base_and_kind_of_times() {
-        let absolute = Header::Base { base: Base::Hex, relative: false };
-        assert_eq!(parse(b"base hex  timestamps absolute"), Ok(absolute));
-        let relative = Header::Base { base: Base::Decimal, relative: true };
-        assert_eq!(parse(b"base dec timestamps relative"), Ok(relative));
-        let bare = Header::Base { base: Base::Hex, relative: false };
-        assert_eq!(parse(b"base hex  no internal events logged"), Ok(bare));
-        assert!(parse(b"base oct").is_err());
+        let absolute = AscHeader::Base { base: NumberBase::Hex, relative: false };
+        assert_eq!(parse_header(b"base hex  timestamps absolute"), Ok(absolute));
+        let relative = AscHeader::Base { base: NumberBase::Decimal, relative: true };
+        assert_eq!(parse_header(b"base dec timestamps relative"), Ok(relative));
+        let bare = AscHeader::Base { base: NumberBase::Hex, relative: false };
+        assert_eq!(parse_header(b"base hex  no internal events logged"), Ok(bare));
+        assert!(parse_header(b"base oct").is_err());
     }
 
     #[test]
     fn trigger_blocks_and_silent_lines() {
         let date = Some(1_506_809_173_191_000_000);
         let line = b"Begin Triggerblock Sat Sep 30 10:06:13.191 PM 2017";
-        assert_eq!(parse(line), Ok(Header::TriggerBlock(date)));
-        assert_eq!(parse(b"Begin TriggerBlock"), Ok(Header::TriggerBlock(None)));
+        assert_eq!(parse_header(line), Ok(AscHeader::TriggerBlock(date)));
+        assert_eq!(parse_header(b"Begin TriggerBlock"), Ok(AscHeader::TriggerBlock(None)));
         for line in ["no internal events logged", "End TriggerBlock", "// version 9.0.0"] {
-            assert_eq!(parse(line.as_bytes()), Ok(Header::Silent), "{line}");
+            assert_eq!(parse_header(line.as_bytes()), Ok(AscHeader::Silent), "{line}");
         }
-        assert!(parse(b"anything else").is_err());
+        assert!(parse_header(b"anything else").is_err());
     }
 }

@@ -20,24 +20,24 @@ mod frame;
 mod header;
 mod write;
 
-use event::Content;
-use header::Header;
+use event::AscEventContent;
+use header::AscHeader;
 
 use crate::capture::text::bus_labels::BusLabels;
-use crate::capture::text::columns::Base;
-use crate::capture::text::line_format::{Assumptions, Fault, LineFormat, LineParser, ParsedLine};
-use crate::capture::{Directions, ErrorFrames, Format, FormatCapabilities, WritableFormat};
+use crate::capture::text::columns::NumberBase;
+use crate::capture::text::line_format::{CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine};
+use crate::capture::{CaptureFormat, DirectionSupport, ErrorFrames, FormatCapabilities, WritableFormat};
 
 /// Number of lines at the start within which a header line must occur.
 const DETECTING_LINES: usize = 50;
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     name: "asc",
-    title: Asc::TITLE,
+    title: AscFormat::TITLE,
     is_text: true,
     is_packed: false,
-    detect,
-    parser: |_| Box::new(LineParser::new(Asc::default())),
+    detect: detect_asc,
+    parser: |_| Box::new(LineParser::new(AscFormat::default())),
 };
 
 pub(super) const WRITABLE: WritableFormat = WritableFormat {
@@ -48,7 +48,7 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
         untimed: false,
         backwards: false,
         errors: ErrorFrames::Violations,
-        directions: Directions::Assumed,
+        directions: DirectionSupport::Assumed,
         bus_names: false,
         notices: false,
         ..FormatCapabilities::ALL
@@ -57,24 +57,24 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
 };
 
 /// Whether a complete header line occurs. The last line may be incomplete and is not checked.
-fn detect(head: &[u8]) -> bool {
+fn detect_asc(head: &[u8]) -> bool {
     let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
     let whole = memchr::memrchr(b'\n', head).and_then(|end| head.get(..end)).unwrap_or_default();
     let mut lines = whole.split(|byte| *byte == b'\n').take(DETECTING_LINES).map(<[u8]>::trim_ascii);
-    lines.any(|line| matches!(header::parse(line), Ok(Header::Date(_) | Header::Base { .. })))
+    lines.any(|line| matches!(header::parse_header(line), Ok(AscHeader::Date(_) | AscHeader::Base { .. })))
 }
 
 /// State that affects later lines.
 #[derive(Clone, Default)]
-struct Asc {
-    base: Base,
-    clock: Clock,
+struct AscFormat {
+    base: NumberBase,
+    clock: AscClock,
     buses: BusLabels,
 }
 
 /// Meaning of times.
 #[derive(Clone, Default)]
-struct Clock {
+struct AscClock {
     relative: bool,
     elapsed: i64,
     start: Option<i64>,
@@ -84,9 +84,9 @@ struct Clock {
     block: Option<i64>,
 }
 
-impl Clock {
+impl AscClock {
     /// Sets the date of a header. Concatenated captures in one file have one header each.
-    fn date(&mut self, date: i64) {
+    fn set_date(&mut self, date: i64) {
         if self.relative || self.start.is_none() {
             (self.start, self.elapsed) = (Some(date), 0);
         } else {
@@ -95,7 +95,7 @@ impl Clock {
     }
 
     /// Advances to a line with a time: differences are relative to the previous line of any type.
-    fn advance(&mut self, stamp: i64) {
+    fn advance_to(&mut self, stamp: i64) {
         if let (Some(date), Some(start)) = (self.again.take(), self.start) {
             // BUSMASTER repeats the header at each pause, but its times continue. A time that is large enough
             // for the interval between the two dates continues.
@@ -114,61 +114,63 @@ impl Clock {
     }
 
     /// Time of the current line.
-    fn now(&self) -> i64 {
+    fn current_time(&self) -> i64 {
         self.start.or(self.block).unwrap_or(0).saturating_add(self.elapsed)
     }
 }
 
-impl Asc {
-    fn header(&mut self, text: &[u8], assumptions: &mut Assumptions) -> Result<(), Fault> {
+impl AscFormat {
+    fn on_header(&mut self, text: &[u8], assumptions: &mut CaptureAssumptions) -> Result<(), LineFault> {
         const ZONE: &str = "start date without time zone: times read as UTC";
-        match header::parse(text)? {
-            Header::Date(date) => {
-                self.clock.date(date);
-                assumptions.report(ZONE);
+        match header::parse_header(text)? {
+            AscHeader::Date(date) => {
+                self.clock.set_date(date);
+                assumptions.add_assumption(ZONE);
             }
-            Header::TriggerBlock(date) => {
+            AscHeader::TriggerBlock(date) => {
                 self.clock.block = date;
                 if date.is_some() {
-                    assumptions.report(ZONE);
+                    assumptions.add_assumption(ZONE);
                 }
             }
-            Header::Base { base, relative } => {
+            AscHeader::Base { base, relative } => {
                 self.base = base;
                 self.clock.relative = relative;
             }
-            Header::Silent => {}
+            AscHeader::Silent => {}
         }
         Ok(())
     }
 }
 
-impl LineFormat for Asc {
+impl LineFormat for AscFormat {
     const TITLE: &'static str = "Vector ASC";
 
-    fn line<'a>(
+    fn parse_line<'a>(
         &'a mut self,
         text: &'a [u8],
-        assumptions: &mut Assumptions,
-    ) -> Result<Option<ParsedLine<'a>>, Fault> {
+        assumptions: &mut CaptureAssumptions,
+    ) -> Result<Option<ParsedLine<'a>>, LineFault> {
         let text = text.trim_ascii();
         if let Some(label) = text.strip_prefix(b"// bus ") {
-            self.buses.learn(label);
+            self.buses.learn_label(label);
             return Ok(None);
         }
-        let Some(event) = event::parse(text, self.base) else {
-            return self.header(text, assumptions).map(|()| None);
+        let Some(event) = event::parse_event(text, self.base) else {
+            return self.on_header(text, assumptions).map(|()| None);
         };
-        self.clock.advance(event.stamp);
+        self.clock.advance_to(event.stamp);
         match event.content? {
-            Content::Frame(channel, frame) => {
-                let time = self.clock.now();
+            AscEventContent::Frame(channel, frame) => {
+                let time = self.clock.current_time();
                 return Ok(Some(ParsedLine::new(Some(time), self.buses.name(channel), frame)));
             }
-            Content::Start => self.clock.start_of_measurement(),
-            Content::Request => assumptions.report("requests to send (TxRq) ignored"),
-            Content::Foreign => assumptions.report("lines of bus systems other than CAN skipped"),
-            Content::Nothing => {}
+            AscEventContent::Start => self.clock.start_of_measurement(),
+            AscEventContent::Request => assumptions.add_assumption("requests to send (TxRq) ignored"),
+            AscEventContent::Foreign => {
+                assumptions.add_assumption("lines of bus systems other than CAN skipped")
+            }
+            AscEventContent::Nothing => {}
         }
         Ok(None)
     }
@@ -177,12 +179,12 @@ impl LineFormat for Asc {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::{Batch, Notice, Parser};
+    use crate::capture::{Batch, FormatParser, Notice};
 
     fn read(text: &str) -> Batch {
         let mut batch = Batch::new();
         assert_eq!(
-            LineParser::new(Asc::default()).parse(text.as_bytes(), true, &mut batch).unwrap(),
+            LineParser::new(AscFormat::default()).parse(text.as_bytes(), true, &mut batch).unwrap(),
             text.len()
         );
         batch
@@ -251,7 +253,7 @@ mod tests {
     #[test]
     fn channels_are_buses() {
         let mut batch = Batch::new();
-        let mut reader = LineParser::new(Asc::default());
+        let mut reader = LineParser::new(AscFormat::default());
         reader
             .parse(b" 0.1 2 1 Rx d 0\n 0.1 CANFD 1 Rx 1 0 0 0 0\n 0.1 2 1 TxRq d 0\n", true, &mut batch)
             .unwrap();
@@ -266,7 +268,7 @@ mod tests {
             "\u{FEFF}base hex  timestamps absolute\r\n",
             "// generated\n\nbase dec\n",
         ] {
-            assert!(detect(head.as_bytes()), "{head}");
+            assert!(detect_asc(head.as_bytes()), "{head}");
         }
         for head in [
             "",
@@ -276,7 +278,7 @@ mod tests {
             ";$FILEVERSION=1.1\n",
             "// only a comment\n",
         ] {
-            assert!(!detect(head.as_bytes()), "{head}");
+            assert!(!detect_asc(head.as_bytes()), "{head}");
         }
     }
 }

@@ -21,10 +21,10 @@ use std::io::{self, Write};
 use super::error;
 use crate::ascii::{push_blanks, push_code, push_decimal, push_digits, push_nine, push_padded, push_part};
 use crate::capture::Notice;
-use crate::capture::bus_error::broken;
-use crate::capture::calendar::date;
+use crate::capture::bus_error::reported_violation;
+use crate::capture::calendar::to_date;
 use crate::capture::elapsed::Elapsed;
-use crate::capture::text::print::{CachedText, Numbering, push_lines, push_spaced_data};
+use crate::capture::text::print::{BusNumbering, CachedText, push_lines, push_spaced_data};
 use crate::capture::writer::FrameWriter;
 use crate::frame::{CanId, Frame, FrameFlags};
 
@@ -53,7 +53,7 @@ pub(super) struct AscWriter<W> {
     line: Vec<u8>,
     elapsed: Elapsed,
     seconds: CachedText<u64>,
-    buses: Numbering,
+    buses: BusNumbering,
     has_begun: bool,
     has_ended: bool,
 }
@@ -65,15 +65,15 @@ impl<W: Write> AscWriter<W> {
             line: Vec::with_capacity(512),
             elapsed: Elapsed::new(MILLISECOND, i64::MIN),
             seconds: CachedText::default(),
-            buses: Numbering::default(),
+            buses: BusNumbering::default(),
             has_begun: false,
             has_ended: false,
         }
     }
 
     /// Writes the header, once the time of the first frame is known.
-    fn begin(&mut self, start: i64) {
-        let date = date(start).strftime(DATE).to_string();
+    fn begin_capture(&mut self, start: i64) {
+        let date = to_date(start).strftime(DATE).to_string();
         let text = format!(
             "date {date}\nbase hex  timestamps absolute\ninternal events logged\n\
              Begin Triggerblock {date}\n   0.000000 Start of measurement\n"
@@ -82,32 +82,32 @@ impl<W: Write> AscWriter<W> {
         self.has_begun = true;
     }
 
-    fn frame(&mut self, frame: &Frame, bus: &str, comment: Option<&str>) -> io::Result<()> {
+    fn write_frame(&mut self, frame: &Frame, bus: &str, comment: Option<&str>) -> io::Result<()> {
         self.line.clear();
-        if let Some(start) = self.elapsed.start(frame.time) {
-            self.begin(start);
+        if let Some(start) = self.elapsed.start_time(frame.time) {
+            self.begin_capture(start);
         }
-        let (channel, is_new) = self.buses.number(bus);
+        let (channel, is_new) = self.buses.bus_number(bus);
         if is_new {
             push_lines(&mut self.line, &format!("// bus {channel}: "), bus, "\n");
         }
         if let Some(comment) = comment {
             push_lines(&mut self.line, "// ", comment, "\n");
         }
-        self.time(frame);
+        self.append_time(frame);
         let channel = u64::try_from(channel).unwrap_or(u64::MAX);
         match frame.flags {
-            flags if flags.contains(FrameFlags::ERROR) => self.error(frame, channel),
-            flags if flags.contains(FrameFlags::FD) => self.fd(frame, channel),
-            _ => self.classic(frame, channel),
+            flags if flags.contains(FrameFlags::ERROR) => self.append_error(frame, channel),
+            flags if flags.contains(FrameFlags::FD) => self.append_fd(frame, channel),
+            _ => self.append_classic(frame, channel),
         }
         self.output.write_all(&self.line)
     }
 
-    fn time(&mut self, frame: &Frame) {
-        let time = self.elapsed.nanoseconds(frame.time);
+    fn append_time(&mut self, frame: &Frame) {
+        let time = self.elapsed.elapsed_since_start(frame.time);
         let (second, fraction) = (time / SECOND, time % SECOND);
-        let begin = self.seconds.text(&second, |text, second| {
+        let begin = self.seconds.cached_text(&second, |text, second| {
             push_padded(text, *second, 4);
             text.push(b'.');
         });
@@ -121,13 +121,13 @@ impl<W: Write> AscWriter<W> {
     }
 
     /// Appends the direction: transmitted, or received if unknown.
-    fn direction(&mut self, frame: &Frame) {
+    fn append_direction(&mut self, frame: &Frame) {
         let sent = frame.flags.contains(FrameFlags::TRANSMITTED);
         self.line.extend_from_slice(if sent { b" Tx  " } else { b" Rx  " });
     }
 
     /// Appends `123` or `18FEF100x`; returns its length.
-    fn identifier(&mut self, id: CanId) -> usize {
+    fn append_identifier(&mut self, id: CanId) -> usize {
         let begin = self.line.len();
         push_code(&mut self.line, id.number(), 1);
         if let CanId::Extended(_) = id {
@@ -136,12 +136,12 @@ impl<W: Write> AscWriter<W> {
         self.line.len().saturating_sub(begin)
     }
 
-    fn classic(&mut self, frame: &Frame, channel: u64) {
+    fn append_classic(&mut self, frame: &Frame, channel: u64) {
         push_decimal(&mut self.line, channel);
         self.line.extend_from_slice(b"  ");
-        let length = self.identifier(frame.id);
+        let length = self.append_identifier(frame.id);
         push_blanks(&mut self.line, ID, length);
-        self.direction(frame);
+        self.append_direction(frame);
         let is_remote = frame.flags.contains(FrameFlags::REMOTE);
         self.line.extend_from_slice(if is_remote { b" r " } else { b" d " });
         push_code(&mut self.line, frame.dlc().into(), 1);
@@ -149,14 +149,14 @@ impl<W: Write> AscWriter<W> {
         self.line.push(b'\n');
     }
 
-    fn fd(&mut self, frame: &Frame, channel: u64) {
+    fn append_fd(&mut self, frame: &Frame, channel: u64) {
         self.line.extend_from_slice(b"CANFD ");
         push_padded(&mut self.line, channel, 3);
-        self.direction(frame);
+        self.append_direction(frame);
         let digits = (u32::BITS - frame.id.number().leading_zeros()).div_ceil(4).max(1) as usize;
         let length = digits + usize::from(matches!(frame.id, CanId::Extended(_)));
         push_part(&mut self.line, *FD_NAME, FD_ID.saturating_sub(length).saturating_add(1));
-        self.identifier(frame.id);
+        self.append_identifier(frame.id);
         self.line.extend_from_slice(FD_NAME);
         let is = |flag| u8::from(frame.flags.contains(flag)) + b'0';
         let (switched, passive) = (is(FrameFlags::BIT_RATE_SWITCH), is(FrameFlags::ERROR_STATE));
@@ -171,21 +171,21 @@ impl<W: Write> AscWriter<W> {
         self.line.extend_from_slice(UNKNOWN_END);
     }
 
-    fn error(&mut self, frame: &Frame, channel: u64) {
+    fn append_error(&mut self, frame: &Frame, channel: u64) {
         push_decimal(&mut self.line, channel);
         self.line.extend_from_slice(b"  ");
-        error::push(&mut self.line, broken(frame));
+        error::push(&mut self.line, reported_violation(frame));
         self.line.push(b'\n');
     }
 }
 
 impl<W: Write + Send> FrameWriter for AscWriter<W> {
     fn write(&mut self, frame: &Frame, bus: &str) -> io::Result<()> {
-        self.frame(frame, bus, None)
+        self.write_frame(frame, bus, None)
     }
 
     fn write_commented(&mut self, frame: &Frame, bus: &str, comment: &str) -> io::Result<()> {
-        self.frame(frame, bus, Some(comment))
+        self.write_frame(frame, bus, Some(comment))
     }
 
     /// Stores nothing: other readers know no lines for notices.
@@ -228,21 +228,21 @@ mod tests {
 
     #[test]
     fn a_capture_line_by_line() {
-        let frame = Frame::data_frame(CanId::standard(0x6F9), &[5, 0x0C, 0, 0, 0, 0, 0, 0xAB]);
+        let frame = Frame::data_frame(CanId::from_standard(0x6F9), &[5, 0x0C, 0, 0, 0, 0, 0, 0xAB]);
         let remote = Frame { flags: FrameFlags::REMOTE, length: 8, ..Frame::EMPTY };
         let error = Frame {
             flags: FrameFlags::ERROR,
-            ..Frame::data_frame(CanId::extended(0x88), &[0, 0, 4, 2, 0, 0, 0, 0])
+            ..Frame::data_frame(CanId::from_extended(0x88), &[0, 0, 4, 2, 0, 0, 0, 0])
         };
         let sent = FrameFlags::FD.with(FrameFlags::BIT_RATE_SWITCH).with(FrameFlags::TRANSMITTED);
         let fd = Frame {
             flags: sent,
-            ..Frame::data_frame(CanId::extended(0x50005), &[1, 2, 3, 4, 5, 6, 7, 8, 9])
+            ..Frame::data_frame(CanId::from_extended(0x50005), &[1, 2, 3, 4, 5, 6, 7, 8, 9])
         };
         let text = written(&[
             (at(250_000, frame), "can\x1b0"),
             (at(2_501_000_001, Frame { raw_dlc: 13, ..frame }), "can\x1b0"),
-            (at(17_876_708_000, Frame { id: CanId::extended(0x18EB_FF00), ..remote }), "2"),
+            (at(17_876_708_000, Frame { id: CanId::from_extended(0x18EB_FF00), ..remote }), "2"),
             (at(17_876_708_000, error), "2"),
             (at(12_345_000_000_000, fd), "2"),
         ]);
@@ -267,10 +267,10 @@ End TriggerBlock
     #[test]
     fn comments_stand_before_their_frame_and_are_passed_over() {
         let mut writer = AscWriter::new(Vec::new());
-        let frame = at(0, Frame::data_frame(CanId::standard(1), &[]));
+        let frame = at(0, Frame::data_frame(CanId::from_standard(1), &[]));
         writer.write_commented(&frame, "1", "first\n1.0 1 123 Rx d 0\rsecond").unwrap();
         // The capture was not finished but is readable.
-        let content = crate::capture::testing::read(&writer.output);
+        let content = crate::capture::testing::read_capture(&writer.output);
         assert_eq!(content.frames.len(), 1);
         let text = String::from_utf8(writer.output).unwrap();
         let end = "// first\n// 1.0 1 123 Rx d 0\\rsecond\n   0.000000 1  1               Rx   d 0\n";
@@ -281,6 +281,6 @@ End TriggerBlock
     fn a_capture_without_frames_is_one() {
         let text = written(&[]);
         assert_eq!(text, "base hex  timestamps absolute\n");
-        assert_eq!(crate::capture::detect(text.as_bytes(), true).unwrap().name, "asc");
+        assert_eq!(crate::capture::detect_format(text.as_bytes(), true).unwrap().name, "asc");
     }
 }

@@ -6,7 +6,7 @@
 //! ```
 //! The declared size is not trusted; the actual size is known after decompression.
 
-use super::object::{FILL, Head, TITLE};
+use super::object::{FILL, ObjectHeader, TITLE};
 use crate::capture::CaptureError;
 use crate::capture::byte_order::ByteOrder::Little;
 use crate::capture::inflate::{Decompression, inflate};
@@ -22,7 +22,7 @@ const STORED: u16 = 0;
 const ZLIB: u16 = 2;
 
 #[derive(Debug)]
-pub(super) struct Container {
+pub(super) struct LogContainer {
     /// Remaining bytes of the previous container, then the content of this one.
     pub(super) bytes: Vec<u8>,
     /// Whether the content is stored uncompressed.
@@ -37,9 +37,9 @@ pub(super) struct Container {
     pub(super) is_cut: bool,
 }
 
-impl Container {
+impl LogContainer {
     /// Number of bytes before the content of a container.
-    pub(super) const fn before(head: Head) -> usize {
+    pub(super) const fn bytes_before_content(head: ObjectHeader) -> usize {
         head.header + HEADER
     }
 
@@ -47,7 +47,12 @@ impl Container {
     ///
     /// # Errors
     /// If the container is compressed and this build cannot decompress it.
-    pub(super) fn open(head: Head, rest: &[u8], tail: &[u8], offset: u64) -> Result<Self, CaptureError> {
+    pub(super) fn open(
+        head: ObjectHeader,
+        rest: &[u8],
+        tail: &[u8],
+        offset: u64,
+    ) -> Result<Self, CaptureError> {
         let object = rest.get(..head.size).unwrap_or(rest);
         let mut container = Self {
             bytes: tail.to_vec(),
@@ -59,12 +64,14 @@ impl Container {
         };
         if container.is_cut {
             let found = object.len();
-            container
-                .broken(format!("the capture ends inside a container: found {found} of {} bytes", head.size));
+            container.mark_broken(format!(
+                "the capture ends inside a container: found {found} of {} bytes",
+                head.size
+            ));
         }
         let header = object.get(head.header..).unwrap_or_default();
         let Some((method, content)) = Little.u16(header, 0).zip(header.get(HEADER..)) else {
-            container.broken(format!("container too short ({} bytes)", head.size));
+            container.mark_broken(format!("container too short ({} bytes)", head.size));
             return Ok(container);
         };
         match method {
@@ -72,20 +79,20 @@ impl Container {
                 container.is_stored = true;
                 container.bytes.extend_from_slice(content);
             }
-            ZLIB => container.inflate(head, content, Little.u32(header, 8), offset)?,
-            _ => container.broken(format!("container compression {method}; expected 0 or 2 (zlib)")),
+            ZLIB => container.inflate_content(head, content, Little.u32(header, 8), offset)?,
+            _ => container.mark_broken(format!("container compression {method}; expected 0 or 2 (zlib)")),
         }
         Ok(container)
     }
 
-    fn broken(&mut self, damage: String) {
+    fn mark_broken(&mut self, damage: String) {
         self.is_broken = true;
         self.damage.get_or_insert(damage);
     }
 
     /// Handles content that is complete after `length` bytes. If the declared size differs, the data after it
     /// is kept.
-    fn ends_after(&mut self, head: Head, length: usize) {
+    fn ends_after(&mut self, head: ObjectHeader, length: usize) {
         if self.is_cut || self.length.saturating_sub(length) > FILL {
             self.damage =
                 Some(format!("container of {} bytes: content ends after {length} bytes", head.size));
@@ -93,22 +100,24 @@ impl Container {
         }
     }
 
-    fn inflate(
+    fn inflate_content(
         &mut self,
-        head: Head,
+        head: ObjectHeader,
         content: &[u8],
         size: Option<u32>,
         offset: u64,
     ) -> Result<(), CaptureError> {
         match inflate(content, &mut self.bytes, LARGEST_CONTENT) {
-            Decompression::Whole(taken) => self.ends_after(head, Self::before(head).saturating_add(taken)),
+            Decompression::Whole(taken) => {
+                self.ends_after(head, Self::bytes_before_content(head).saturating_add(taken))
+            }
             Decompression::CutOff if content.is_empty() && size == Some(0) => {}
-            Decompression::CutOff => self.broken("content of a container ends early".into()),
+            Decompression::CutOff => self.mark_broken("content of a container ends early".into()),
             Decompression::Damaged => {
-                self.broken("content of a container damaged: its last frames may be wrong".into());
+                self.mark_broken("content of a container damaged: its last frames may be wrong".into());
             }
             Decompression::TooLong => {
-                self.broken(format!(
+                self.mark_broken(format!(
                     "content of a container longer than {LARGEST_CONTENT} bytes: rest skipped"
                 ));
             }

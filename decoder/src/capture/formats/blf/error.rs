@@ -12,7 +12,7 @@
 //!
 //! Error types, directions and locations have the same codes in ASC captures.
 
-use crate::capture::bus_error::{Counters, Violation, violation};
+use crate::capture::bus_error::{Counters, Violation, violation_frame};
 use crate::capture::byte_order::ByteOrder::Little;
 use crate::frame::Frame;
 
@@ -35,38 +35,38 @@ const KINDS: &[Violation] = &[
 ];
 
 /// Error frame of an object without details.
-pub(super) fn bare(kind: Violation) -> Frame {
-    violation(kind, false, 0, None)
+pub(super) fn bare_violation(kind: Violation) -> Frame {
+    violation_frame(kind, false, 0, None)
 }
 
 /// Parses `CAN_ERROR_EXT`.
-pub(super) fn extended(body: &[u8]) -> Option<Frame> {
+pub(super) fn parse_extended(body: &[u8]) -> Option<Frame> {
     // The validity field has four bytes here; only the lower two are used.
-    Some(detailed(Little.u16(body, 4)?, *body.get(8)?, Little.u16(body, 20)?))
+    Some(detailed_violation(Little.u16(body, 4)?, *body.get(8)?, Little.u16(body, 20)?))
 }
 
 /// Parses `CAN_FD_ERROR_64`.
-pub(super) fn fd(body: &[u8]) -> Option<Frame> {
-    Some(detailed(Little.u16(body, 4)?, *body.get(3)?, Little.u16(body, 6)?))
+pub(super) fn parse_fd(body: &[u8]) -> Option<Frame> {
+    Some(detailed_violation(Little.u16(body, 4)?, *body.get(3)?, Little.u16(body, 6)?))
 }
 
 /// Error counters of a controller. The error code of the object is undocumented and ignored.
-pub(super) fn counters(body: &[u8]) -> Option<Counters> {
+pub(super) fn parse_counters(body: &[u8]) -> Option<Counters> {
     let (transmit, receive) = (*body.get(2)?, *body.get(3)?);
     Some(Counters { receive, transmit })
 }
 
-fn detailed(valid: u16, code: u8, extended: u16) -> Frame {
+fn detailed_violation(valid: u16, code: u8, extended: u16) -> Frame {
     let kind = |number: u16| KINDS.get(usize::from(number)).copied().unwrap_or(Violation::Other);
     if valid & SJA1000 != 0 {
-        return violation(kind(u16::from(code >> 6)), code & 0x20 == 0, code & 0x1F, None);
+        return violation_frame(kind(u16::from(code >> 6)), code & 0x20 == 0, code & 0x1F, None);
     }
     if valid & EXTENDED != 0 {
         let is_sending = matches!(extended >> 12 & 3, 1 | 3);
         let place = u8::try_from(extended & 0x1F).unwrap_or(0);
-        return violation(kind(extended >> 6 & 0x3F), is_sending, place, None);
+        return violation_frame(kind(extended >> 6 & 0x3F), is_sending, place, None);
     }
-    bare(Violation::Other)
+    bare_violation(Violation::Other)
 }
 
 #[cfg(test)]
@@ -84,29 +84,29 @@ mod tests {
 
     #[test]
     fn a_stuff_error_in_both_codes() {
-        let by_register = extended(&body(1, 0b1010_0010, 0)).unwrap();
+        let by_register = parse_extended(&body(1, 0b1010_0010, 0)).unwrap();
         assert_eq!(by_register.data(), [0, 0, 0x04, 0x02, 0, 0, 0, 0], "receiving, ID.28 to ID.21");
-        assert_eq!(extended(&body(2, 0, 0x20A2)).unwrap(), by_register);
+        assert_eq!(parse_extended(&body(2, 0, 0x20A2)).unwrap(), by_register);
         let fd_body = [1, 8, 0, 0, 2, 0, 0xA2, 0x20];
-        assert_eq!(fd(&fd_body).unwrap(), by_register);
+        assert_eq!(parse_fd(&fd_body).unwrap(), by_register);
     }
 
     #[test]
     fn a_missing_acknowledgement_while_sending() {
-        let frame = extended(&body(0x0E, 0xC7, 0x31CA)).unwrap();
+        let frame = parse_extended(&body(0x0E, 0xC7, 0x31CA)).unwrap();
         assert_eq!((frame.id, frame.data()[2]), (CanId::Extended(0x0A8), 0x80));
     }
 
     #[test]
     fn without_a_valid_code_it_is_an_error_of_any_kind() {
-        let frame = extended(&body(0, 0xFF, 0xFFFF)).unwrap();
+        let frame = parse_extended(&body(0, 0xFF, 0xFFFF)).unwrap();
         assert_eq!((frame.id, frame.data()), (CanId::Extended(0x088), &[0; 8][..]));
-        assert_eq!(extended(&body(0, 0, 0)[..21]), None);
+        assert_eq!(parse_extended(&body(0, 0, 0)[..21]), None);
     }
 
     #[test]
     fn counters_stand_where_socketcan_has_them() {
-        let found = counters(&[1, 0, 130, 7, 0, 0, 0, 0]).unwrap();
-        assert_eq!(crate::capture::bus_error::counters(found).data(), [0, 0, 0, 0, 0, 0, 130, 7]);
+        let found = parse_counters(&[1, 0, 130, 7, 0, 0, 0, 0]).unwrap();
+        assert_eq!(crate::capture::bus_error::counter_frame(found).data(), [0, 0, 0, 0, 0, 0, 130, 7]);
     }
 }

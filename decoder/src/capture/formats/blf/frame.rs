@@ -23,7 +23,7 @@ const FD_64_DATA: usize = 40;
 
 /// Content of a frame object.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Content {
+pub(super) enum FrameObject {
     /// A frame on the bus.
     Frame(Frame),
     /// A request to send a frame; it is possible that the frame was never sent.
@@ -31,7 +31,7 @@ pub(super) enum Content {
 }
 
 /// Fields common to all frame objects.
-struct Fields {
+struct FrameObjectFields {
     id: u32,
     dlc: u8,
     /// Number of valid data bytes; `None` if the object type has no such field.
@@ -41,38 +41,38 @@ struct Fields {
 }
 
 /// Parses `CAN_MESSAGE` and `CAN_MESSAGE2`.
-pub(super) fn classic(body: &[u8]) -> Option<Content> {
+pub(super) fn parse_classic(body: &[u8]) -> Option<FrameObject> {
     let (flags, dlc) = (*body.get(2)?, *body.get(3)?);
-    let fields = Fields {
+    let fields = FrameObjectFields {
         id: Little.u32(body, 4)?,
         dlc,
         valid: None,
-        direction: direction(flags),
-        flags: remote(flags),
+        direction: direction_bit(flags),
+        flags: remote_flags(flags),
     };
     // The data field has a fixed size; a shorter object is cut off.
-    fields.content(body.get(CLASSIC_DATA..CLASSIC_DATA + 8)?)
+    fields.build_content(body.get(CLASSIC_DATA..CLASSIC_DATA + 8)?)
 }
 
 /// Parses `CAN_FD_MESSAGE`.
-pub(super) fn fd(body: &[u8]) -> Option<Content> {
+pub(super) fn parse_fd(body: &[u8]) -> Option<FrameObject> {
     let (flags, dlc, fd) = (*body.get(2)?, *body.get(3)?, *body.get(13)?);
-    let flags_of_frame = if fd & 1 == 0 { remote(flags) } else { fd_flags(fd & 2 != 0, fd & 4 != 0) };
-    let fields = Fields {
+    let flags_of_frame = if fd & 1 == 0 { remote_flags(flags) } else { fd_flags(fd & 2 != 0, fd & 4 != 0) };
+    let fields = FrameObjectFields {
         id: Little.u32(body, 4)?,
         dlc,
         valid: Some(*body.get(14)?),
-        direction: direction(flags),
+        direction: direction_bit(flags),
         flags: flags_of_frame,
     };
-    fields.content(body.get(FD_DATA..)?)
+    fields.build_content(body.get(FD_DATA..)?)
 }
 
 /// Parses `CAN_FD_MESSAGE_64`; its offset of further data includes the `header` bytes before the body.
-pub(super) fn fd_64(body: &[u8], header: usize) -> Option<Content> {
+pub(super) fn fd_64(body: &[u8], header: usize) -> Option<FrameObject> {
     let flags = Little.u32(body, 12)?;
     let has = |bit: u32| flags & bit != 0;
-    let fields = Fields {
+    let fields = FrameObjectFields {
         id: Little.u32(body, 4)?,
         dlc: *body.get(1)?,
         valid: Some(*body.get(2)?),
@@ -87,15 +87,15 @@ pub(super) fn fd_64(body: &[u8], header: usize) -> Option<Content> {
     let data = body.get(FD_64_DATA..)?;
     // Further data of the recorder may follow the frame data.
     let end = further.checked_sub(header + FD_64_DATA).unwrap_or(data.len());
-    fields.content(data.get(..end).unwrap_or(data))
+    fields.build_content(data.get(..end).unwrap_or(data))
 }
 
 /// Direction from the flags of a frame. A request was not on the bus, so its line state is 0.
-fn direction(flags: u8) -> u8 {
+fn direction_bit(flags: u8) -> u8 {
     if flags & 0x6F == 2 { 2 } else { flags & 1 }
 }
 
-fn remote(flags: u8) -> FrameFlags {
+fn remote_flags(flags: u8) -> FrameFlags {
     if flags & 0x80 == 0 { FrameFlags::default() } else { FrameFlags::REMOTE }
 }
 
@@ -105,15 +105,15 @@ fn fd_flags(switched: bool, error_state: bool) -> FrameFlags {
     add(flags, FrameFlags::ERROR_STATE, error_state)
 }
 
-impl Fields {
-    fn content(self, data: &[u8]) -> Option<Content> {
+impl FrameObjectFields {
+    fn build_content(self, data: &[u8]) -> Option<FrameObject> {
         if self.direction == 2 {
-            return Some(Content::Request);
+            return Some(FrameObject::Request);
         }
         let way = if self.direction == 0 { FrameFlags::RECEIVED } else { FrameFlags::TRANSMITTED };
         let id = match self.id & EXTENDED {
-            0 => CanId::standard(u16::try_from(self.id & 0x7FF).ok()?),
-            _ => CanId::extended(self.id),
+            0 => CanId::from_standard(u16::try_from(self.id & 0x7FF).ok()?),
+            _ => CanId::from_extended(self.id),
         };
         // The upper four bits have another meaning.
         let dlc = self.dlc & 0x0F;
@@ -128,7 +128,7 @@ impl Fields {
             target.copy_from_slice(source);
         }
         let raw_dlc = if dlc > 8 && !is_fd && length == 8 { dlc } else { 0 };
-        Some(Content::Frame(Frame {
+        Some(FrameObject::Frame(Frame {
             id,
             flags: self.flags.with(way),
             length,
@@ -143,9 +143,9 @@ impl Fields {
 mod tests {
     use super::*;
 
-    fn frame(content: Option<Content>) -> Frame {
+    fn frame(content: Option<FrameObject>) -> Frame {
         match content {
-            Some(Content::Frame(frame)) => frame,
+            Some(FrameObject::Frame(frame)) => frame,
             other => panic!("{other:?}"),
         }
     }
@@ -154,27 +154,27 @@ mod tests {
 
     #[test]
     fn a_classic_frame() {
-        let sent = frame(classic(&CLASSIC));
+        let sent = frame(parse_classic(&CLASSIC));
         assert_eq!((sent.id, sent.data()), (CanId::Standard(0x181), &[0xAA, 0xBB, 0xCC][..]));
         assert_eq!(sent.flags, FrameFlags::TRANSMITTED);
         let mut body = CLASSIC;
         (body[2], body[3], body[7]) = (0x80, 4, 0x80);
-        let remote = frame(classic(&body));
+        let remote = frame(parse_classic(&body));
         assert_eq!((remote.id, remote.length, remote.data()), (CanId::Extended(0x181), 4, &[][..]));
         assert_eq!(remote.flags, FrameFlags::REMOTE.with(FrameFlags::RECEIVED));
         body[2..4].copy_from_slice(&[0, 15]);
-        let long = frame(classic(&body));
+        let long = frame(parse_classic(&body));
         assert_eq!((long.length, long.raw_dlc), (8, 15));
-        assert_eq!(classic(&CLASSIC[..15]), None);
+        assert_eq!(parse_classic(&CLASSIC[..15]), None);
     }
 
     #[test]
     fn a_request_to_send_is_none() {
         let mut body = CLASSIC;
         body[2] = 2;
-        assert_eq!(classic(&body), Some(Content::Request));
+        assert_eq!(parse_classic(&body), Some(FrameObject::Request));
         body[2] = 0x22;
-        assert_eq!(frame(classic(&body)).flags, FrameFlags::RECEIVED, "the line was looked at");
+        assert_eq!(frame(parse_classic(&body)).flags, FrameFlags::RECEIVED, "the line was looked at");
     }
 
     #[test]
@@ -183,12 +183,12 @@ mod tests {
         body[..8].copy_from_slice(&[2, 0, 0, 10, 0x10, 0, 0, 0]);
         (body[13], body[14]) = (0b111, 16);
         body[20..36].copy_from_slice(&[7; 16]);
-        let content = frame(fd(&body));
+        let content = frame(parse_fd(&body));
         assert_eq!(content.data(), [7; 16]);
         let flags = FrameFlags::FD.with(FrameFlags::BIT_RATE_SWITCH).with(FrameFlags::ERROR_STATE);
         assert_eq!(content.flags, flags.with(FrameFlags::RECEIVED));
         body[13] = 0;
-        let classic = frame(fd(&body));
+        let classic = frame(parse_fd(&body));
         assert_eq!((classic.data(), classic.raw_dlc), (&[7; 8][..], 10), "a classic frame on an FD channel");
     }
 
@@ -203,6 +203,6 @@ mod tests {
         body[35] = 32 + 40 + 2;
         assert_eq!(frame(fd_64(&body, 32)).data()[..4], [5, 5, 0, 0], "further data follow");
         body[34] = 2;
-        assert_eq!(fd_64(&body, 32), Some(Content::Request));
+        assert_eq!(fd_64(&body, 32), Some(FrameObject::Request));
     }
 }

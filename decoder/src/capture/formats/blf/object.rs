@@ -28,7 +28,7 @@ const MAGIC: &[u8; 4] = b"LOBJ";
 
 /// Header of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Head {
+pub(super) struct ObjectHeader {
     /// Size of the header in bytes.
     pub(super) header: usize,
     /// Size of the object in bytes, with its header.
@@ -40,7 +40,7 @@ pub(super) struct Head {
 /// Content found at a position.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum ObjectContent {
-    Object(Head),
+    Object(ObjectHeader),
     /// Number of bytes, at least one, that are not part of an object.
     Gap(usize),
     /// Too few bytes to decide, or none.
@@ -48,12 +48,12 @@ pub(super) enum ObjectContent {
 }
 
 /// Determines what `rest` begins with.
-pub(super) fn find(rest: &[u8]) -> ObjectContent {
+pub(super) fn find_object(rest: &[u8]) -> ObjectContent {
     let mut gap = 0;
     loop {
         let here = rest.get(gap..).unwrap_or_default();
         let may_go_on = here.len() < BASE && here.iter().zip(MAGIC).all(|(found, magic)| found == magic);
-        match head(here) {
+        match parse_header(here) {
             Some(head) if gap == 0 => return ObjectContent::Object(head),
             None if may_go_on && gap == 0 => return ObjectContent::More,
             Some(_) => return ObjectContent::Gap(gap),
@@ -74,7 +74,7 @@ pub(super) fn is_followed(rest: &[u8], size: usize) -> bool {
     window.len() < FILL + MAGIC.len() || memchr::memmem::find(window, MAGIC).is_some()
 }
 
-fn head(bytes: &[u8]) -> Option<Head> {
+fn parse_header(bytes: &[u8]) -> Option<ObjectHeader> {
     if !bytes.starts_with(MAGIC) {
         return None;
     }
@@ -85,7 +85,7 @@ fn head(bytes: &[u8]) -> Option<Head> {
         && (u32::from(header)..=LARGEST).contains(&size)
         && kind <= LAST_KIND;
     let size = usize::try_from(size).ok()?;
-    is_plausible.then_some(Head { header: header.into(), size, kind })
+    is_plausible.then_some(ObjectHeader { header: header.into(), size, kind })
 }
 
 #[cfg(test)]
@@ -96,14 +96,17 @@ mod tests {
 
     #[test]
     fn an_object_is_found_behind_other_bytes() {
-        let head = Head { header: 32, size: 48, kind: 1 };
-        assert_eq!(find(&HEAD), ObjectContent::Object(head));
-        assert_eq!(find(&[&b"\0L\0LOBJ...............LO"[..], &HEAD].concat()), ObjectContent::Gap(24));
-        assert_eq!(find(b"nothing"), ObjectContent::Gap(7));
-        assert_eq!(find(b"nothing LO"), ObjectContent::Gap(8));
-        assert_eq!(find(b"LO"), ObjectContent::More);
-        assert_eq!(find(&HEAD[..15]), ObjectContent::More);
-        assert_eq!(find(b""), ObjectContent::More);
+        let head = ObjectHeader { header: 32, size: 48, kind: 1 };
+        assert_eq!(find_object(&HEAD), ObjectContent::Object(head));
+        assert_eq!(
+            find_object(&[&b"\0L\0LOBJ...............LO"[..], &HEAD].concat()),
+            ObjectContent::Gap(24)
+        );
+        assert_eq!(find_object(b"nothing"), ObjectContent::Gap(7));
+        assert_eq!(find_object(b"nothing LO"), ObjectContent::Gap(8));
+        assert_eq!(find_object(b"LO"), ObjectContent::More);
+        assert_eq!(find_object(&HEAD[..15]), ObjectContent::More);
+        assert_eq!(find_object(b""), ObjectContent::More);
     }
 
     #[test]
@@ -111,7 +114,7 @@ mod tests {
         for (at, byte) in [(4, 15), (6, 0), (6, 4), (8, 31), (11, 5), (13, 4)] {
             let mut bytes = HEAD;
             bytes[at] = byte;
-            assert_eq!(find(&bytes), ObjectContent::Gap(BASE), "{at} = {byte}");
+            assert_eq!(find_object(&bytes), ObjectContent::Gap(BASE), "{at} = {byte}");
         }
     }
 

@@ -1,8 +1,8 @@
 //! Objects of a capture, converted to frames and notices.
 
 use super::error;
-use super::frame::{self, Content};
-use super::object::Head;
+use super::frame::{self, FrameObject};
+use super::object::ObjectHeader;
 use crate::capture::bus_error::{self, Counters, Violation};
 use crate::capture::byte_order::ByteOrder::Little;
 use crate::capture::{Batch, BusNames, CapturePlace, MAX_BUSES, Notice};
@@ -58,7 +58,7 @@ pub(super) fn is_read(kind: u32) -> bool {
 
 /// State collected from the objects so far.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Objects {
+pub(super) struct ObjectState {
     /// Start of the capture in nanoseconds since 1970: the zero of the times.
     pub(super) start: i64,
     pub(super) buses: BusNames,
@@ -73,40 +73,46 @@ pub(super) struct Objects {
     said_unit: bool,
 }
 
-impl Objects {
+impl ObjectState {
     /// Counts a skipped object.
     pub(super) fn pass_over(&mut self, kind: u32) {
         self.others += u64::from(OTHER_BUSES.contains(&kind));
     }
 
     /// Parses one complete object.
-    pub(super) fn take(&mut self, head: Head, object: &[u8], place: CapturePlace, batch: &mut Batch) {
+    pub(super) fn parse_object(
+        &mut self,
+        head: ObjectHeader,
+        object: &[u8],
+        place: CapturePlace,
+        batch: &mut Batch,
+    ) {
         let body = object.get(head.header..).unwrap_or_default();
-        if self.content(head, object, body, place, batch).is_none() {
+        if self.parse_content(head, object, body, place, batch).is_none() {
             let reason = format!("object type {}: {} bytes are too short for the type", head.kind, head.size);
             batch.push_unreadable(place, reason);
         }
     }
 
-    fn content(
+    fn parse_content(
         &mut self,
-        head: Head,
+        head: ObjectHeader,
         object: &[u8],
         body: &[u8],
         place: CapturePlace,
         batch: &mut Batch,
     ) -> Option<()> {
         let frame = match head.kind {
-            CAN_MESSAGE | CAN_MESSAGE2 => self.sent(frame::classic(body)?, batch),
-            CAN_FD_MESSAGE => self.sent(frame::fd(body)?, batch),
-            CAN_FD_MESSAGE_64 => self.sent(frame::fd_64(body, head.header)?, batch),
-            CAN_ERROR => Some(error::bare(Violation::Other)),
-            CAN_OVERLOAD => Some(error::bare(Violation::Overload)),
-            CAN_ERROR_EXT => Some(error::extended(body)?),
-            CAN_FD_ERROR_64 => Some(error::fd(body)?),
-            CAN_DRIVER_ERROR | CAN_DRIVER_ERROR_EXT => self.counters(body)?,
+            CAN_MESSAGE | CAN_MESSAGE2 => self.add_sent(frame::parse_classic(body)?, batch),
+            CAN_FD_MESSAGE => self.add_sent(frame::parse_fd(body)?, batch),
+            CAN_FD_MESSAGE_64 => self.add_sent(frame::fd_64(body, head.header)?, batch),
+            CAN_ERROR => Some(error::bare_violation(Violation::Other)),
+            CAN_OVERLOAD => Some(error::bare_violation(Violation::Overload)),
+            CAN_ERROR_EXT => Some(error::parse_extended(body)?),
+            CAN_FD_ERROR_64 => Some(error::parse_fd(body)?),
+            CAN_DRIVER_ERROR | CAN_DRIVER_ERROR_EXT => self.parse_counters(body)?,
             _ => {
-                self.loss(head.kind, body, place, batch)?;
+                self.parse_loss(head.kind, body, place, batch)?;
                 None
             }
         };
@@ -115,8 +121,8 @@ impl Objects {
             CAN_FD_MESSAGE_64 | CAN_FD_ERROR_64 => u16::from(*body.first()?),
             _ => Little.u16(body, 0)?,
         };
-        let time = self.time(object, batch)?;
-        let Some(bus) = self.bus(channel) else {
+        let time = self.parse_time(object, batch)?;
+        let Some(bus) = self.bus_of_channel(channel) else {
             batch.push_unreadable(place, format!("channel {channel}: more than {MAX_BUSES} channels"));
             return Some(());
         };
@@ -127,8 +133,8 @@ impl Objects {
 
     /// State of a controller: its error counters. Recorders repeat them, so only a change is returned.
     #[expect(clippy::option_option, reason = "a body that is too short, and a report without news")]
-    fn counters(&mut self, body: &[u8]) -> Option<Option<Frame>> {
-        let (channel, counters) = (Little.u16(body, 0)?, error::counters(body)?);
+    fn parse_counters(&mut self, body: &[u8]) -> Option<Option<Frame>> {
+        let (channel, counters) = (Little.u16(body, 0)?, error::parse_counters(body)?);
         let has_room = self.counters.len() < MAX_BUSES;
         match self.counters.iter_mut().find(|(known, _)| *known == channel) {
             Some((_, last)) if *last == counters => return Some(None),
@@ -136,41 +142,41 @@ impl Objects {
             None if has_room => self.counters.push((channel, counters)),
             None => {}
         }
-        Some(Some(bus_error::counters(counters)))
+        Some(Some(bus_error::counter_frame(counters)))
     }
 
-    fn sent(&mut self, content: Content, batch: &mut Batch) -> Option<Frame> {
+    fn add_sent(&mut self, content: FrameObject, batch: &mut Batch) -> Option<Frame> {
         match content {
-            Content::Frame(frame) => Some(frame),
-            Content::Request => {
+            FrameObject::Frame(frame) => Some(frame),
+            FrameObject::Request => {
                 if !std::mem::replace(&mut self.said_request, true) {
                     let text = "requests to send (TxRq) ignored";
-                    batch.notice(Notice::Assumption(text.into()));
+                    batch.add_notice(Notice::Assumption(text.into()));
                 }
                 None
             }
         }
     }
 
-    fn bus(&mut self, channel: u16) -> Option<BusIndex> {
+    fn bus_of_channel(&mut self, channel: u16) -> Option<BusIndex> {
         self.buses.index_of(channel.to_string().as_bytes())
     }
 
-    fn time(&mut self, object: &[u8], batch: &mut Batch) -> Option<Timestamp> {
+    fn parse_time(&mut self, object: &[u8], batch: &mut Batch) -> Option<Timestamp> {
         let (unit, stamp) = (Little.u32(object, 16)?, Little.u64(object, 24)?);
         let stamp = i64::try_from(stamp).unwrap_or(i64::MAX);
         let elapsed = if unit == 1 { stamp.saturating_mul(10_000) } else { stamp };
         if !matches!(unit, 1 | 2) && !std::mem::replace(&mut self.said_unit, true) {
             let text = format!("unknown time unit {unit}: times read as nanoseconds");
-            batch.notice(Notice::Assumption(text));
+            batch.add_notice(Notice::Assumption(text));
         }
         Some(Timestamp(self.start).plus(elapsed))
     }
 
     /// Handles objects about lost frames.
-    fn loss(&mut self, kind: u32, body: &[u8], place: CapturePlace, batch: &mut Batch) -> Option<()> {
+    fn parse_loss(&mut self, kind: u32, body: &[u8], place: CapturePlace, batch: &mut Batch) -> Option<()> {
         let (bus, count) = match kind {
-            OVERRUN_ERROR if Little.u32(body, 0)? == CAN => (self.bus(Little.u16(body, 4)?), None),
+            OVERRUN_ERROR if Little.u32(body, 0)? == CAN => (self.bus_of_channel(Little.u16(body, 4)?), None),
             DATA_LOST_END => {
                 self.losing = None;
                 (None, Some(u64::from(Little.u32(body, 12)?)))
@@ -181,18 +187,18 @@ impl Objects {
             }
             _ => return Some(()),
         };
-        batch.notice(Notice::LostFrames { place, bus: bus.unwrap_or_default(), count });
+        batch.add_notice(Notice::LostFrames { place, bus: bus.unwrap_or_default(), count });
         Some(())
     }
 
     /// Handles the end of the capture.
-    pub(super) fn end(&mut self, batch: &mut Batch) {
+    pub(super) fn end_capture(&mut self, batch: &mut Batch) {
         if let Some(place) = self.losing.take() {
-            batch.notice(Notice::LostFrames { place, bus: BusIndex(0), count: None });
+            batch.add_notice(Notice::LostFrames { place, bus: BusIndex(0), count: None });
         }
         if self.others > 0 {
             let text = format!("messages of bus systems other than CAN skipped ({})", self.others);
-            batch.notice(Notice::Assumption(text));
+            batch.add_notice(Notice::Assumption(text));
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Tests with captures built byte by byte.
 
 use super::*;
-use crate::capture::testing::{read, read_in_pieces};
-use crate::capture::{ReadOptions, Reader};
+use crate::capture::testing::{read_capture, read_in_pieces};
+use crate::capture::{CaptureReader, ReadOptions};
 use crate::frame::{CanId, Timestamp};
 
 fn header(start: [u16; 8]) -> Vec<u8> {
@@ -67,18 +67,18 @@ fn messages(count: u16) -> Vec<u8> {
 }
 
 fn ids(capture: &[u8]) -> Vec<u32> {
-    read(capture).frames.iter().map(|frame| frame.id.number()).collect()
+    read_capture(capture).frames.iter().map(|frame| frame.id.number()).collect()
 }
 
 fn notices(capture: &[u8]) -> Vec<String> {
-    read(capture).items.into_iter().filter(|item| !item.starts_with('{')).collect()
+    read_capture(capture).items.into_iter().filter(|item| !item.starts_with('{')).collect()
 }
 
 #[test]
 fn a_frame_has_a_time_from_the_start_of_the_recording() {
     // Friday the 10th of July 2015, 08:17:32.250: `date -u -d '2015-07-10 08:17:32' +%s` is 1436516252
     let start = header([2015, 7, 5, 10, 8, 17, 32, 250]);
-    let content = read(&[&start[..], &stored(&message(0x181, 1_500_000_001))].concat());
+    let content = read_capture(&[&start[..], &stored(&message(0x181, 1_500_000_001))].concat());
     let [frame] = content.frames.as_slice() else { panic!("{content:?}") };
     assert_eq!((frame.id, frame.data()), (CanId::Standard(0x181), &[0x81, 2, 3][..]));
     assert_eq!(frame.time, Some(Timestamp(1_436_516_253_750_000_001)));
@@ -90,7 +90,7 @@ fn a_frame_has_a_time_from_the_start_of_the_recording() {
 fn an_invalid_date_is_reported_and_an_empty_one_is_not() {
     let start = header([2015, 13, 5, 10, 8, 17, 32, 250]);
     let capture = [&start[..], &stored(&message(1, 7))].concat();
-    assert_eq!(read(&capture).frames[0].time, Some(Timestamp(7)));
+    assert_eq!(read_capture(&capture).frames[0].time, Some(Timestamp(7)));
     assert_eq!(notices(&capture), ["byte 40: invalid start date: times count from 1970"]);
     assert_eq!(notices(&self::capture(&[&stored(&message(1, 7))])), [""; 0]);
 }
@@ -103,7 +103,7 @@ fn times_have_a_unit_of_their_own_and_headers_a_version() {
     let mut later = message(2, 9);
     (later[4], later[6], later[8]) = (40, 2, 56);
     later.splice(32..32, [0xEE; 8]);
-    let content = read(&capture(&[&stored(&[ten_microseconds, later].concat())]));
+    let content = read_capture(&capture(&[&stored(&[ten_microseconds, later].concat())]));
     assert_eq!(content.frames[0].time, Some(Timestamp(123_450_000)));
     assert_eq!((content.frames[1].time, content.frames[1].data()), (Some(Timestamp(9)), &[2, 2, 3][..]));
 }
@@ -134,7 +134,7 @@ fn a_capture_that_comes_in_pieces_reads_the_same() {
     let content = messages(700);
     let containers: Vec<u8> = content.chunks(1_000).flat_map(stored).collect();
     let capture = capture(&[&containers, b"rubbish", &message(1, 0)]);
-    let whole = read(&capture);
+    let whole = read_capture(&capture);
     assert_eq!(whole.frames.len(), 701);
     for sizes in [&[1][..], &[3, 997], &[4_096]] {
         assert_eq!(read_in_pieces(&capture, sizes), whole);
@@ -143,14 +143,14 @@ fn a_capture_that_comes_in_pieces_reads_the_same() {
 
 /// Resumes at each position and compares the result with an uninterrupted read.
 fn resumes_from_any_position(capture: &[u8]) {
-    let mut reader = Reader::open(capture, &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(capture, &ReadOptions::default()).unwrap();
     let mut batch = Batch::new();
     let (mut taken, whole) = (0, ids(capture));
     while reader.read(&mut batch).unwrap() {
         taken += batch.frames().len();
         let position = reader.position();
         let rest = &capture[usize::try_from(position.offset).unwrap()..];
-        let mut resumed = Reader::resume(rest, &position);
+        let mut resumed = CaptureReader::resume(rest, &position);
         let (mut found, mut own) = (Vec::new(), Batch::new());
         while resumed.read(&mut own).unwrap() {
             found.extend(own.frames().iter().map(|frame| frame.id.number()));
@@ -178,7 +178,7 @@ fn what_the_recorder_lost() {
         notices(&capture),
         ["byte 144: frames lost", "byte 144: 17 frames lost", "byte 144: frames lost"]
     );
-    assert_eq!(read(&capture).buses, ["1", "2"]);
+    assert_eq!(read_capture(&capture).buses, ["1", "2"]);
 }
 
 #[test]
@@ -187,7 +187,7 @@ fn errors_are_frames_and_other_buses_are_reported() {
     let capture = capture(&[&stored(
         &[errors, object(11, 0, &[0; 20]), object(31, 0, &[1, 0, 9, 8, 0, 0, 0, 0])].concat(),
     )]);
-    let content = read(&capture);
+    let content = read_capture(&capture);
     let ids: Vec<u32> = content.frames.iter().map(|frame| frame.id.number()).collect();
     assert_eq!(ids, [0x088, 0x008, 0x200]);
     assert_eq!(notices(&capture), ["messages of bus systems other than CAN skipped (1)"]);
@@ -229,7 +229,7 @@ fn a_capture_cut_off_anywhere_gives_what_was_whole() {
     let capture = capture(&[&stored(&messages(3)), &message(9, 0), &stored(&messages(2))]);
     let ends: Vec<usize> = [224, 272, 320].into_iter().chain([368]).chain([448, 496]).collect();
     for length in 4..capture.len() {
-        let content = read(&capture[..length]);
+        let content = read_capture(&capture[..length]);
         let expected = ends.iter().filter(|end| **end <= length).count();
         assert_eq!(content.frames.len(), expected, "{length}");
         let is_between = [144, 320, 368].contains(&length);
@@ -246,7 +246,10 @@ mod compressed {
         let content = messages(3_000);
         for size in [33, 1_000, 40_000, 1 << 20] {
             let containers: Vec<u8> = content.chunks(size).flat_map(zlib).collect();
-            assert_eq!(read(&capture(&[&containers])).frames, read(&capture(&[&stored(&content)])).frames);
+            assert_eq!(
+                read_capture(&capture(&[&containers])).frames,
+                read_capture(&capture(&[&stored(&content)])).frames
+            );
         }
         let containers: Vec<u8> = content.chunks(20_011).flat_map(zlib).collect();
         resumes_from_any_position(&capture(&[&containers]));
@@ -291,7 +294,7 @@ mod compressed {
 #[test]
 fn a_build_without_an_inflater_says_so() {
     let capture = capture(&[&stored(&message(1, 0)), &container(2, 9, b"whatever")]);
-    let mut reader = Reader::open(&capture[..], &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(&capture[..], &ReadOptions::default()).unwrap();
     let mut batch = Batch::new();
     assert!(reader.read(&mut batch).unwrap());
     let error = reader.read(&mut batch).unwrap_err().to_string();
@@ -312,7 +315,7 @@ fn counters_of_a_controller_are_a_state_that_is_reported_when_it_changes() {
         state(31, 1, 8, 130),
         state(31, 1, 0, 0),
     ];
-    let content = read(&capture(&[&objects.concat()]));
+    let content = read_capture(&capture(&[&objects.concat()]));
     let found: Vec<_> = content
         .frames
         .iter()

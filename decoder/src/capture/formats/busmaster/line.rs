@@ -7,9 +7,9 @@
 //! time          channel id PGN type source destination priority direction length data
 //! ```
 
-use crate::capture::bus_error::{Violation, violation};
-use crate::capture::text::columns::{Base, ColumnWords, identifier, time};
-use crate::capture::text::payload::{LENGTH, SHORT, by_either, frame};
+use crate::capture::bus_error::{Violation, violation_frame};
+use crate::capture::text::columns::{ColumnWords, NumberBase, parse_identifier, parse_time};
+use crate::capture::text::payload::{LENGTH, SHORT, build_frame, by_either};
 use crate::frame::{Frame, FrameFlags, MAX_DATA};
 
 /// Nanoseconds of a second.
@@ -46,7 +46,7 @@ const ERRORS: &[(&[u8], Violation)] = &[
 
 /// Content of a line.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Content<'a> {
+pub(super) enum BusmasterLine<'a> {
     /// Channel and frame; number, time and bus of the frame are not set.
     Frame(&'a [u8], Frame),
     /// A message of several frames, each of which also has its own line.
@@ -54,30 +54,34 @@ pub(super) enum Content<'a> {
 }
 
 /// Parses a line: its time in nanoseconds and its content. The error contains the expected content.
-pub(super) fn parse(line: &[u8], is_j1939: bool, base: Base) -> Result<(i64, Content<'_>), &'static str> {
+pub(super) fn parse_line(
+    line: &[u8],
+    is_j1939: bool,
+    base: NumberBase,
+) -> Result<(i64, BusmasterLine<'_>), &'static str> {
     let mut words = ColumnWords::new(line);
-    let stamp = clock(words.next().unwrap_or_default());
+    let stamp = parse_clock(words.next().unwrap_or_default());
     let stamp = stamp.ok_or("time: expected hours:minutes:seconds:fraction")?;
-    let content = if is_j1939 { j1939(words, base) } else { can(words, base) };
+    let content = if is_j1939 { parse_j1939(words, base) } else { parse_can(words, base) };
     Ok((stamp, content?))
 }
 
 /// Parses `22:20:14:9920`. BUSMASTER writes four digits in units of 100 µs. Up to three digits are
 /// milliseconds without leading zeros, as SavvyCAN writes them; Wireshark reads those in units of 100 µs too.
-fn clock(word: &[u8]) -> Option<i64> {
+fn parse_clock(word: &[u8]) -> Option<i64> {
     let mut parts = word.splitn(4, |byte| *byte == b':');
-    let mut number = || parts.next().and_then(|part| Base::Decimal.number(part)).map(i64::from);
+    let mut number = || parts.next().and_then(|part| NumberBase::Decimal.parse_number(part)).map(i64::from);
     let (hours, minutes, seconds) = (number()?, number()?, number()?);
     let fraction = match parts.next()? {
-        digits if digits.len() <= 3 => i64::from(Base::Decimal.number(digits)?) * MILLISECOND,
-        digits if digits.iter().all(u8::is_ascii_digit) => time(&[b"0.", digits].concat(), SECOND)?,
+        digits if digits.len() <= 3 => i64::from(NumberBase::Decimal.parse_number(digits)?) * MILLISECOND,
+        digits if digits.iter().all(u8::is_ascii_digit) => parse_time(&[b"0.", digits].concat(), SECOND)?,
         _ => return None,
     };
     let seconds = hours.checked_mul(3_600)?.checked_add(minutes.checked_mul(60)?)?.checked_add(seconds)?;
     seconds.checked_mul(SECOND)?.checked_add(fraction)
 }
 
-fn direction(word: Option<&[u8]>) -> Result<FrameFlags, &'static str> {
+fn parse_direction(word: Option<&[u8]>) -> Result<FrameFlags, &'static str> {
     match word {
         Some(b"Rx") => Ok(FrameFlags::RECEIVED),
         Some(b"Tx") => Ok(FrameFlags::TRANSMITTED),
@@ -85,55 +89,55 @@ fn direction(word: Option<&[u8]>) -> Result<FrameFlags, &'static str> {
     }
 }
 
-fn channel(word: Option<&[u8]>) -> Result<&[u8], &'static str> {
+fn parse_channel(word: Option<&[u8]>) -> Result<&[u8], &'static str> {
     word.filter(|word| word.iter().all(u8::is_ascii_digit)).ok_or(CHANNEL)
 }
 
 /// Parses a number in the base of the header, with or without 0x.
-fn number(word: &[u8], base: Base) -> Option<u32> {
+fn parse_number(word: &[u8], base: NumberBase) -> Option<u32> {
     match word {
-        [b'0', b'x' | b'X', digits @ ..] => Base::Hex.number(digits),
-        digits => base.number(digits),
+        [b'0', b'x' | b'X', digits @ ..] => NumberBase::Hex.parse_number(digits),
+        digits => base.parse_number(digits),
     }
 }
 
-fn can(mut words: ColumnWords<'_>, base: Base) -> Result<Content<'_>, &'static str> {
-    let way = direction(words.next())?;
-    let bus = channel(words.next())?;
-    let id = words.next().and_then(|word| number(word, base));
+fn parse_can(mut words: ColumnWords<'_>, base: NumberBase) -> Result<BusmasterLine<'_>, &'static str> {
+    let way = parse_direction(words.next())?;
+    let bus = parse_channel(words.next())?;
+    let id = words.next().and_then(|word| parse_number(word, base));
     let kind = words.next().unwrap_or_default();
     if kind.starts_with(b"ERR") {
-        let frame = error(words.rest(), way.contains(FrameFlags::TRANSMITTED));
-        return Ok(Content::Frame(bus, Frame { flags: frame.flags.with(way), ..frame }));
+        let frame = error_frame(words.remaining_text(), way.contains(FrameFlags::TRANSMITTED));
+        return Ok(BusmasterLine::Frame(bus, Frame { flags: frame.flags.with(way), ..frame }));
     }
     let kind = TYPES.iter().find(|(name, _, _)| *name == kind);
     let (_, extended, flags) = *kind.ok_or("type: expected s, x, sr, xr, s-fd, x-fd or ERR")?;
-    let id = id.and_then(|id| identifier(id, extended)).ok_or(IDENTIFIER)?;
-    let count = words.next().and_then(|word| Base::Decimal.byte(word)).ok_or(LENGTH)?;
+    let id = id.and_then(|id| parse_identifier(id, extended)).ok_or(IDENTIFIER)?;
+    let count = words.next().and_then(|word| NumberBase::Decimal.parse_byte(word)).ok_or(LENGTH)?;
     let there = words.clone().take(MAX_DATA + 1).count();
     let lengths = by_either(count, there, flags).ok_or(LENGTH)?;
-    Ok(Content::Frame(bus, frame(id, flags.with(way), lengths, words, base).ok_or(SHORT)?))
+    Ok(BusmasterLine::Frame(bus, build_frame(id, flags.with(way), lengths, words, base).ok_or(SHORT)?))
 }
 
 /// Error frame from a text that describes the error.
-fn error(text: &[u8], sending: bool) -> Frame {
+fn error_frame(text: &[u8], sending: bool) -> Frame {
     let text = text.to_ascii_lowercase();
     let kind = ERRORS.iter().find(|(word, _)| memchr::memmem::find(&text, word).is_some());
-    violation(kind.map_or(Violation::Other, |(_, kind)| *kind), sending, 0, None)
+    violation_frame(kind.map_or(Violation::Other, |(_, kind)| *kind), sending, 0, None)
 }
 
-fn j1939(mut words: ColumnWords<'_>, base: Base) -> Result<Content<'_>, &'static str> {
-    let bus = channel(words.next())?;
-    let id = words.next().and_then(|word| number(word, base));
-    let id = id.and_then(|id| identifier(id, true)).ok_or(IDENTIFIER)?;
+fn parse_j1939(mut words: ColumnWords<'_>, base: NumberBase) -> Result<BusmasterLine<'_>, &'static str> {
+    let bus = parse_channel(words.next())?;
+    let id = words.next().and_then(|word| parse_number(word, base));
+    let id = id.and_then(|id| parse_identifier(id, true)).ok_or(IDENTIFIER)?;
     // Group, addresses and priority are part of the identifier, so their columns are skipped.
-    let way = direction(words.by_ref().nth(5))?;
-    let count = words.next().and_then(|word| Base::Decimal.number(word)).ok_or(LENGTH)?;
+    let way = parse_direction(words.by_ref().nth(5))?;
+    let count = words.next().and_then(|word| NumberBase::Decimal.parse_number(word)).ok_or(LENGTH)?;
     if count > 8 {
-        return Ok(Content::Transfer);
+        return Ok(BusmasterLine::Transfer);
     }
     let count = u8::try_from(count).map_err(|_| LENGTH)?;
-    Ok(Content::Frame(bus, frame(id, way, (count, 0), words, base).ok_or(SHORT)?))
+    Ok(BusmasterLine::Frame(bus, build_frame(id, way, (count, 0), words, base).ok_or(SHORT)?))
 }
 
 #[cfg(test)]
@@ -141,8 +145,8 @@ mod tests {
     use super::*;
 
     fn read(line: &str) -> String {
-        match parse(line.as_bytes(), false, Base::Hex).unwrap() {
-            (stamp, Content::Frame(bus, frame)) => format!("{stamp} {} {frame:?}", bus.escape_ascii()),
+        match parse_line(line.as_bytes(), false, NumberBase::Hex).unwrap() {
+            (stamp, BusmasterLine::Frame(bus, frame)) => format!("{stamp} {} {frame:?}", bus.escape_ascii()),
             (_, content) => panic!("{content:?}"),
         }
     }
@@ -172,7 +176,7 @@ mod tests {
         for (word, expected) in
             [("0:0:1:0002", 1_000_200_000), ("0:0:1:2", 1_002_000_000), ("0:0:1:992", 1_992_000_000)]
         {
-            assert_eq!(clock(word.as_bytes()), Some(expected), "{word}");
+            assert_eq!(parse_clock(word.as_bytes()), Some(expected), "{word}");
         }
     }
 
@@ -187,7 +191,7 @@ mod tests {
     #[test]
     fn messages_the_recorder_put_together_are_no_frames() {
         let line = b"0:0:0:0 1 1cebff00 0x00EB00 BROADCAST 00 FF 007 Rx 14 01 02 03 04 05 06 07 08 09 0A 0B 0C 0D 0E";
-        assert_eq!(parse(line, true, Base::Hex), Ok((0, Content::Transfer)));
+        assert_eq!(parse_line(line, true, NumberBase::Hex), Ok((0, BusmasterLine::Transfer)));
     }
 
     #[test]
@@ -204,11 +208,11 @@ mod tests {
             ("0:0:0:0 Rx 1 1 s 16", "length"),
             ("0:0:0:0 Rx 1 1 s 2 00", "data"),
         ] {
-            let reason = parse(line.as_bytes(), false, Base::Hex).unwrap_err();
+            let reason = parse_line(line.as_bytes(), false, NumberBase::Hex).unwrap_err();
             assert!(reason.starts_with(part), "{line}: {reason}");
         }
-        let reason =
-            parse(b"0:0:0:0 1 1cea2000 0 RQST 00 20 007 Xx 3 00 00 00", true, Base::Hex).unwrap_err();
+        let reason = parse_line(b"0:0:0:0 1 1cea2000 0 RQST 00 20 007 Xx 3 00 00 00", true, NumberBase::Hex)
+            .unwrap_err();
         assert_eq!(reason, DIRECTION);
     }
 }

@@ -17,13 +17,13 @@
 
 mod line;
 
-use line::{Content, DAY};
+use line::{BusmasterLine, DAY};
 
-use crate::capture::Format;
-use crate::capture::calendar::utc;
-use crate::capture::text::columns::{Base, ColumnWords};
+use crate::capture::CaptureFormat;
+use crate::capture::calendar::from_utc;
+use crate::capture::text::columns::{ColumnWords, NumberBase};
 use crate::capture::text::line_format::{
-    Assumptions, Fault, LineFormat, LineParser, ParsedLine, first_lines,
+    CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine, first_lines,
 };
 
 /// A smaller backward step of the time of day is not a new day: frames are out of order, or the clock was
@@ -33,7 +33,7 @@ const HALF_A_DAY: i64 = DAY / 2;
 /// Start and end of header lines.
 const STARS: &[u8] = b"***";
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     name: "busmaster",
     title: BusMaster::TITLE,
     is_text: true,
@@ -44,7 +44,7 @@ pub(super) const FORMAT: Format = Format {
 
 /// Protocol of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-enum Protocol {
+enum SessionProtocol {
     #[default]
     Can,
     J1939,
@@ -54,7 +54,7 @@ enum Protocol {
 
 /// Meaning of times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-enum Mode {
+enum BusmasterTimeMode {
     /// Time of day.
     #[default]
     System,
@@ -67,9 +67,9 @@ enum Mode {
 /// Header of the current session.
 #[derive(Clone, Default)]
 struct BusMaster {
-    protocol: Protocol,
-    base: Base,
-    mode: Option<Mode>,
+    protocol: SessionProtocol,
+    base: NumberBase,
+    mode: Option<BusmasterTimeMode>,
     /// Day of the start of the session, in nanoseconds since 1970, and the time of the start within that day.
     day: i64,
     start: i64,
@@ -78,24 +78,24 @@ struct BusMaster {
 }
 
 impl BusMaster {
-    fn header(&mut self, text: &[u8], assumptions: &mut Assumptions) -> Result<(), Fault> {
+    fn on_header(&mut self, text: &[u8], assumptions: &mut CaptureAssumptions) -> Result<(), LineFault> {
         match text {
-            b"HEX" => self.base = Base::Hex,
-            b"DEC" => self.base = Base::Decimal,
-            b"SYSTEM MODE" => self.mode = Some(Mode::System),
-            b"ABSOLUTE MODE" => self.mode = Some(Mode::Absolute),
-            b"RELATIVE MODE" => self.mode = Some(Mode::Relative),
-            b"PROTOCOL CAN" => self.protocol = Protocol::Can,
-            b"PROTOCOL J1939" => self.protocol = Protocol::J1939,
+            b"HEX" => self.base = NumberBase::Hex,
+            b"DEC" => self.base = NumberBase::Decimal,
+            b"SYSTEM MODE" => self.mode = Some(BusmasterTimeMode::System),
+            b"ABSOLUTE MODE" => self.mode = Some(BusmasterTimeMode::Absolute),
+            b"RELATIVE MODE" => self.mode = Some(BusmasterTimeMode::Relative),
+            b"PROTOCOL CAN" => self.protocol = SessionProtocol::Can,
+            b"PROTOCOL J1939" => self.protocol = SessionProtocol::J1939,
             _ if text.starts_with(b"BUSMASTER") => *self = Self::default(),
             _ if text.starts_with(b"PROTOCOL") => {
-                self.protocol = Protocol::Foreign;
-                assumptions.report("sessions of bus systems other than CAN skipped");
+                self.protocol = SessionProtocol::Foreign;
+                assumptions.add_assumption("sessions of bus systems other than CAN skipped");
             }
             _ => {
                 if let Some(date) = text.strip_prefix(b"START DATE AND TIME") {
-                    self.started(date)?;
-                    assumptions.report("start date without time zone: times read as UTC");
+                    self.parse_start(date)?;
+                    assumptions.add_assumption("start date without time zone: times read as UTC");
                 }
             }
         }
@@ -103,32 +103,32 @@ impl BusMaster {
     }
 
     /// Parses ` 23:9:2015 22:17:28:928`; milliseconds are not padded.
-    fn started(&mut self, text: &[u8]) -> Result<(), Fault> {
+    fn parse_start(&mut self, text: &[u8]) -> Result<(), LineFault> {
         const DATE: &str = "start date: expected day:month:year hour:minute:second:millisecond";
         let mut words = ColumnWords::new(text);
-        let date = numbers(words.next().unwrap_or_default()).ok_or(DATE)?;
-        let time = numbers(words.next().unwrap_or_default()).ok_or(DATE)?;
+        let date = parse_numbers(words.next().unwrap_or_default()).ok_or(DATE)?;
+        let time = parse_numbers(words.next().unwrap_or_default()).ok_or(DATE)?;
         let ([day, month, year], [hour, minute, second, millisecond]) = (date, time);
         let nanoseconds = millisecond.saturating_mul(1_000_000);
-        self.day = utc([year, month, day, 0, 0, 0], 0).ok_or(DATE)?;
-        let start = utc([year, month, day, hour, minute, second], nanoseconds).ok_or(DATE)?;
+        self.day = from_utc([year, month, day, 0, 0, 0], 0).ok_or(DATE)?;
+        let start = from_utc([year, month, day, hour, minute, second], nanoseconds).ok_or(DATE)?;
         self.start = start.saturating_sub(self.day);
         self.last = None;
         Ok(())
     }
 
     /// Converts a timestamp of a line to a time.
-    fn time(&mut self, stamp: i64) -> i64 {
+    fn to_time(&mut self, stamp: i64) -> i64 {
         match self.mode.unwrap_or_default() {
-            Mode::System => {
+            BusmasterTimeMode::System => {
                 if stamp.saturating_add(HALF_A_DAY) < self.last.unwrap_or(self.start) {
                     self.day = self.day.saturating_add(DAY);
                 }
                 self.last = Some(stamp);
                 self.day.saturating_add(stamp)
             }
-            Mode::Absolute => self.day.saturating_add(self.start).saturating_add(stamp),
-            Mode::Relative => {
+            BusmasterTimeMode::Absolute => self.day.saturating_add(self.start).saturating_add(stamp),
+            BusmasterTimeMode::Relative => {
                 let elapsed = self.last.unwrap_or(0).saturating_add(stamp);
                 self.last = Some(elapsed);
                 self.day.saturating_add(self.start).saturating_add(elapsed)
@@ -138,11 +138,11 @@ impl BusMaster {
 }
 
 /// Parses `N` numbers separated by colons.
-fn numbers<const N: usize>(word: &[u8]) -> Option<[i64; N]> {
+fn parse_numbers<const N: usize>(word: &[u8]) -> Option<[i64; N]> {
     let mut parts = word.split(|byte| *byte == b':');
     let mut found = [0; N];
     for slot in &mut found {
-        *slot = Base::Decimal.number(parts.next()?)?.into();
+        *slot = NumberBase::Decimal.parse_number(parts.next()?)?.into();
     }
     parts.next().is_none().then_some(found)
 }
@@ -150,31 +150,32 @@ fn numbers<const N: usize>(word: &[u8]) -> Option<[i64; N]> {
 impl LineFormat for BusMaster {
     const TITLE: &'static str = "BUSMASTER";
 
-    fn line<'a>(
+    fn parse_line<'a>(
         &'a mut self,
         text: &'a [u8],
-        assumptions: &mut Assumptions,
-    ) -> Result<Option<ParsedLine<'a>>, Fault> {
+        assumptions: &mut CaptureAssumptions,
+    ) -> Result<Option<ParsedLine<'a>>, LineFault> {
         let text = text.trim_ascii();
         if let Some(text) = text.strip_prefix(STARS) {
             let text = text.strip_suffix(STARS).unwrap_or(text).trim_ascii();
-            return self.header(text, assumptions).map(|()| None);
+            return self.on_header(text, assumptions).map(|()| None);
         }
         let is_j1939 = match self.protocol {
-            Protocol::Can => false,
-            Protocol::J1939 => true,
-            Protocol::Foreign => return Ok(None),
+            SessionProtocol::Can => false,
+            SessionProtocol::J1939 => true,
+            SessionProtocol::Foreign => return Ok(None),
         };
         if self.mode.is_none() {
-            self.mode = Some(Mode::System);
-            assumptions.report("header without time mode: times read as time of day");
+            self.mode = Some(BusmasterTimeMode::System);
+            assumptions.add_assumption("header without time mode: times read as time of day");
         }
-        let (stamp, content) = line::parse(text, is_j1939, self.base)?;
-        let time = Some(self.time(stamp));
+        let (stamp, content) = line::parse_line(text, is_j1939, self.base)?;
+        let time = Some(self.to_time(stamp));
         match content {
-            Content::Frame(bus, frame) => Ok(Some(ParsedLine::new(time, bus, frame))),
-            Content::Transfer => {
-                assumptions.report("J1939 messages over 8 bytes, reassembled by the recorder, skipped");
+            BusmasterLine::Frame(bus, frame) => Ok(Some(ParsedLine::new(time, bus, frame))),
+            BusmasterLine::Transfer => {
+                assumptions
+                    .add_assumption("J1939 messages over 8 bytes, reassembled by the recorder, skipped");
                 Ok(None)
             }
         }
@@ -183,7 +184,7 @@ impl LineFormat for BusMaster {
 
 #[cfg(test)]
 mod tests {
-    use crate::capture::testing::read;
+    use crate::capture::testing::read_capture;
 
     fn session(protocol: &str, modes: &str, lines: &str) -> String {
         format!(
@@ -194,7 +195,7 @@ mod tests {
     }
 
     fn times(text: &str) -> Vec<String> {
-        read(text.as_bytes()).frames.iter().map(|frame| frame.time.unwrap().to_string()).collect()
+        read_capture(text.as_bytes()).frames.iter().map(|frame| frame.time.unwrap().to_string()).collect()
     }
 
     const LINES: &str = "23:59:59:9999 Rx 1 001 s 0\n00:00:00:0001 Rx 1 001 s 0\n";
@@ -219,7 +220,7 @@ mod tests {
     #[test]
     fn decimal_sessions_and_sessions_without_a_mode() {
         let text = session("CAN", "***DEC***\n", "10:00:00:0000 Tx 2 291 s 2 16 255\n");
-        let content = read(text.as_bytes());
+        let content = read_capture(text.as_bytes());
         assert_eq!(
             content.items,
             [
@@ -240,7 +241,7 @@ mod tests {
             "***HEX***\n***SYSTEM MODE***\n",
             "23:59:59:0000 1 1cea2000 0x00EA00 RQST 00  20  007 Tx 3 00 00 00\n",
         );
-        let content = read([first, lin, last].concat().as_bytes());
+        let content = read_capture([first, lin, last].concat().as_bytes());
         assert_eq!(
             content.items,
             [
@@ -254,7 +255,7 @@ mod tests {
 
     #[test]
     fn a_start_that_is_no_date_is_named() {
-        let content = read(
+        let content = read_capture(
             b"***BUSMASTER Ver 1***\n***START DATE AND TIME 30:2:2013 0:0:0:0***\n10:00:00:0000 Rx 1 1 s 0\n",
         );
         assert!(content.items[0].starts_with("line 2: start date: expected"), "{:?}", content.items);

@@ -61,15 +61,15 @@ const fn hex_table() -> [u16; 256] {
 
 /// Second and interfaces of the previous lines.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Cache {
+pub(super) struct LineCache {
     /// `(1700000000.`, as two registers that overlap.
     head: (u64, u64),
     nanoseconds: i64,
-    names: [Name; 2],
+    names: [InterfaceName; 2],
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Name {
+struct InterfaceName {
     /// Name and the space after it.
     text: u64,
     mask: u64,
@@ -79,15 +79,15 @@ struct Name {
 }
 
 /// A name that matches nothing.
-impl Default for Name {
+impl Default for InterfaceName {
     fn default() -> Self {
         Self { text: u64::MAX, mask: 0, length: 0, bus: BusIndex(0) }
     }
 }
 
-impl Cache {
+impl LineCache {
     /// Stores the interface of a line that the general parser read.
-    pub(super) fn learn(&mut self, name: &[u8], bus: BusIndex) {
+    pub(super) fn learn_interface(&mut self, name: &[u8], bus: BusIndex) {
         if name.len() > LONGEST_NAME {
             return;
         }
@@ -99,8 +99,12 @@ impl Cache {
             }
         }
         let [first, _] = self.names;
-        let name =
-            Name { text: u64::from_le_bytes(text), mask: u64::from_le_bytes(mask), length: name.len(), bus };
+        let name = InterfaceName {
+            text: u64::from_le_bytes(text),
+            mask: u64::from_le_bytes(mask),
+            length: name.len(),
+            bus,
+        };
         if first.text != name.text {
             self.names = [name, first];
         }
@@ -128,11 +132,11 @@ impl Cache {
     /// line with its `\n`. `None` leaves the line to the general parser and `frame` unchanged.
     #[inline]
     pub(super) fn parse(&mut self, input: &[u8; WINDOW], frame: &mut Frame) -> Option<usize> {
-        let head = (load(input, 0)?, load(input, 4)?);
+        let head = (load_word(input, 0)?, load_word(input, 4)?);
         let is_same = (head.0 ^ self.head.0) | (head.1 ^ self.head.1) == 0;
         let nanoseconds = if is_same { self.nanoseconds } else { self.new_second(input, head)? };
-        let fraction = fraction(load(input, FRACTION)?)?;
-        let channel = load(input, NAME)?;
+        let fraction = parse_fraction(load_word(input, FRACTION)?)?;
+        let channel = load_word(input, NAME)?;
         let [first, second] = &self.names;
         let name = if channel & first.mask == first.text {
             first
@@ -142,7 +146,7 @@ impl Cache {
             return None;
         };
         // The remainder equals the length; it shows the compiler that the window contains the line.
-        let (id, data_start) = identifier(input, NAME + 1 + name.length % (LONGEST_NAME + 1))?;
+        let (id, data_start) = parse_identifier(input, NAME + 1 + name.length % (LONGEST_NAME + 1))?;
         let (bytes, digits) = hex_run(input, data_start)?;
         let end = data_start + digits as usize;
         if input.get(end) != Some(&b'\n') || digits % 2 != 0 {
@@ -160,13 +164,13 @@ impl Cache {
 }
 
 #[inline]
-fn load(input: &[u8; WINDOW], at: usize) -> Option<u64> {
+fn load_word(input: &[u8; WINDOW], at: usize) -> Option<u64> {
     input.get(at..)?.first_chunk().map(|chunk| u64::from_le_bytes(*chunk))
 }
 
 /// Parses three digits and `#`, or eight digits and `#` without the error bit.
 #[inline]
-fn identifier(input: &[u8; WINDOW], start: usize) -> Option<(CanId, usize)> {
+fn parse_identifier(input: &[u8; WINDOW], start: usize) -> Option<(CanId, usize)> {
     let [first, second, third, mark] = *input.get(start..)?.first_chunk()?;
     if mark == b'#' {
         let [first, second, third] = [first, second, third].map(digit_value);
@@ -212,7 +216,7 @@ fn hex_run(input: &[u8; WINDOW], start: usize) -> Option<(u64, u32)> {
 
 /// Nanoseconds of six decimal digits before `) `, first digit in the lowest byte.
 #[inline]
-fn fraction(text: u64) -> Option<i64> {
+fn parse_fraction(text: u64) -> Option<i64> {
     let values = text ^ u64::from_le_bytes(*b"000000) ");
     // A byte of 10 or more, and in the last two bytes of 1 or more, sets its uppermost bit.
     let excess =
@@ -238,10 +242,10 @@ mod tests {
         window
     }
 
-    fn cache() -> Cache {
-        let mut cache = Cache::default();
-        cache.learn(b"can1", BusIndex(1));
-        cache.learn(b"can0", BusIndex(0));
+    fn cache() -> LineCache {
+        let mut cache = LineCache::default();
+        cache.learn_interface(b"can1", BusIndex(1));
+        cache.learn_interface(b"can0", BusIndex(0));
         cache
     }
 

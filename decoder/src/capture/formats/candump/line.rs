@@ -14,7 +14,7 @@ use nom::combinator::opt;
 use nom::sequence::{delimited, terminated};
 use nom::{IResult, Parser};
 
-use super::stamp::{decimal, leading_stamp};
+use super::stamp::{decimal_value, leading_stamp};
 use crate::capture::text::payload::is_fd_length;
 use crate::frame::{CanId, FrameFlags, MAX_DATA};
 
@@ -23,8 +23,8 @@ const ERROR_FLAG: u32 = 0x2000_0000;
 
 /// Content of a line.
 #[derive(Debug, PartialEq, Eq)]
-pub(in crate::capture::formats) enum Line<'a> {
-    Frame(FrameLine<'a>),
+pub(in crate::capture::formats) enum CandumpLine<'a> {
+    Frame(CandumpFrameLine<'a>),
     /// candump -d: the socket of an interface lost this many frames.
     Dropped {
         count: u64,
@@ -38,7 +38,7 @@ pub(in crate::capture::formats) enum Line<'a> {
 
 /// Content of a line with a frame.
 #[derive(Debug, PartialEq, Eq)]
-pub(in crate::capture::formats) struct FrameLine<'a> {
+pub(in crate::capture::formats) struct CandumpFrameLine<'a> {
     /// Timestamp in nanoseconds, if any.
     pub(in crate::capture::formats) stamp: Option<i64>,
     /// Whether the timestamp is a date without time zone (`-t A`).
@@ -68,24 +68,24 @@ pub(in crate::capture::formats) enum LineError {
 type Parsed<'a, T> = IResult<&'a [u8], T>;
 
 /// Parses one line without its end.
-pub(in crate::capture::formats) fn parse(line: &[u8]) -> Result<Line<'_>, LineError> {
+pub(in crate::capture::formats) fn parse_line(line: &[u8]) -> Result<CandumpLine<'_>, LineError> {
     if is_nothing(line) {
-        return Ok(Line::Nothing);
+        return Ok(CandumpLine::Nothing);
     }
     if is_fence(line) {
-        return Ok(Line::Around);
+        return Ok(CandumpLine::Around);
     }
     if let Ok((_, (count, bus))) = drop_count(line) {
-        return Ok(Line::Dropped { count, bus });
+        return Ok(CandumpLine::Dropped { count, bus });
     }
     let Ok((rest, (stamp, is_date))) = leading_stamp(line) else {
         return Err(LineError::Broken("timestamp: expected (seconds.fraction) or (date time.fraction)"));
     };
     let has_stamp = stamp.is_some();
-    let Ok((rest, bus)) = interface(rest) else {
+    let Ok((rest, bus)) = parse_interface(rest) else {
         return match (has_stamp, is_prompt(line)) {
             (true, _) => Err(LineError::Broken("interface: expected a name")),
-            (false, true) => Ok(around(line)),
+            (false, true) => Ok(parse_prompt(line)),
             (false, false) => Err(LineError::NotCandump),
         };
     };
@@ -93,13 +93,13 @@ pub(in crate::capture::formats) fn parse(line: &[u8]) -> Result<Line<'_>, LineEr
         Some(result) => result,
         // In pasted text, quote marks and times in other forms precede the identifier.
         None if !has_stamp && !is_name(bus) => {
-            return if is_prompt(line) { Ok(around(line)) } else { Err(LineError::NotCandump) };
+            return if is_prompt(line) { Ok(parse_prompt(line)) } else { Err(LineError::NotCandump) };
         }
         None => screen_body(rest),
     };
     match body {
-        Ok(body) => Ok(Line::Frame(FrameLine { stamp, is_date, bus, ..body })),
-        Err(LineError::NotCandump) if !has_stamp && is_prompt(line) => Ok(around(line)),
+        Ok(body) => Ok(CandumpLine::Frame(CandumpFrameLine { stamp, is_date, bus, ..body })),
+        Err(LineError::NotCandump) if !has_stamp && is_prompt(line) => Ok(parse_prompt(line)),
         Err(LineError::NotCandump) if has_stamp => {
             Err(LineError::Broken("expected an identifier of 3 or 8 hex digits after the interface"))
         }
@@ -111,7 +111,7 @@ pub(in crate::capture::formats) fn parse(line: &[u8]) -> Result<Line<'_>, LineEr
 fn drop_count(line: &[u8]) -> Parsed<'_, (u64, &[u8])> {
     let (rest, digits) = delimited(tag("DROPCOUNT: dropped "), digit1, tag(" CAN frame")).parse(line)?;
     let bus = rest.split(|byte| *byte == b'\'').nth(1).unwrap_or_default();
-    Ok((rest, (u64::try_from(decimal(digits)).unwrap_or(0), bus)))
+    Ok((rest, (u64::try_from(decimal_value(digits)).unwrap_or(0), bus)))
 }
 
 /// Removes the colours of `candump -c` from a line.
@@ -128,7 +128,7 @@ pub(in crate::capture::formats) fn without_colors(line: &[u8]) -> std::borrow::C
     plain.into()
 }
 
-fn interface(input: &[u8]) -> Parsed<'_, &[u8]> {
+fn parse_interface(input: &[u8]) -> Parsed<'_, &[u8]> {
     terminated(take_while1(|c: u8| !c.is_ascii_whitespace()), space1).parse(input)
 }
 
@@ -188,14 +188,14 @@ pub(in crate::capture::formats) fn without_quotes(line: &[u8]) -> &[u8] {
 }
 
 /// Parses a line that has the form of a prompt: `> ` may be a quote mark before a frame.
-fn around(line: &[u8]) -> Line<'_> {
+fn parse_prompt(line: &[u8]) -> CandumpLine<'_> {
     let quoted = without_quotes(line);
     if quoted.len() < line.len()
-        && let Ok(frame @ Line::Frame(_)) = parse(quoted)
+        && let Ok(frame @ CandumpLine::Frame(_)) = parse_line(quoted)
     {
         return frame;
     }
-    Line::Around
+    CandumpLine::Around
 }
 
 /// Whether the line is a shell command between two captures.
@@ -212,7 +212,7 @@ fn is_prompt(line: &[u8]) -> bool {
         || trimmed == b"^C"
 }
 
-const EMPTY: FrameLine<'static> = FrameLine {
+const EMPTY: CandumpFrameLine<'static> = CandumpFrameLine {
     stamp: None,
     is_date: false,
     is_log: false,
@@ -225,23 +225,23 @@ const EMPTY: FrameLine<'static> = FrameLine {
 };
 
 /// Parses an identifier: three digits are a base identifier, eight an extended one or an error frame.
-fn identifier(digits: &[u8]) -> Option<(CanId, FrameFlags)> {
+fn parse_identifier(digits: &[u8]) -> Option<(CanId, FrameFlags)> {
     let number =
-        digits.iter().try_fold(0_u32, |value, digit| Some(value << 4 | u32::from(nibble(*digit)?)))?;
+        digits.iter().try_fold(0_u32, |value, digit| Some(value << 4 | u32::from(hex_digit(*digit)?)))?;
     match digits.len() {
-        3 if number <= 0x7FF => Some((CanId::standard(u16::try_from(number).ok()?), FrameFlags(0))),
-        8 if number < ERROR_FLAG => Some((CanId::extended(number), FrameFlags(0))),
-        8 if number < 2 * ERROR_FLAG => Some((CanId::extended(number), FrameFlags::ERROR)),
+        3 if number <= 0x7FF => Some((CanId::from_standard(u16::try_from(number).ok()?), FrameFlags(0))),
+        8 if number < ERROR_FLAG => Some((CanId::from_extended(number), FrameFlags(0))),
+        8 if number < 2 * ERROR_FLAG => Some((CanId::from_extended(number), FrameFlags::ERROR)),
         _ => None,
     }
 }
 
-fn nibble(digit: u8) -> Option<u8> {
+fn hex_digit(digit: u8) -> Option<u8> {
     char::from(digit).to_digit(16).and_then(|value| u8::try_from(value).ok())
 }
 
 /// Parses `123#1122`, `123#R4`, `123##1…`; `None` if there is no `#` at the position of the log form.
-fn log_body(input: &[u8]) -> Option<Result<FrameLine<'static>, LineError>> {
+fn log_body(input: &[u8]) -> Option<Result<CandumpFrameLine<'static>, LineError>> {
     let hash = memchr::memchr(b'#', input).filter(|at| (1..=8).contains(at))?;
     let (digits, rest) = (input.get(..hash)?, input.get(hash + 1..)?);
     if !digits.iter().all(u8::is_ascii_hexdigit) {
@@ -250,13 +250,13 @@ fn log_body(input: &[u8]) -> Option<Result<FrameLine<'static>, LineError>> {
     if rest.first().is_some_and(u8::is_ascii_hexdigit) && split_word(rest).0.contains(&b':') {
         return Some(Err(LineError::CanXl));
     }
-    let Some((id, flags)) = identifier(digits) else {
+    let Some((id, flags)) = parse_identifier(digits) else {
         return Some(Err(LineError::Broken(
             "identifier: expected 3 hex digits up to 7FF or 8 up to 3FFFFFFF",
         )));
     };
     let (payload, tail) = split_word(rest);
-    let body = FrameLine { id, flags: flags.with(direction(tail)), is_log: true, ..EMPTY };
+    let body = CandumpFrameLine { id, flags: flags.with(parse_direction(tail)), is_log: true, ..EMPTY };
     Some(match payload {
         [b'#', rest @ ..] => fd_payload(rest, body),
         [b'R' | b'r', rest @ ..] => remote_payload(rest, body),
@@ -270,7 +270,7 @@ fn split_word(input: &[u8]) -> (&[u8], &[u8]) {
 }
 
 /// Direction that candump -x appends to log lines.
-fn direction(tail: &[u8]) -> FrameFlags {
+fn parse_direction(tail: &[u8]) -> FrameFlags {
     match tail.trim_ascii() {
         [b'T', ..] => FrameFlags::TRANSMITTED,
         [b'R', ..] => FrameFlags::RECEIVED,
@@ -278,8 +278,8 @@ fn direction(tail: &[u8]) -> FrameFlags {
     }
 }
 
-fn fd_payload<'a>(rest: &[u8], mut body: FrameLine<'a>) -> Result<FrameLine<'a>, LineError> {
-    let flags = rest.first().copied().and_then(nibble);
+fn fd_payload<'a>(rest: &[u8], mut body: CandumpFrameLine<'a>) -> Result<CandumpFrameLine<'a>, LineError> {
+    let flags = rest.first().copied().and_then(hex_digit);
     let (Some(flags), Some(rest)) = (flags, rest.get(1..)) else {
         return Err(LineError::Broken("FD frame: expected one hex digit of flags after ##"));
     };
@@ -297,12 +297,15 @@ fn fd_payload<'a>(rest: &[u8], mut body: FrameLine<'a>) -> Result<FrameLine<'a>,
     Ok(body)
 }
 
-fn remote_payload<'a>(rest: &[u8], mut body: FrameLine<'a>) -> Result<FrameLine<'a>, LineError> {
+fn remote_payload<'a>(
+    rest: &[u8],
+    mut body: CandumpFrameLine<'a>,
+) -> Result<CandumpFrameLine<'a>, LineError> {
     body.flags = body.flags.with(FrameFlags::REMOTE);
     let (digits, raw) = split_raw_dlc(rest)?;
     body.length = match digits {
         [] => 0,
-        [digit] => nibble(*digit)
+        [digit] => hex_digit(*digit)
             .filter(|length| *length <= 8)
             .ok_or(LineError::Broken("remote frame length: expected 0 to 8"))?,
         _ => return Err(LineError::Broken("remote frame: expected R, or R and a length of 0 to 8")),
@@ -311,7 +314,10 @@ fn remote_payload<'a>(rest: &[u8], mut body: FrameLine<'a>) -> Result<FrameLine<
     Ok(body)
 }
 
-fn classic_payload<'a>(payload: &[u8], mut body: FrameLine<'a>) -> Result<FrameLine<'a>, LineError> {
+fn classic_payload<'a>(
+    payload: &[u8],
+    mut body: CandumpFrameLine<'a>,
+) -> Result<CandumpFrameLine<'a>, LineError> {
     let (data, raw) = split_raw_dlc(payload)?;
     hex_data(data, 8, &mut body)?;
     if raw != 0 && body.length != 8 {
@@ -324,7 +330,7 @@ fn classic_payload<'a>(payload: &[u8], mut body: FrameLine<'a>) -> Result<FrameL
 /// Splits off the suffix `_9` … `_F` of a classic frame with a DLC above 8.
 fn split_raw_dlc(payload: &[u8]) -> Result<(&[u8], u8), LineError> {
     match payload {
-        [data @ .., b'_', digit] => match nibble(*digit) {
+        [data @ .., b'_', digit] => match hex_digit(*digit) {
             Some(dlc @ 9..=15) => Ok((data, dlc)),
             _ => Err(LineError::Broken("raw DLC suffix: expected _9 to _F")),
         },
@@ -333,14 +339,14 @@ fn split_raw_dlc(payload: &[u8]) -> Result<(&[u8], u8), LineError> {
 }
 
 /// Parses pairs of hex digits, optionally separated by dots.
-fn hex_data(mut digits: &[u8], limit: usize, body: &mut FrameLine<'_>) -> Result<(), LineError> {
+fn hex_data(mut digits: &[u8], limit: usize, body: &mut CandumpFrameLine<'_>) -> Result<(), LineError> {
     let mut length = 0;
     loop {
         if let [b'.', rest @ ..] = digits {
             digits = rest;
         }
         let [high, low, rest @ ..] = digits else { break };
-        let (Some(high), Some(low)) = (nibble(*high), nibble(*low)) else {
+        let (Some(high), Some(low)) = (hex_digit(*high), hex_digit(*low)) else {
             return Err(LineError::Broken("data: expected pairs of hex digits"));
         };
         let Some(slot) = body.bytes.get_mut(..limit).and_then(|bytes| bytes.get_mut(length)) else {
@@ -358,11 +364,11 @@ fn hex_data(mut digits: &[u8], limit: usize, body: &mut FrameLine<'_>) -> Result
 }
 
 /// Parses `[RX - -]  123   [2]  11 22`; brackets contain the length, braces (`-8`) a raw DLC.
-fn screen_body(input: &[u8]) -> Result<FrameLine<'static>, LineError> {
+fn screen_body(input: &[u8]) -> Result<CandumpFrameLine<'static>, LineError> {
     let (rest, marks) = opt(direction_marks).parse(input).map_err(|_| LineError::NotCandump)?;
     let (digits, rest) = split_word(rest);
-    let (id, flags) = identifier(digits).ok_or(LineError::NotCandump)?;
-    let mut body = FrameLine { id, flags: flags.with(marks.unwrap_or_default()), ..EMPTY };
+    let (id, flags) = parse_identifier(digits).ok_or(LineError::NotCandump)?;
+    let mut body = CandumpFrameLine { id, flags: flags.with(marks.unwrap_or_default()), ..EMPTY };
     if is_xl_length(rest) {
         return Err(LineError::CanXl);
     }
@@ -421,7 +427,7 @@ fn bracketed_length(input: &[u8]) -> Parsed<'_, (usize, bool, u8)> {
     let broken = || nom::Err::Error(nom::error::Error::new(input, nom::error::ErrorKind::Digit));
     if open == '{' {
         let [digit] = digits else { return Err(broken()) };
-        let dlc = nibble(*digit).ok_or_else(broken)?;
+        let dlc = hex_digit(*digit).ok_or_else(broken)?;
         return Ok((rest, (usize::from(dlc.min(8)), false, if dlc > 8 { dlc } else { 0 })));
     }
     let count = std::str::from_utf8(digits).ok().and_then(|text| text.parse().ok()).ok_or_else(broken)?;
@@ -430,7 +436,7 @@ fn bracketed_length(input: &[u8]) -> Parsed<'_, (usize, bool, u8)> {
 
 /// Parses `count` bytes as pairs of hex digits (or eight binary digits each, `-i`), reversed after backticks
 /// (`-S`).
-fn screen_data(rest: &[u8], count: usize, body: &mut FrameLine<'_>) -> Result<(), LineError> {
+fn screen_data(rest: &[u8], count: usize, body: &mut CandumpFrameLine<'_>) -> Result<(), LineError> {
     const SHORT: LineError = LineError::Broken("data: fewer bytes than the length");
     let swapped = rest.trim_ascii_start().get(2).is_some_and(|byte| *byte == b'`')
         || rest.trim_ascii_start().get(8).is_some_and(|byte| *byte == b'`');
@@ -438,7 +444,7 @@ fn screen_data(rest: &[u8], count: usize, body: &mut FrameLine<'_>) -> Result<()
         rest.split(|byte| byte.is_ascii_whitespace() || *byte == b'`').filter(|word| !word.is_empty());
     for index in 0..count {
         let value = match words.next() {
-            Some([high, low]) => match (nibble(*high), nibble(*low)) {
+            Some([high, low]) => match (hex_digit(*high), hex_digit(*low)) {
                 (Some(high), Some(low)) => high << 4 | low,
                 _ => return Err(SHORT),
             },

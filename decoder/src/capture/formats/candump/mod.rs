@@ -6,14 +6,14 @@ pub(super) mod stamp;
 mod time;
 mod write;
 
-use fast::Cache;
-use line::{FrameLine, Line, LineError};
-use time::Clock;
+use fast::LineCache;
+use line::{CandumpFrameLine, CandumpLine, LineError};
+use time::CandumpClock;
 
-use crate::capture::text::lines::{LineStep, Lines, SkippedLines, excerpt};
+use crate::capture::text::lines::{LineSplitter, LineStep, SkippedLines, line_excerpt};
 use crate::capture::{
-    Batch, BusNames, CaptureError, CapturePlace, Format, FormatCapabilities, LARGEST_RECORD, Notice, Parser,
-    ReadOptions, WritableFormat,
+    Batch, BusNames, CaptureError, CaptureFormat, CapturePlace, FormatCapabilities, FormatParser,
+    LARGEST_RECORD, Notice, ReadOptions, WritableFormat,
 };
 use crate::frame::Frame;
 
@@ -23,7 +23,7 @@ const DECIDING_LINES: usize = 1_000;
 /// Number of lines at the start within which a frame must occur.
 const DETECTING_LINES: usize = 200;
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     name: "candump",
     title: "candump text",
     is_text: true,
@@ -32,10 +32,13 @@ pub(super) const FORMAT: Format = Format {
         head.split(|byte| matches!(byte, b'\n' | b'\r')).take(DETECTING_LINES).any(|line| {
             let line = line.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(line);
             let line = line.strip_suffix(b"\r").unwrap_or(line);
-            matches!(line::parse(&line::without_colors(line)), Ok(Line::Frame(_)) | Err(LineError::CanXl))
+            matches!(
+                line::parse_line(&line::without_colors(line)),
+                Ok(CandumpLine::Frame(_)) | Err(LineError::CanXl)
+            )
         })
     },
-    parser: |options| Box::new(Candump::new(options)),
+    parser: |options| Box::new(CandumpParser::new(options)),
 };
 
 pub(super) const WRITABLE: WritableFormat = WritableFormat {
@@ -48,10 +51,10 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
 
 /// Parser of candump text.
 #[derive(Clone)]
-struct Candump {
-    lines: Lines,
-    clock: Clock,
-    cache: Cache,
+struct CandumpParser {
+    lines: LineSplitter,
+    clock: CandumpClock,
+    cache: LineCache,
     buses: BusNames,
     frames: u64,
     around: SkippedLines,
@@ -60,12 +63,12 @@ struct Candump {
     said_xl: bool,
 }
 
-impl Candump {
+impl CandumpParser {
     fn new(options: &ReadOptions) -> Self {
         Self {
-            lines: Lines::default(),
-            clock: Clock::new(options.time_style),
-            cache: Cache::default(),
+            lines: LineSplitter::default(),
+            clock: CandumpClock::new(options.time_style),
+            cache: LineCache::default(),
             buses: BusNames::default(),
             frames: 0,
             around: SkippedLines::default(),
@@ -77,7 +80,7 @@ impl Candump {
 
     /// Parses consecutive common lines; returns the number of bytes used.
     #[inline]
-    fn run(&mut self, input: &[u8], batch: &mut Batch) -> usize {
+    fn parse_run(&mut self, input: &[u8], batch: &mut Batch) -> usize {
         // The rest of a line that is too long must not be parsed as a line.
         if !self.clock.is_absolute() || self.lines.is_skipping() {
             return 0;
@@ -93,37 +96,40 @@ impl Candump {
         }
         let count = last.saturating_sub(self.frames);
         batch.commit_all(count);
-        self.lines.count(count);
+        self.lines.count_lines(count);
         self.frames = last;
         input.len().saturating_sub(rest.len())
     }
 
     /// Parses one line with the general parser.
-    fn line(&mut self, line: &[u8], batch: &mut Batch) {
-        match line::parse(&line::without_colors(line)) {
-            Ok(Line::Nothing) => {}
-            Ok(Line::Around) => self.around.add(self.lines.number()),
-            Ok(Line::Dropped { count, bus }) => {
+    fn parse_line(&mut self, line: &[u8], batch: &mut Batch) {
+        match line::parse_line(&line::without_colors(line)) {
+            Ok(CandumpLine::Nothing) => {}
+            Ok(CandumpLine::Around) => self.around.add_line(self.lines.line_number()),
+            Ok(CandumpLine::Dropped { count, bus }) => {
                 let bus = self.buses.index_of(bus).unwrap_or_default();
-                let place = CapturePlace::Line(self.lines.number());
-                batch.notice(Notice::LostFrames { place, bus, count: Some(count) });
+                let place = CapturePlace::Line(self.lines.line_number());
+                batch.add_notice(Notice::LostFrames { place, bus, count: Some(count) });
             }
-            Ok(Line::Frame(found)) => self.frame(&found, batch),
-            Err(error) => self.unreadable(line, &error, batch),
+            Ok(CandumpLine::Frame(found)) => self.add_frame(&found, batch),
+            Err(error) => self.report_unreadable(line, &error, batch),
         }
     }
 
-    fn frame(&mut self, found: &FrameLine<'_>, batch: &mut Batch) {
+    fn add_frame(&mut self, found: &CandumpFrameLine<'_>, batch: &mut Batch) {
         let Some(bus) = self.buses.index_of(found.bus) else {
             let reason = format!("more than {} interfaces", crate::capture::MAX_BUSES);
-            batch.notice(Notice::Unreadable { place: CapturePlace::Line(self.lines.number()), reason });
+            batch.add_notice(Notice::Unreadable {
+                place: CapturePlace::Line(self.lines.line_number()),
+                reason,
+            });
             return;
         };
         self.report_assumptions(found, batch);
         self.frames += 1;
-        let time = found.stamp.map(|stamp| self.clock.time(stamp));
+        let time = found.stamp.map(|stamp| self.clock.to_time(stamp));
         if found.stamp.is_some() {
-            self.cache.learn(found.bus, bus);
+            self.cache.learn_interface(found.bus, bus);
         }
         batch.push(Frame {
             number: self.frames,
@@ -137,41 +143,43 @@ impl Candump {
         });
     }
 
-    fn report_assumptions(&mut self, found: &FrameLine<'_>, batch: &mut Batch) {
+    fn report_assumptions(&mut self, found: &CandumpFrameLine<'_>, batch: &mut Batch) {
         if self.clock.take_guess() {
             let text = "timestamps step back: read as time since the frame before (candump -t d); --time a reads \
                         them as absolute times";
-            batch.notice(Notice::Assumption(text.into()));
+            batch.add_notice(Notice::Assumption(text.into()));
         }
         if found.is_date && !std::mem::replace(&mut self.said_date, true) {
-            batch.notice(Notice::Assumption("dates without time zone: read as UTC".into()));
+            batch.add_notice(Notice::Assumption("dates without time zone: read as UTC".into()));
         }
         if found.bus.starts_with(b"lin") && !std::mem::replace(&mut self.said_lin, true) {
-            let text = format!("interface {} looks like LIN: frames read as CAN", excerpt(found.bus));
-            batch.notice(Notice::Assumption(text));
+            let text = format!("interface {} looks like LIN: frames read as CAN", line_excerpt(found.bus));
+            batch.add_notice(Notice::Assumption(text));
         }
     }
 
-    fn unreadable(&mut self, line: &[u8], error: &LineError, batch: &mut Batch) {
+    fn report_unreadable(&mut self, line: &[u8], error: &LineError, batch: &mut Batch) {
         let reason = match error {
             LineError::CanXl if !std::mem::replace(&mut self.said_xl, true) => {
                 "CAN XL frame: not supported".to_owned()
             }
             LineError::CanXl => "CAN XL frame".to_owned(),
-            LineError::Broken(what) => format!("{what}; found {}", excerpt(line)),
-            LineError::NotCandump => format!("not a candump line; found {}", excerpt(line)),
+            LineError::Broken(what) => format!("{what}; found {}", line_excerpt(line)),
+            LineError::NotCandump => format!("not a candump line; found {}", line_excerpt(line)),
         };
-        batch.notice(Notice::Unreadable { place: CapturePlace::Line(self.lines.number()), reason });
+        batch.add_notice(Notice::Unreadable { place: CapturePlace::Line(self.lines.line_number()), reason });
     }
 
     /// Whether the meaning of the timestamps is known, or can be determined from the lines ahead.
     fn is_decided(&mut self, line: &[u8], ahead: &[u8], at_end: bool) -> bool {
         let plain = line::without_colors(line);
-        let Ok(Line::Frame(FrameLine { stamp: Some(stamp), is_log, .. })) = line::parse(&plain) else {
+        let Ok(CandumpLine::Frame(CandumpFrameLine { stamp: Some(stamp), is_log, .. })) =
+            line::parse_line(&plain)
+        else {
             return true;
         };
         if is_log || !self.clock.must_decide(stamp) {
-            self.clock.settle();
+            self.clock.settle_absolute();
             return true;
         }
         // The decision uses the same lines for any amount of input.
@@ -184,23 +192,23 @@ impl Candump {
         }
         let stamps =
             ahead.split(|byte| matches!(byte, b'\n' | b'\r')).take(DECIDING_LINES).filter_map(|line| {
-                match line::parse(&line::without_colors(line.strip_suffix(b"\r").unwrap_or(line))) {
-                    Ok(Line::Frame(found)) => found.stamp,
+                match line::parse_line(&line::without_colors(line.strip_suffix(b"\r").unwrap_or(line))) {
+                    Ok(CandumpLine::Frame(found)) => found.stamp,
                     _ => None,
                 }
             });
-        self.clock.decide(stamps);
+        self.clock.decide_style(stamps);
         true
     }
 }
 
-impl Parser for Candump {
+impl FormatParser for CandumpParser {
     fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError> {
         let mut taken = 0;
         while !batch.is_full() {
             let rest = input.get(taken..).unwrap_or_default();
             let before = taken;
-            taken += self.run(rest, batch);
+            taken += self.parse_run(rest, batch);
             if batch.is_full() {
                 break;
             }
@@ -212,7 +220,7 @@ impl Parser for Candump {
                         break;
                     }
                     self.lines = lines;
-                    self.line(line, batch);
+                    self.parse_line(line, batch);
                     taken += length;
                 }
                 LineStep::Skip(length) => {
@@ -223,7 +231,7 @@ impl Parser for Candump {
             }
         }
         if at_end && taken == input.len() && !batch.is_full() {
-            self.around.report(batch);
+            self.around.report_lines(batch);
         }
         Ok(taken)
     }
@@ -232,11 +240,11 @@ impl Parser for Candump {
         &self.buses
     }
 
-    fn line(&self) -> Option<u64> {
-        Some(self.lines.number())
+    fn line_number(&self) -> Option<u64> {
+        Some(self.lines.line_number())
     }
 
-    fn clone_box(&self) -> Box<dyn Parser> {
+    fn clone_box(&self) -> Box<dyn FormatParser> {
         Box::new(self.clone())
     }
 }

@@ -8,14 +8,14 @@ const RELATIVE_BELOW: i64 = 100_000_000 * 1_000_000_000;
 
 /// Converts timestamps to times.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Clock {
+pub(super) struct CandumpClock {
     style: Option<TimeStyle>,
     elapsed: i64,
     /// Whether the style was inferred from the timestamps.
     is_guess: bool,
 }
 
-impl Clock {
+impl CandumpClock {
     /// Creates a clock with a known style, or with `None` a clock that determines its style.
     pub(super) fn new(style: Option<TimeStyle>) -> Self {
         Self { style, elapsed: 0, is_guess: false }
@@ -27,12 +27,12 @@ impl Clock {
     }
 
     /// Treats timestamps as absolute from now on, unless another style is known.
-    pub(super) fn settle(&mut self) {
+    pub(super) fn settle_absolute(&mut self) {
         self.style.get_or_insert(TimeStyle::Absolute);
     }
 
     /// Determines the style from the first timestamps: a backward step means that they are differences.
-    pub(super) fn decide(&mut self, mut stamps: impl Iterator<Item = i64>) {
+    pub(super) fn decide_style(&mut self, mut stamps: impl Iterator<Item = i64>) {
         let mut last = i64::MIN;
         let falls = stamps.any(|stamp| {
             let falls = stamp < last;
@@ -56,7 +56,7 @@ impl Clock {
 
     /// Converts a timestamp to a time.
     #[inline]
-    pub(super) fn time(&mut self, stamp: i64) -> Timestamp {
+    pub(super) fn to_time(&mut self, stamp: i64) -> Timestamp {
         if self.is_absolute() {
             return Timestamp(stamp);
         }
@@ -71,21 +71,21 @@ mod tests {
 
     #[test]
     fn falling_stamps_are_differences() {
-        let mut clock = Clock::new(None);
+        let mut clock = CandumpClock::new(None);
         assert!(clock.must_decide(5));
-        clock.decide([0, 10, 5].into_iter());
-        assert_eq!([0, 10, 5].map(|stamp| clock.time(stamp).0), [0, 10, 15]);
+        clock.decide_style([0, 10, 5].into_iter());
+        assert_eq!([0, 10, 5].map(|stamp| clock.to_time(stamp).0), [0, 10, 15]);
     }
 
     #[test]
     fn rising_stamps_stand_for_themselves() {
-        let mut clock = Clock::new(None);
-        clock.decide([0, 10, 10, 12].into_iter());
-        assert_eq!([0, 10, 12].map(|stamp| clock.time(stamp).0), [0, 10, 12]);
+        let mut clock = CandumpClock::new(None);
+        clock.decide_style([0, 10, 10, 12].into_iter());
+        assert_eq!([0, 10, 12].map(|stamp| clock.to_time(stamp).0), [0, 10, 12]);
     }
 
     #[test]
     fn unix_times_need_no_decision() {
-        assert!(!Clock::new(None).must_decide(1_700_000_000_000_000_000));
+        assert!(!CandumpClock::new(None).must_decide(1_700_000_000_000_000_000));
     }
 }

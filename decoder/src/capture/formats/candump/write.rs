@@ -30,10 +30,10 @@ impl<W: Write> CandumpWriter<W> {
         Self { output, line: Vec::with_capacity(256), seconds, bus }
     }
 
-    fn stamp(&mut self, time: Timestamp) {
+    fn append_timestamp(&mut self, time: Timestamp) {
         let time = time.0.max(0);
         let (second, fraction) = (time / SECOND, (time % SECOND).unsigned_abs());
-        let begin = self.seconds.text(&second, |text, second| {
+        let begin = self.seconds.cached_text(&second, |text, second| {
             text.extend_from_slice(format!("({second}.").as_bytes());
         });
         self.line.extend_from_slice(begin);
@@ -45,14 +45,14 @@ impl<W: Write> CandumpWriter<W> {
         self.line.extend_from_slice(b") ");
     }
 
-    fn identifier(&mut self, frame: &Frame) {
+    fn append_identifier(&mut self, frame: &Frame) {
         let is_error = frame.flags.contains(FrameFlags::ERROR);
         let flag = if is_error { ERROR_FLAG } else { 0 };
         let is_long = is_error || matches!(frame.id, CanId::Extended(_));
         push_code(&mut self.line, frame.id.number() | flag, if is_long { 8 } else { 3 });
     }
 
-    fn payload(&mut self, frame: &Frame) {
+    fn append_payload(&mut self, frame: &Frame) {
         let (line, flags) = (&mut self.line, frame.flags);
         let is_fd = flags.contains(FrameFlags::FD);
         if is_fd {
@@ -85,12 +85,12 @@ impl<W: Write + Send> FrameWriter for CandumpWriter<W> {
     fn write(&mut self, frame: &Frame, bus: &str) -> io::Result<()> {
         self.line.clear();
         if let Some(time) = frame.time {
-            self.stamp(time);
+            self.append_timestamp(time);
         }
-        let name = self.bus.text(bus, push_name);
+        let name = self.bus.cached_text(bus, push_name);
         self.line.extend_from_slice(name);
-        self.identifier(frame);
-        self.payload(frame);
+        self.append_identifier(frame);
+        self.append_payload(frame);
         let end: &[u8] = match frame.flags {
             flags if flags.contains(FrameFlags::TRANSMITTED) => b" T\n",
             flags if flags.contains(FrameFlags::RECEIVED) => b" R\n",

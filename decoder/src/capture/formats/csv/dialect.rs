@@ -2,8 +2,8 @@
 
 use std::borrow::Cow;
 
-use super::field::{Field, Fields};
-use crate::capture::text::columns::Base;
+use super::field::{CsvField, CsvFields};
+use crate::capture::text::columns::NumberBase;
 
 /// Column separators, in the order in which they are tried.
 const SEPARATORS: &[u8] = b",;\t";
@@ -13,13 +13,13 @@ const MOST_COLUMNS: usize = 96;
 
 /// Content of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Meaning {
+pub(super) enum ColumnMeaning {
     /// Time of the frame.
-    Time(Stamp),
+    Time(CsvTimeFormat),
     /// Bus name.
     Bus,
     /// Identifier, with or without 0x.
-    Id(Base),
+    Id(NumberBase),
     /// Whether the identifier is extended: 0 or 1, false or true, Std or Ext.
     Extended,
     /// Whether the frame is a remote frame.
@@ -49,16 +49,16 @@ pub(super) enum Meaning {
     /// Length in bytes.
     Length,
     /// All data.
-    Data(Coding),
+    Data(DataCoding),
     /// One byte of the data.
-    Byte(Base),
+    Byte(NumberBase),
     /// Ignored column.
     Nothing,
 }
 
 /// Format of times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Stamp {
+pub(super) enum CsvTimeFormat {
     /// Seconds.
     Seconds,
     /// Milliseconds.
@@ -75,7 +75,7 @@ pub(super) enum Stamp {
 
 /// Format of a data column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Coding {
+pub(super) enum DataCoding {
     /// Hex, two digits per byte, with or without spaces.
     Hex,
     /// Decimal, separated by spaces.
@@ -89,176 +89,182 @@ pub(super) enum Coding {
 }
 
 /// Columns of a program: names in lower case, `#` means a number.
-struct Dialect {
+struct CsvDialect {
     /// Columns that the header must contain.
-    required: &'static [(&'static str, Meaning)],
+    required: &'static [(&'static str, ColumnMeaning)],
     /// Columns that the header may contain.
-    optional: &'static [(&'static str, Meaning)],
+    optional: &'static [(&'static str, ColumnMeaning)],
     /// Whether lines without a separator are text around the table.
     has_text: bool,
 }
 
 /// All known programs; those with more required columns first.
-const DIALECTS: &[Dialect] = &[
+const DIALECTS: &[CsvDialect] = &[
     // cobscope.
-    Dialect {
+    CsvDialect {
         required: &[
-            ("time", Meaning::Time(Stamp::Seconds)),
-            ("bus", Meaning::Bus),
-            ("id", Meaning::Id(Base::Hex)),
-            ("extended", Meaning::Extended),
-            ("remote", Meaning::Remote),
-            ("error", Meaning::Error),
-            ("fd", Meaning::Fd),
-            ("brs", Meaning::Switch),
-            ("esi", Meaning::State),
-            ("direction", Meaning::Direction),
-            ("dlc", Meaning::Dlc),
-            ("length", Meaning::Length),
-            ("data", Meaning::Data(Coding::Hex)),
+            ("time", ColumnMeaning::Time(CsvTimeFormat::Seconds)),
+            ("bus", ColumnMeaning::Bus),
+            ("id", ColumnMeaning::Id(NumberBase::Hex)),
+            ("extended", ColumnMeaning::Extended),
+            ("remote", ColumnMeaning::Remote),
+            ("error", ColumnMeaning::Error),
+            ("fd", ColumnMeaning::Fd),
+            ("brs", ColumnMeaning::Switch),
+            ("esi", ColumnMeaning::State),
+            ("direction", ColumnMeaning::Direction),
+            ("dlc", ColumnMeaning::Dlc),
+            ("length", ColumnMeaning::Length),
+            ("data", ColumnMeaning::Data(DataCoding::Hex)),
         ],
         optional: &[],
         has_text: false,
     },
     // CSS Electronics: mdf4-converters, CANedge and webCAN.
-    Dialect {
+    CsvDialect {
         required: &[
-            ("timestampepoch", Meaning::Time(Stamp::Seconds)),
-            ("buschannel", Meaning::Bus),
-            ("id", Meaning::Id(Base::Hex)),
-            ("ide", Meaning::Extended),
-            ("dlc", Meaning::Dlc),
-            ("datalength", Meaning::Length),
-            ("databytes", Meaning::Data(Coding::Hex)),
+            ("timestampepoch", ColumnMeaning::Time(CsvTimeFormat::Seconds)),
+            ("buschannel", ColumnMeaning::Bus),
+            ("id", ColumnMeaning::Id(NumberBase::Hex)),
+            ("ide", ColumnMeaning::Extended),
+            ("dlc", ColumnMeaning::Dlc),
+            ("datalength", ColumnMeaning::Length),
+            ("databytes", ColumnMeaning::Data(DataCoding::Hex)),
         ],
         optional: &[
-            ("dir", Meaning::Direction),
-            ("edl", Meaning::Fd),
-            ("brs", Meaning::Switch),
-            ("esi", Meaning::State),
-            ("rtr", Meaning::Remote),
+            ("dir", ColumnMeaning::Direction),
+            ("edl", ColumnMeaning::Fd),
+            ("brs", ColumnMeaning::Switch),
+            ("esi", ColumnMeaning::State),
+            ("rtr", ColumnMeaning::Remote),
         ],
         has_text: false,
     },
     // python-can: can.CSVWriter; its column dlc contains a length.
-    Dialect {
+    CsvDialect {
         required: &[
-            ("timestamp", Meaning::Time(Stamp::Seconds)),
-            ("arbitration_id", Meaning::Id(Base::Hex)),
-            ("extended", Meaning::Extended),
-            ("remote", Meaning::Remote),
-            ("error", Meaning::Error),
-            ("dlc", Meaning::Length),
-            ("data", Meaning::Data(Coding::Base64)),
+            ("timestamp", ColumnMeaning::Time(CsvTimeFormat::Seconds)),
+            ("arbitration_id", ColumnMeaning::Id(NumberBase::Hex)),
+            ("extended", ColumnMeaning::Extended),
+            ("remote", ColumnMeaning::Remote),
+            ("error", ColumnMeaning::Error),
+            ("dlc", ColumnMeaning::Length),
+            ("data", ColumnMeaning::Data(DataCoding::Base64)),
         ],
         optional: &[],
         has_text: false,
     },
     // SavvyCAN: framefileio.cpp, saveNativeCSVFile; older versions have no Dir.
-    Dialect {
+    CsvDialect {
         required: &[
-            ("time stamp", Meaning::Time(Stamp::Microseconds)),
-            ("id", Meaning::Id(Base::Hex)),
-            ("extended", Meaning::Extended),
-            ("bus", Meaning::Bus),
-            ("len", Meaning::Length),
-            ("d1", Meaning::Byte(Base::Hex)),
+            ("time stamp", ColumnMeaning::Time(CsvTimeFormat::Microseconds)),
+            ("id", ColumnMeaning::Id(NumberBase::Hex)),
+            ("extended", ColumnMeaning::Extended),
+            ("bus", ColumnMeaning::Bus),
+            ("len", ColumnMeaning::Length),
+            ("d1", ColumnMeaning::Byte(NumberBase::Hex)),
         ],
-        optional: &[("dir", Meaning::Direction), ("d#", Meaning::Byte(Base::Hex))],
+        optional: &[("dir", ColumnMeaning::Direction), ("d#", ColumnMeaning::Byte(NumberBase::Hex))],
         has_text: false,
     },
     // Kvaser Memorator: KvaLogWriter_CsvFrame.cpp in Kvaser's linlib samples; the lines before the header
     // state the bases.
-    Dialect {
+    CsvDialect {
         required: &[
-            ("time", Meaning::Time(Stamp::Seconds)),
-            ("channel", Meaning::Bus),
-            ("id", Meaning::Id(Base::Hex)),
-            ("flags", Meaning::KvaserFlags),
-            ("dlc", Meaning::Dlc),
-            ("data0", Meaning::Byte(Base::Hex)),
-            ("counter", Meaning::Nothing),
+            ("time", ColumnMeaning::Time(CsvTimeFormat::Seconds)),
+            ("channel", ColumnMeaning::Bus),
+            ("id", ColumnMeaning::Id(NumberBase::Hex)),
+            ("flags", ColumnMeaning::KvaserFlags),
+            ("dlc", ColumnMeaning::Dlc),
+            ("data0", ColumnMeaning::Byte(NumberBase::Hex)),
+            ("counter", ColumnMeaning::Nothing),
         ],
-        optional: &[("data#", Meaning::Byte(Base::Hex))],
+        optional: &[("data#", ColumnMeaning::Byte(NumberBase::Hex))],
         has_text: false,
     },
     // IXXAT MiniMon and canAnalyser.
-    Dialect {
+    CsvDialect {
         required: &[
-            ("time", Meaning::Time(Stamp::Clock)),
-            ("format", Meaning::Extended),
-            ("flags", Meaning::IxxatFlags),
+            ("time", ColumnMeaning::Time(CsvTimeFormat::Clock)),
+            ("format", ColumnMeaning::Extended),
+            ("flags", ColumnMeaning::IxxatFlags),
         ],
         optional: &[
-            ("identifier (hex)", Meaning::Id(Base::Hex)),
-            ("identifier (dec)", Meaning::Id(Base::Decimal)),
-            ("data (hex)", Meaning::Data(Coding::Hex)),
-            ("data (dec)", Meaning::Data(Coding::Decimal)),
+            ("identifier (hex)", ColumnMeaning::Id(NumberBase::Hex)),
+            ("identifier (dec)", ColumnMeaning::Id(NumberBase::Decimal)),
+            ("data (hex)", ColumnMeaning::Data(DataCoding::Hex)),
+            ("data (dec)", ColumnMeaning::Data(DataCoding::Decimal)),
         ],
         has_text: false,
     },
     // Netronics CANdo.
-    Dialect {
+    CsvDialect {
         required: &[
-            ("type", Meaning::CandoKind),
-            ("time", Meaning::Time(Stamp::Seconds)),
-            ("id", Meaning::Id(Base::Hex)),
-            ("d1", Meaning::Byte(Base::Hex)),
+            ("type", ColumnMeaning::CandoKind),
+            ("time", ColumnMeaning::Time(CsvTimeFormat::Seconds)),
+            ("id", ColumnMeaning::Id(NumberBase::Hex)),
+            ("d1", ColumnMeaning::Byte(NumberBase::Hex)),
         ],
-        optional: &[("d#", Meaning::Byte(Base::Hex))],
+        optional: &[("d#", ColumnMeaning::Byte(NumberBase::Hex))],
         has_text: true,
     },
     // canopen-message-interpreter.
-    Dialect {
+    CsvDialect {
         required: &[
-            ("message number", Meaning::Nothing),
-            ("time [ms]", Meaning::Time(Stamp::Milliseconds)),
-            ("id", Meaning::Id(Base::Hex)),
-            ("dlc", Meaning::Dlc),
-            ("data bytes", Meaning::Data(Coding::Listed)),
+            ("message number", ColumnMeaning::Nothing),
+            ("time [ms]", ColumnMeaning::Time(CsvTimeFormat::Milliseconds)),
+            ("id", ColumnMeaning::Id(NumberBase::Hex)),
+            ("dlc", ColumnMeaning::Dlc),
+            ("data bytes", ColumnMeaning::Data(DataCoding::Listed)),
         ],
         optional: &[],
         has_text: false,
     },
     // Programs of ZLG and of makers of compatible adapters (USB_CAN TOOL for CANalyst-II, CANTest): in Chinese, in any
     // order of columns.
-    Dialect {
-        required: &[("id号", Meaning::Id(Base::Hex)), ("数据", Meaning::Data(Coding::Marked))],
+    CsvDialect {
+        required: &[
+            ("id号", ColumnMeaning::Id(NumberBase::Hex)),
+            ("数据", ColumnMeaning::Data(DataCoding::Marked)),
+        ],
         optional: &[
-            ("系统时间", Meaning::Time(Stamp::ZlgSystem)),
-            ("时间标识", Meaning::Time(Stamp::ZlgAdapter)),
-            ("can通道", Meaning::Bus),
-            ("传输方向", Meaning::ZlgDirection),
-            ("帧类型", Meaning::ZlgKind),
-            ("帧格式", Meaning::ZlgKind),
-            ("can类型", Meaning::ZlgKind),
-            ("长度", Meaning::Length),
+            ("系统时间", ColumnMeaning::Time(CsvTimeFormat::ZlgSystem)),
+            ("时间标识", ColumnMeaning::Time(CsvTimeFormat::ZlgAdapter)),
+            ("can通道", ColumnMeaning::Bus),
+            ("传输方向", ColumnMeaning::ZlgDirection),
+            ("帧类型", ColumnMeaning::ZlgKind),
+            ("帧格式", ColumnMeaning::ZlgKind),
+            ("can类型", ColumnMeaning::ZlgKind),
+            ("长度", ColumnMeaning::Length),
         ],
         has_text: false,
     },
     // The same in English.
-    Dialect {
+    CsvDialect {
         required: &[
-            ("system time", Meaning::Time(Stamp::ZlgSystem)),
-            ("direction", Meaning::ZlgDirection),
-            ("type", Meaning::ZlgKind),
-            ("format", Meaning::ZlgKind),
-            ("data", Meaning::Data(Coding::Marked)),
+            ("system time", ColumnMeaning::Time(CsvTimeFormat::ZlgSystem)),
+            ("direction", ColumnMeaning::ZlgDirection),
+            ("type", ColumnMeaning::ZlgKind),
+            ("format", ColumnMeaning::ZlgKind),
+            ("data", ColumnMeaning::Data(DataCoding::Marked)),
         ],
         optional: &[
-            ("id", Meaning::Id(Base::Hex)),
-            ("frame id", Meaning::Id(Base::Hex)),
-            ("time stamp", Meaning::Time(Stamp::ZlgAdapter)),
-            ("channel", Meaning::Bus),
-            ("length", Meaning::Length),
-            ("len", Meaning::Length),
-            ("dlc", Meaning::Length),
+            ("id", ColumnMeaning::Id(NumberBase::Hex)),
+            ("frame id", ColumnMeaning::Id(NumberBase::Hex)),
+            ("time stamp", ColumnMeaning::Time(CsvTimeFormat::ZlgAdapter)),
+            ("channel", ColumnMeaning::Bus),
+            ("length", ColumnMeaning::Length),
+            ("len", ColumnMeaning::Length),
+            ("dlc", ColumnMeaning::Length),
         ],
         has_text: false,
     },
     // SavvyCAN, generic: framefileio.cpp, saveGenericCSVFile.
-    Dialect {
-        required: &[("id", Meaning::Id(Base::Hex)), ("data bytes", Meaning::Data(Coding::Hex))],
+    CsvDialect {
+        required: &[
+            ("id", ColumnMeaning::Id(NumberBase::Hex)),
+            ("data bytes", ColumnMeaning::Data(DataCoding::Hex)),
+        ],
         optional: &[],
         has_text: false,
     },
@@ -279,7 +285,7 @@ const SYNONYMS: &[(&str, &str)] = &[
 ];
 
 /// Text of a header or of a word: UTF-8, or otherwise GBK (also GB 2312). Invalid characters become U+FFFD.
-pub(super) fn decoded(text: &[u8], is_gbk: bool) -> Cow<'_, str> {
+pub(super) fn decode_text(text: &[u8], is_gbk: bool) -> Cow<'_, str> {
     if is_gbk {
         return encoding_rs::GBK.decode_without_bom_handling(text).0;
     }
@@ -292,11 +298,11 @@ fn known_name(name: &str) -> &str {
     synonym.map_or(name, |(_, known)| known)
 }
 
-impl Dialect {
-    fn meaning(&self, name: &[u8]) -> Meaning {
+impl CsvDialect {
+    fn column_meaning(&self, name: &[u8]) -> ColumnMeaning {
         let columns = || self.required.iter().chain(self.optional);
         let found = columns().find(|(known, _)| is_named(name, known));
-        found.map_or(Meaning::Nothing, |(_, meaning)| *meaning)
+        found.map_or(ColumnMeaning::Nothing, |(_, meaning)| *meaning)
     }
 }
 
@@ -313,34 +319,34 @@ fn is_named(name: &[u8], known: &str) -> bool {
 
 /// Columns of a capture.
 #[derive(Debug, Clone)]
-pub(super) struct Layout {
+pub(super) struct CsvLayout {
     /// Column separator.
     pub(super) separator: u8,
     /// Contents of the columns, in order.
-    pub(super) columns: Vec<Meaning>,
+    pub(super) columns: Vec<ColumnMeaning>,
     /// Whether lines without a separator are text around the table.
     pub(super) has_text: bool,
     /// Whether the text is in GBK, not in UTF-8.
     pub(super) is_gbk: bool,
 }
 
-impl Layout {
+impl CsvLayout {
     /// Layout of the rows after the header `line`; `None` if it is not the header of a known program.
     pub(super) fn of_header(line: &[u8]) -> Option<Self> {
         let is_gbk = std::str::from_utf8(line).is_err();
-        let line = decoded(line, is_gbk);
+        let line = decode_text(line, is_gbk);
         let line = line.as_bytes();
         for separator in SEPARATORS.iter().copied().filter(|separator| line.contains(separator)) {
-            let fields = Fields::new(line, separator).take(MOST_COLUMNS);
-            let name = |field: Field<'_>| {
+            let fields = CsvFields::new(line, separator).take(MOST_COLUMNS);
+            let name = |field: CsvField<'_>| {
                 let name = String::from_utf8_lossy(field.text.trim_ascii());
                 known_name(&name).as_bytes().to_vec()
             };
             let names: Vec<_> = fields.map(name).collect();
             let has = |known: &str| names.iter().any(|name| is_named(name, known));
-            let fits = |dialect: &&Dialect| dialect.required.iter().all(|(known, _)| has(known));
+            let fits = |dialect: &&CsvDialect| dialect.required.iter().all(|(known, _)| has(known));
             if let Some(dialect) = DIALECTS.iter().find(fits) {
-                let columns = names.iter().map(|name| dialect.meaning(name)).collect();
+                let columns = names.iter().map(|name| dialect.column_meaning(name)).collect();
                 return Some(Self { separator, columns, has_text: dialect.has_text, is_gbk });
             }
         }
@@ -348,7 +354,7 @@ impl Layout {
     }
 
     /// Whether a column has this content.
-    pub(super) fn has(&self, meaning: Meaning) -> bool {
+    pub(super) fn has_column(&self, meaning: ColumnMeaning) -> bool {
         self.columns.contains(&meaning)
     }
 }
@@ -357,8 +363,8 @@ impl Layout {
 mod tests {
     use super::*;
 
-    fn of(header: &str) -> Option<(u8, usize, Vec<Meaning>)> {
-        let layout = Layout::of_header(header.as_bytes())?;
+    fn of(header: &str) -> Option<(u8, usize, Vec<ColumnMeaning>)> {
+        let layout = CsvLayout::of_header(header.as_bytes())?;
         Some((layout.separator, layout.columns.len(), layout.columns))
     }
 
@@ -366,13 +372,27 @@ mod tests {
     fn names_are_found_in_any_order_and_case_behind_any_separator() {
         let (separator, count, columns) = of("\"Data Bytes\"; x ; ID").unwrap();
         assert_eq!((separator, count), (b';', 3));
-        assert_eq!(columns, [Meaning::Data(Coding::Hex), Meaning::Nothing, Meaning::Id(Base::Hex)]);
+        assert_eq!(
+            columns,
+            [
+                ColumnMeaning::Data(DataCoding::Hex),
+                ColumnMeaning::Nothing,
+                ColumnMeaning::Id(NumberBase::Hex)
+            ]
+        );
     }
 
     #[test]
     fn numbered_columns_are_bytes() {
         let (_, _, columns) = of("Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D64,Dx").unwrap();
-        assert_eq!(columns[7..], [Meaning::Byte(Base::Hex), Meaning::Byte(Base::Hex), Meaning::Nothing]);
+        assert_eq!(
+            columns[7..],
+            [
+                ColumnMeaning::Byte(NumberBase::Hex),
+                ColumnMeaning::Byte(NumberBase::Hex),
+                ColumnMeaning::Nothing
+            ]
+        );
     }
 
     #[test]
@@ -392,15 +412,19 @@ mod tests {
             "序号,方向,时间,名称,帧ID,帧格式,帧类型,数据长度,数据(HEX)",
         ];
         for head in heads {
-            let utf_8 = Layout::of_header(head.as_bytes()).unwrap();
-            let gbk = Layout::of_header(&encoding_rs::GBK.encode(head).0).unwrap();
+            let utf_8 = CsvLayout::of_header(head.as_bytes()).unwrap();
+            let gbk = CsvLayout::of_header(&encoding_rs::GBK.encode(head).0).unwrap();
             assert_eq!((utf_8.is_gbk, gbk.is_gbk, &utf_8.columns), (false, true, &gbk.columns), "{head}");
-            assert!(utf_8.has(Meaning::Id(Base::Hex)) && utf_8.has(Meaning::Length), "{head}");
+            assert!(
+                utf_8.has_column(ColumnMeaning::Id(NumberBase::Hex))
+                    && utf_8.has_column(ColumnMeaning::Length),
+                "{head}"
+            );
         }
         let mut broken = encoding_rs::GBK.encode(heads[2]).0.into_owned();
         let name = encoding_rs::GBK.encode("序号,传输方向,时间标识,").0.len();
         broken[name] = 0xFF;
-        assert!(Layout::of_header(&broken).is_some(), "a broken name of a column that is not needed");
+        assert!(CsvLayout::of_header(&broken).is_some(), "a broken name of a column that is not needed");
     }
 
     #[test]

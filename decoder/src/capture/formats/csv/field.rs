@@ -2,16 +2,16 @@
 
 /// A field of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Field<'a> {
+pub(super) struct CsvField<'a> {
     /// Text without the enclosing quotes.
     pub(super) text: &'a [u8],
     /// Whether the text contains doubled quotes.
     pub(super) has_quotes: bool,
 }
 
-impl Field<'_> {
+impl CsvField<'_> {
     /// Copies the text to `room`, with single instead of doubled quotes.
-    pub(super) fn unquoted(self, room: &mut Vec<u8>) {
+    pub(super) fn unquote_into(self, room: &mut Vec<u8>) {
         room.clear();
         let mut rest = self.text;
         while let Some((byte, behind)) = rest.split_first() {
@@ -23,12 +23,12 @@ impl Field<'_> {
 
 /// Iterator over the fields of a row.
 #[derive(Debug, Clone)]
-pub(super) struct Fields<'a> {
+pub(super) struct CsvFields<'a> {
     rest: Option<&'a [u8]>,
     separator: u8,
 }
 
-impl<'a> Fields<'a> {
+impl<'a> CsvFields<'a> {
     /// Iterates over the fields of `row`, separated by `separator`.
     pub(super) fn new(row: &'a [u8], separator: u8) -> Self {
         Self { rest: Some(row), separator }
@@ -36,7 +36,7 @@ impl<'a> Fields<'a> {
 
     /// Length of a quoted field without the enclosing quotes, and whether it contains quotes. A field without
     /// closing quote extends to the end of the row.
-    fn quoted(text: &[u8]) -> (usize, bool) {
+    fn quoted_length(text: &[u8]) -> (usize, bool) {
         let (mut at, mut has_quotes) = (0, false);
         loop {
             let Some(quote) = text.get(at..).and_then(|rest| memchr::memchr(b'"', rest)) else {
@@ -52,14 +52,14 @@ impl<'a> Fields<'a> {
     }
 }
 
-impl<'a> Iterator for Fields<'a> {
-    type Item = Field<'a>;
+impl<'a> Iterator for CsvFields<'a> {
+    type Item = CsvField<'a>;
 
-    fn next(&mut self) -> Option<Field<'a>> {
+    fn next(&mut self) -> Option<CsvField<'a>> {
         let rest = self.rest?;
         let (start, end, has_quotes) = match rest.strip_prefix(b"\"") {
             Some(text) => {
-                let (length, has_quotes) = Self::quoted(text);
+                let (length, has_quotes) = Self::quoted_length(text);
                 (1, length + 1, has_quotes)
             }
             None => (0, memchr::memchr(self.separator, rest).unwrap_or(rest.len()), false),
@@ -67,7 +67,7 @@ impl<'a> Iterator for Fields<'a> {
         let behind = rest.get(end..).unwrap_or_default();
         let next = memchr::memchr(self.separator, behind);
         self.rest = next.and_then(|next| behind.get(next + 1..));
-        Some(Field { text: rest.get(start..end).unwrap_or_default(), has_quotes })
+        Some(CsvField { text: rest.get(start..end).unwrap_or_default(), has_quotes })
     }
 }
 
@@ -76,12 +76,12 @@ mod tests {
     use super::*;
 
     fn fields(row: &str) -> Vec<String> {
-        let text = |field: Field<'_>| {
+        let text = |field: CsvField<'_>| {
             let mut room = Vec::new();
-            field.unquoted(&mut room);
+            field.unquote_into(&mut room);
             String::from_utf8(room).unwrap()
         };
-        Fields::new(row.as_bytes(), b',').map(text).collect()
+        CsvFields::new(row.as_bytes(), b',').map(text).collect()
     }
 
     #[test]

@@ -19,12 +19,12 @@ mod number;
 mod row;
 mod write;
 
-use dialect::{Layout, Meaning};
+use dialect::{ColumnMeaning, CsvLayout};
 
-use crate::capture::Format;
-use crate::capture::text::columns::Base;
+use crate::capture::CaptureFormat;
+use crate::capture::text::columns::NumberBase;
 use crate::capture::text::line_format::{
-    Assumptions, Fault, LineFormat, LineParser, ParsedLine, first_lines,
+    CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine, first_lines,
 };
 
 pub(super) use write::WRITABLE;
@@ -32,40 +32,40 @@ pub(super) use write::WRITABLE;
 /// Number of lines at the start within which the header must occur.
 const DETECTING_LINES: usize = 40;
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     name: "csv",
-    title: Csv::TITLE,
+    title: CsvFormat::TITLE,
     is_text: true,
     is_packed: false,
-    detect: |head| first_lines(head, DETECTING_LINES).any(|line| Layout::of_header(line).is_some()),
-    parser: |_| Box::new(LineParser::new(Csv::default())),
+    detect: |head| first_lines(head, DETECTING_LINES).any(|line| CsvLayout::of_header(line).is_some()),
+    parser: |_| Box::new(LineParser::new(CsvFormat::default())),
 };
 
 /// State that affects later lines.
 #[derive(Clone, Default)]
-struct Csv {
-    layout: Option<Layout>,
-    preface: Preface,
+struct CsvFormat {
+    layout: Option<CsvLayout>,
+    preface: CsvPreface,
     /// Buffer for a bus name whose quotes were removed.
     bus: Vec<u8>,
-    clock: row::Clock,
+    clock: row::CsvClock,
 }
 
 /// Content of the lines before the header.
 #[derive(Clone, Default)]
-struct Preface {
+struct CsvPreface {
     lines: usize,
-    id: Option<Base>,
-    data: Option<Base>,
+    id: Option<NumberBase>,
+    data: Option<NumberBase>,
 }
 
-impl Preface {
+impl CsvPreface {
     /// Reads a line of Kvaser's converter: `Format of id field,HEX`.
-    fn read(&mut self, line: &[u8]) {
+    fn read_line(&mut self, line: &[u8]) {
         self.lines += 1;
         let base = match line {
-            [.., b'H', b'E', b'X'] => Base::Hex,
-            [.., b'D', b'E', b'C'] => Base::Decimal,
+            [.., b'H', b'E', b'X'] => NumberBase::Hex,
+            [.., b'D', b'E', b'C'] => NumberBase::Decimal,
             _ => return,
         };
         if line.starts_with(b"Format of id field") {
@@ -76,11 +76,11 @@ impl Preface {
     }
 
     /// Sets the bases stated before the header in its layout.
-    fn applied(&self, mut layout: Layout) -> Layout {
+    fn apply_to(&self, mut layout: CsvLayout) -> CsvLayout {
         for meaning in &mut layout.columns {
             match (meaning, self.id, self.data) {
-                (Meaning::Id(base), Some(id), _) => *base = id,
-                (Meaning::Byte(base), _, Some(data)) => *base = data,
+                (ColumnMeaning::Id(base), Some(id), _) => *base = id,
+                (ColumnMeaning::Byte(base), _, Some(data)) => *base = data,
                 _ => {}
             }
         }
@@ -88,31 +88,31 @@ impl Preface {
     }
 }
 
-impl LineFormat for Csv {
+impl LineFormat for CsvFormat {
     const TITLE: &'static str = "CSV with a known header";
 
-    fn line<'a>(
+    fn parse_line<'a>(
         &'a mut self,
         text: &'a [u8],
-        assumptions: &mut Assumptions,
-    ) -> Result<Option<ParsedLine<'a>>, Fault> {
+        assumptions: &mut CaptureAssumptions,
+    ) -> Result<Option<ParsedLine<'a>>, LineFault> {
         let text = text.trim_ascii();
         let Some(layout) = &self.layout else {
             if self.preface.lines > DETECTING_LINES {
                 return Err("header: expected the column names of a known program".into());
             }
-            match Layout::of_header(text) {
-                Some(layout) => self.layout = Some(self.preface.applied(layout)),
-                None => self.preface.read(text),
+            match CsvLayout::of_header(text) {
+                Some(layout) => self.layout = Some(self.preface.apply_to(layout)),
+                None => self.preface.read_line(text),
             }
             return Ok(None);
         };
-        match row::read(text, layout, &mut self.bus, &mut self.clock, assumptions) {
+        match row::read_row(text, layout, &mut self.bus, &mut self.clock, assumptions) {
             Ok(seen) => Ok(seen),
             // Concatenated captures in one file have one header each.
-            Err(reason) => match Layout::of_header(text) {
+            Err(reason) => match CsvLayout::of_header(text) {
                 Some(layout) => {
-                    self.layout = Some(self.preface.applied(layout));
+                    self.layout = Some(self.preface.apply_to(layout));
                     Ok(None)
                 }
                 None => Err(reason),

@@ -6,8 +6,8 @@ use nom::combinator::{all_consuming, opt, recognize};
 use nom::error::Error;
 use nom::sequence::preceded;
 
-use super::dialect::Stamp;
-use crate::capture::text::columns::{Base, time, time_of_day};
+use super::dialect::CsvTimeFormat;
+use crate::capture::text::columns::{NumberBase, parse_time, time_of_day};
 use crate::frame::MAX_DATA;
 
 /// One second in nanoseconds.
@@ -17,14 +17,14 @@ const SECOND: i64 = 1_000_000_000;
 const MOST_DIGITS: usize = 30;
 
 /// Parses a time into nanoseconds.
-pub(super) fn stamp(text: &[u8], style: Stamp) -> Option<i64> {
+pub(super) fn parse_timestamp(text: &[u8], style: CsvTimeFormat) -> Option<i64> {
     match style {
-        Stamp::Seconds => seconds(text),
-        Stamp::Milliseconds => time(text, SECOND / 1_000),
-        Stamp::Microseconds if text.contains(&b'.') => seconds(text),
-        Stamp::Microseconds => seconds(text).map(|nanoseconds| nanoseconds / 1_000_000),
-        Stamp::Clock => time_of_day(text),
-        Stamp::ZlgSystem | Stamp::ZlgAdapter => zlg(text),
+        CsvTimeFormat::Seconds => parse_seconds(text),
+        CsvTimeFormat::Milliseconds => parse_time(text, SECOND / 1_000),
+        CsvTimeFormat::Microseconds if text.contains(&b'.') => parse_seconds(text),
+        CsvTimeFormat::Microseconds => parse_seconds(text).map(|nanoseconds| nanoseconds / 1_000_000),
+        CsvTimeFormat::Clock => time_of_day(text),
+        CsvTimeFormat::ZlgSystem | CsvTimeFormat::ZlgAdapter => parse_zlg(text),
     }
 }
 
@@ -45,22 +45,22 @@ pub(super) fn is_zlg_time(text: &[u8]) -> bool {
 }
 
 /// Parses a time of ZLG's programs.
-fn zlg(text: &[u8]) -> Option<i64> {
+fn parse_zlg(text: &[u8]) -> Option<i64> {
     let text = zlg_text(text);
     if let Some(digits) = text.strip_prefix(b"0x").or(text.strip_prefix(b"0X")) {
-        return Base::Hex.number(digits).map(|count| i64::from(count) * ZLG_UNIT);
+        return NumberBase::Hex.parse_number(digits).map(|count| i64::from(count) * ZLG_UNIT);
     }
     // CANTest appends units of less than a millisecond: `15:56:04.367.0`.
     let point = text.iter().position(|byte| *byte == b'.');
     let second =
         point.and_then(|point| Some(point + 1 + text.get(point + 1..)?.iter().position(|b| *b == b'.')?));
     let text = text.get(..second.unwrap_or(text.len())).unwrap_or(text);
-    if text.contains(&b':') { time_of_day(text) } else { seconds(text) }
+    if text.contains(&b':') { time_of_day(text) } else { parse_seconds(text) }
 }
 
 /// Parses seconds in the form of Python and others: `1700000000.5`, `-0.25`, `1e-05`. Fractions of a
 /// nanosecond are truncated.
-fn seconds(text: &[u8]) -> Option<i64> {
+fn parse_seconds(text: &[u8]) -> Option<i64> {
     let fraction = opt(preceded(char('.'), digit1));
     let exponent = opt(preceded(one_of("eE"), recognize((opt(one_of("+-")), digit1))));
     let number = (opt(char('-')), digit1::<_, Error<&[u8]>>, fraction, exponent);
@@ -88,14 +88,14 @@ fn seconds(text: &[u8]) -> Option<i64> {
 
 /// Data bytes of a row.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Bytes {
+pub(super) struct RowBytes {
     /// The bytes; those after `count` are 0.
     pub(super) bytes: [u8; MAX_DATA],
     /// Number of valid bytes.
     pub(super) count: usize,
 }
 
-impl Bytes {
+impl RowBytes {
     /// No bytes.
     pub(super) const NONE: Self = Self { bytes: [0; MAX_DATA], count: 0 };
 
@@ -108,17 +108,17 @@ impl Bytes {
 }
 
 /// Parses hex bytes, with or without spaces, 0x and brackets; `None` if invalid or too long.
-pub(super) fn hex(text: &[u8]) -> Option<Bytes> {
-    let mut found = Bytes::NONE;
+pub(super) fn parse_hex(text: &[u8]) -> Option<RowBytes> {
+    let mut found = RowBytes::NONE;
     let text = text.strip_prefix(b"x|").unwrap_or(text);
     let text = text.strip_prefix(b"[").and_then(|text| text.strip_suffix(b"]")).unwrap_or(text);
     for word in text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()) {
         let word = word.strip_prefix(b"0x").unwrap_or(word);
         match word {
-            [_] => found.push(Base::Hex.byte(word)?)?,
+            [_] => found.push(NumberBase::Hex.parse_byte(word)?)?,
             _ if word.len() % 2 == 0 => {
                 for pair in word.chunks_exact(2) {
-                    found.push(Base::Hex.byte(pair)?)?;
+                    found.push(NumberBase::Hex.parse_byte(pair)?)?;
                 }
             }
             _ => return None,
@@ -128,21 +128,21 @@ pub(super) fn hex(text: &[u8]) -> Option<Bytes> {
 }
 
 /// Parses decimal bytes separated by spaces.
-pub(super) fn decimal(text: &[u8]) -> Option<Bytes> {
-    let mut found = Bytes::NONE;
+pub(super) fn parse_decimal(text: &[u8]) -> Option<RowBytes> {
+    let mut found = RowBytes::NONE;
     for word in text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()) {
-        found.push(Base::Decimal.byte(word)?)?;
+        found.push(NumberBase::Decimal.parse_byte(word)?)?;
     }
     Some(found)
 }
 
 /// Parses Base64 of RFC 4648, with or without padding.
-pub(super) fn base64(text: &[u8]) -> Option<Bytes> {
+pub(super) fn parse_base64(text: &[u8]) -> Option<RowBytes> {
     let padding = text.iter().rev().take_while(|byte| **byte == b'=').count();
     let text = text.get(..text.len().checked_sub(padding)?)?;
-    let mut found = Bytes::NONE;
+    let mut found = RowBytes::NONE;
     for group in text.chunks(4) {
-        let value = group.iter().try_fold(0_u32, |value, byte| Some(value << 6 | sextet(*byte)?))?;
+        let value = group.iter().try_fold(0_u32, |value, byte| Some(value << 6 | base64_digit(*byte)?))?;
         let [_, first, second, third] = (value << (6 * (4 - group.len()))).to_be_bytes();
         let bytes = [first, second, third];
         // Two characters encode one byte, three encode two; a single character is invalid.
@@ -153,7 +153,7 @@ pub(super) fn base64(text: &[u8]) -> Option<Bytes> {
     (padding <= 2).then_some(found)
 }
 
-fn sextet(byte: u8) -> Option<u32> {
+fn base64_digit(byte: u8) -> Option<u32> {
     let (first, value) = match byte {
         b'A'..=b'Z' => (b'A', 0),
         b'a'..=b'z' => (b'a', 26),
@@ -182,23 +182,23 @@ mod tests {
             ("0.0000000019", 1),
             ("0e999", 0),
         ] {
-            assert_eq!(stamp(text.as_bytes(), Stamp::Seconds), Some(expected), "{text}");
+            assert_eq!(parse_timestamp(text.as_bytes(), CsvTimeFormat::Seconds), Some(expected), "{text}");
         }
         for text in
             ["", "-", "1.", ".5", "1e", "1e99", "nan", "inf", "1 2", "1e999999999999", "9999999999999"]
         {
-            assert_eq!(stamp(text.as_bytes(), Stamp::Seconds), None, "{text}");
+            assert_eq!(parse_timestamp(text.as_bytes(), CsvTimeFormat::Seconds), None, "{text}");
         }
     }
 
     #[test]
     fn other_stamps() {
-        assert_eq!(stamp(b"144,500", Stamp::Milliseconds), Some(144_500_000));
-        assert_eq!(stamp(b"166064000", Stamp::Microseconds), Some(166_064_000_000));
-        assert_eq!(stamp(b"166.064", Stamp::Microseconds), Some(166_064_000_000));
-        assert_eq!(stamp(b"00:30:06.866", Stamp::Clock), Some(1_806_866_000_000));
-        assert_eq!(stamp(b"1:0:0,5", Stamp::Clock), Some(3_600_500_000_000));
-        assert_eq!(stamp(b"30:06.866", Stamp::Clock), None);
+        assert_eq!(parse_timestamp(b"144,500", CsvTimeFormat::Milliseconds), Some(144_500_000));
+        assert_eq!(parse_timestamp(b"166064000", CsvTimeFormat::Microseconds), Some(166_064_000_000));
+        assert_eq!(parse_timestamp(b"166.064", CsvTimeFormat::Microseconds), Some(166_064_000_000));
+        assert_eq!(parse_timestamp(b"00:30:06.866", CsvTimeFormat::Clock), Some(1_806_866_000_000));
+        assert_eq!(parse_timestamp(b"1:0:0,5", CsvTimeFormat::Clock), Some(3_600_500_000_000));
+        assert_eq!(parse_timestamp(b"30:06.866", CsvTimeFormat::Clock), None);
         for (text, expected) in [
             ("=\"09:15:30.250\"", Some(33_330_250_000_000)),
             ("=\"17:54:13.761949", Some(64_453_761_949_000)),
@@ -209,30 +209,30 @@ mod tests {
             ("0x", None),
             ("12:60", None),
         ] {
-            assert_eq!(stamp(text.as_bytes(), Stamp::ZlgSystem), expected, "{text}");
+            assert_eq!(parse_timestamp(text.as_bytes(), CsvTimeFormat::ZlgSystem), expected, "{text}");
         }
         assert!(!is_zlg_time("无".as_bytes()) && !is_zlg_time(b"") && is_zlg_time(b"=\"09:15:30.250\""));
     }
 
     #[test]
     fn data_in_every_coding() {
-        let bytes = |found: Option<Bytes>| found.map(|found| found.bytes[..found.count].to_vec());
+        let bytes = |found: Option<RowBytes>| found.map(|found| found.bytes[..found.count].to_vec());
         for text in ["01A0ff", "01 A0 FF", "[0x01 0xa0 0xff]", "1 a0 FF "] {
-            assert_eq!(bytes(hex(text.as_bytes())), Some(vec![1, 0xA0, 0xFF]), "{text}");
+            assert_eq!(bytes(parse_hex(text.as_bytes())), Some(vec![1, 0xA0, 0xFF]), "{text}");
         }
         for text in ["0x", "01A", "0g", "[01", &"00".repeat(65)] {
-            assert!(hex(text.as_bytes()).is_none_or(|found| found.count == 0), "{text}");
+            assert!(parse_hex(text.as_bytes()).is_none_or(|found| found.count == 0), "{text}");
         }
-        assert_eq!(bytes(decimal(b" 1 160 255")), Some(vec![1, 160, 255]));
-        assert_eq!(bytes(decimal(b"256")), None);
+        assert_eq!(bytes(parse_decimal(b" 1 160 255")), Some(vec![1, 160, 255]));
+        assert_eq!(bytes(parse_decimal(b"256")), None);
         // RFC 4648, 10
         for (text, expected) in
             [("", ""), ("Zg==", "f"), ("Zm8=", "fo"), ("Zm9v", "foo"), ("Zm9vYmE=", "fooba")]
         {
-            assert_eq!(bytes(base64(text.as_bytes())), Some(expected.as_bytes().to_vec()), "{text}");
+            assert_eq!(bytes(parse_base64(text.as_bytes())), Some(expected.as_bytes().to_vec()), "{text}");
         }
         for text in ["Z", "Zm9vY", "Z*==", "====", "Zg==Zg=="] {
-            assert_eq!(bytes(base64(text.as_bytes())), None, "{text}");
+            assert_eq!(bytes(parse_base64(text.as_bytes())), None, "{text}");
         }
     }
 }

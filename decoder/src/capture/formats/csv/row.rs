@@ -1,12 +1,12 @@
 //! Parser of one row into a frame.
 
-use super::dialect::{Coding, Layout, Meaning, Stamp, decoded};
-use super::field::{Field, Fields};
-use super::number::{Bytes, base64, decimal, hex, is_zlg_time, stamp};
-use crate::capture::bus_error::{ControllerState, Violation, controller, violation};
-use crate::capture::text::columns::{Base, identifier};
+use super::dialect::{ColumnMeaning, CsvLayout, CsvTimeFormat, DataCoding, decode_text};
+use super::field::{CsvField, CsvFields};
+use super::number::{RowBytes, is_zlg_time, parse_base64, parse_decimal, parse_hex, parse_timestamp};
+use crate::capture::bus_error::{ControllerState, Violation, controller_frame, violation_frame};
+use crate::capture::text::columns::{NumberBase, parse_identifier};
 use crate::capture::text::day::TimesOfDay;
-use crate::capture::text::line_format::{Assumptions, Fault, ONLY_BUS, ParsedLine};
+use crate::capture::text::line_format::{CaptureAssumptions, LineFault, ONLY_BUS, ParsedLine};
 use crate::capture::text::payload::{self, IDENTIFIER, LENGTH, by_dlc, is_fd_length};
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA};
 
@@ -80,47 +80,52 @@ const ZLG_KINDS: &[(&str, Option<bool>, FrameFlags)] = &[
 
 /// Clock of a capture whose rows may have times of the computer and of the adapter: one of them for all rows.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Clock {
-    uses: Option<Stamp>,
+pub(super) struct CsvClock {
+    uses: Option<CsvTimeFormat>,
     days: TimesOfDay,
 }
 
-impl Clock {
+impl CsvClock {
     /// Whether times of this form are used. The first row decides between the times of ZLG's programs.
-    fn uses(&mut self, style: Stamp, text: &[u8]) -> bool {
+    fn uses_style(&mut self, style: CsvTimeFormat, text: &[u8]) -> bool {
         match style {
-            Stamp::ZlgSystem | Stamp::ZlgAdapter => {
+            CsvTimeFormat::ZlgSystem | CsvTimeFormat::ZlgAdapter => {
                 is_zlg_time(text) && *self.uses.get_or_insert(style) == style
             }
             _ => !text.is_empty(),
         }
     }
 
-    fn time(&mut self, text: &[u8], style: Stamp, assumptions: &mut Assumptions) -> Option<i64> {
-        let time = stamp(text, style)?;
-        if style == Stamp::ZlgAdapter {
-            assumptions.report(ADAPTER);
+    fn parse_time(
+        &mut self,
+        text: &[u8],
+        style: CsvTimeFormat,
+        assumptions: &mut CaptureAssumptions,
+    ) -> Option<i64> {
+        let time = parse_timestamp(text, style)?;
+        if style == CsvTimeFormat::ZlgAdapter {
+            assumptions.add_assumption(ADAPTER);
         }
         let is_of_day = text.contains(&b':');
-        if is_of_day && style != Stamp::Clock {
-            assumptions.report(OF_DAY);
+        if is_of_day && style != CsvTimeFormat::Clock {
+            assumptions.add_assumption(OF_DAY);
         }
-        Some(if is_of_day { self.days.elapsed(time) } else { time })
+        Some(if is_of_day { self.days.elapsed_since_midnight(time) } else { time })
     }
 }
 
 /// Parsed fields of a row.
-struct Cells<'a> {
+struct CsvRowCells<'a> {
     is_gbk: bool,
     time: Option<i64>,
-    bus: Option<Field<'a>>,
+    bus: Option<CsvField<'a>>,
     id: Option<u32>,
     extended: Option<bool>,
     flags: FrameFlags,
     dlc: Option<u8>,
     length: Option<u8>,
-    bytes: Bytes,
-    coding: Option<Coding>,
+    bytes: RowBytes,
+    coding: Option<DataCoding>,
     /// Error frame for a bus state or bus error.
     report: Option<Frame>,
     lost: bool,
@@ -130,50 +135,52 @@ struct Cells<'a> {
     is_nothing: bool,
 }
 
-impl<'a> Cells<'a> {
-    fn flag(&mut self, text: &[u8], flag: FrameFlags) -> Result<(), Fault> {
-        if truth(text)? {
+impl<'a> CsvRowCells<'a> {
+    fn set_flag(&mut self, text: &[u8], flag: FrameFlags) -> Result<(), LineFault> {
+        if parse_truth(text)? {
             self.flags = self.flags.with(flag);
         }
         Ok(())
     }
 
-    fn take(
+    fn take_field(
         &mut self,
-        field: Field<'a>,
-        meaning: Meaning,
-        clock: &mut Clock,
-        assumptions: &mut Assumptions,
-    ) -> Result<(), Fault> {
+        field: CsvField<'a>,
+        meaning: ColumnMeaning,
+        clock: &mut CsvClock,
+        assumptions: &mut CaptureAssumptions,
+    ) -> Result<(), LineFault> {
         let text = field.text.trim_ascii();
         match meaning {
-            Meaning::Id(_) if text.is_empty() => {}
-            Meaning::Time(style) => {
-                if clock.uses(style, text) {
-                    self.time = Some(clock.time(text, style, assumptions).ok_or(TIME)?);
+            ColumnMeaning::Id(_) if text.is_empty() => {}
+            ColumnMeaning::Time(style) => {
+                if clock.uses_style(style, text) {
+                    self.time = Some(clock.parse_time(text, style, assumptions).ok_or(TIME)?);
                 }
             }
-            Meaning::ZlgDirection | Meaning::ZlgKind => self.zlg_word(text, meaning, assumptions)?,
-            Meaning::Bus => self.bus = Some(Field { text, ..field }),
-            Meaning::Id(Base::Hex) => self.id = Some(payload::hex(text).ok_or(IDENTIFIER)?),
-            Meaning::Id(base) => self.id = Some(base.number(text).ok_or(IDENTIFIER)?),
-            Meaning::Extended => self.extended = Some(truth(text)?),
-            Meaning::Remote => self.flag(text, FrameFlags::REMOTE)?,
-            Meaning::Error => self.flag(text, FrameFlags::ERROR)?,
-            Meaning::Fd => self.flag(text, FrameFlags::FD)?,
-            Meaning::Switch => self.flag(text, FrameFlags::BIT_RATE_SWITCH)?,
-            Meaning::State => self.flag(text, FrameFlags::ERROR_STATE)?,
-            Meaning::Direction => self.flags = self.flags.with(direction(text)?),
-            Meaning::KvaserFlags => self.kvaser_flags(text)?,
-            Meaning::IxxatFlags if text.eq_ignore_ascii_case(b"rtr") => {
+            ColumnMeaning::ZlgDirection | ColumnMeaning::ZlgKind => {
+                self.zlg_word(text, meaning, assumptions)?
+            }
+            ColumnMeaning::Bus => self.bus = Some(CsvField { text, ..field }),
+            ColumnMeaning::Id(NumberBase::Hex) => self.id = Some(payload::parse_hex(text).ok_or(IDENTIFIER)?),
+            ColumnMeaning::Id(base) => self.id = Some(base.parse_number(text).ok_or(IDENTIFIER)?),
+            ColumnMeaning::Extended => self.extended = Some(parse_truth(text)?),
+            ColumnMeaning::Remote => self.set_flag(text, FrameFlags::REMOTE)?,
+            ColumnMeaning::Error => self.set_flag(text, FrameFlags::ERROR)?,
+            ColumnMeaning::Fd => self.set_flag(text, FrameFlags::FD)?,
+            ColumnMeaning::Switch => self.set_flag(text, FrameFlags::BIT_RATE_SWITCH)?,
+            ColumnMeaning::State => self.set_flag(text, FrameFlags::ERROR_STATE)?,
+            ColumnMeaning::Direction => self.flags = self.flags.with(parse_direction(text)?),
+            ColumnMeaning::KvaserFlags => self.kvaser_flags(text)?,
+            ColumnMeaning::IxxatFlags if text.eq_ignore_ascii_case(b"rtr") => {
                 self.flags = self.flags.with(FrameFlags::REMOTE);
             }
-            Meaning::CandoKind => self.cando_kind(text)?,
-            Meaning::Dlc => self.dlc = number(text)?,
-            Meaning::Length => self.length = number(text)?,
-            Meaning::Data(coding) => self.data(text, coding)?,
-            Meaning::Byte(base) => self.byte(text, base)?,
-            Meaning::Nothing | Meaning::IxxatFlags => {}
+            ColumnMeaning::CandoKind => self.cando_kind(text)?,
+            ColumnMeaning::Dlc => self.dlc = parse_number(text)?,
+            ColumnMeaning::Length => self.length = parse_number(text)?,
+            ColumnMeaning::Data(coding) => self.parse_data(text, coding)?,
+            ColumnMeaning::Byte(base) => self.parse_byte(text, base)?,
+            ColumnMeaning::Nothing | ColumnMeaning::IxxatFlags => {}
         }
         Ok(())
     }
@@ -183,19 +190,19 @@ impl<'a> Cells<'a> {
     fn zlg_word(
         &mut self,
         text: &[u8],
-        meaning: Meaning,
-        assumptions: &mut Assumptions,
-    ) -> Result<(), Fault> {
-        let word = decoded(text, self.is_gbk).to_lowercase();
+        meaning: ColumnMeaning,
+        assumptions: &mut CaptureAssumptions,
+    ) -> Result<(), LineFault> {
+        let word = decode_text(text, self.is_gbk).to_lowercase();
         let is = |known: &str| word == known;
         if word.is_empty() {
             return Ok(());
         }
         if word.contains(char::REPLACEMENT_CHARACTER) {
-            assumptions.report(BROKEN);
+            assumptions.add_assumption(BROKEN);
             return Ok(());
         }
-        if meaning == Meaning::ZlgDirection {
+        if meaning == ColumnMeaning::ZlgDirection {
             let (_, flag) = ZLG_DIRECTIONS
                 .iter()
                 .find(|(known, _)| is(known))
@@ -210,13 +217,13 @@ impl<'a> Cells<'a> {
         self.extended = extended.or(self.extended);
         self.flags = self.flags.with(*flags);
         if flags.contains(FrameFlags::ERROR) {
-            self.report = Some(violation(Violation::Other, false, 0, None));
+            self.report = Some(violation_frame(Violation::Other, false, 0, None));
         }
         Ok(())
     }
 
-    fn kvaser_flags(&mut self, text: &[u8]) -> Result<(), Fault> {
-        let marks = Base::Decimal.number(text).ok_or("flags: expected a decimal number")?;
+    fn kvaser_flags(&mut self, text: &[u8]) -> Result<(), LineFault> {
+        let marks = NumberBase::Decimal.parse_number(text).ok_or("flags: expected a decimal number")?;
         for (_, flag) in KVASER_FLAGS.iter().filter(|(bits, _)| marks & bits != 0) {
             self.flags = self.flags.with(*flag);
         }
@@ -230,10 +237,12 @@ impl<'a> Cells<'a> {
     }
 
     /// Parses a frame type such as `RD11`, a received data frame with a base identifier.
-    fn cando_kind(&mut self, text: &[u8]) -> Result<(), Fault> {
+    fn cando_kind(&mut self, text: &[u8]) -> Result<(), LineFault> {
         self.report = match text {
-            b"EF" => Some(violation(Violation::Other, false, 0, None)),
-            _ => CANDO_STATES.iter().find(|(name, _)| *name == text).map(|(_, state)| controller(*state)),
+            b"EF" => Some(violation_frame(Violation::Other, false, 0, None)),
+            _ => {
+                CANDO_STATES.iter().find(|(name, _)| *name == text).map(|(_, state)| controller_frame(*state))
+            }
         };
         self.lost = text == b"!";
         self.is_nothing = text == b"ST";
@@ -254,31 +263,32 @@ impl<'a> Cells<'a> {
         if known { Ok(()) } else { Err(KIND.into()) }
     }
 
-    fn data(&mut self, text: &[u8], coding: Coding) -> Result<(), Fault> {
+    fn parse_data(&mut self, text: &[u8], coding: DataCoding) -> Result<(), LineFault> {
         self.coding = Some(coding);
         // IXXAT's programs write `Remote request DLC=8` here.
         if let Some(at) = memchr::memmem::find(text, b"DLC").filter(|_| text.starts_with(b"Remote request")) {
             let digits = text.get(at + 3..).unwrap_or_default().trim_ascii();
-            self.length = number(digits.strip_prefix(b"=").unwrap_or(digits).trim_ascii())?;
+            self.length = parse_number(digits.strip_prefix(b"=").unwrap_or(digits).trim_ascii())?;
             self.flags = self.flags.with(FrameFlags::REMOTE);
             return Ok(());
         }
         let bytes = match coding {
-            Coding::Hex | Coding::Listed | Coding::Marked => hex(text),
-            Coding::Decimal => decimal(text),
-            Coding::Base64 => base64(text),
+            DataCoding::Hex | DataCoding::Listed | DataCoding::Marked => parse_hex(text),
+            DataCoding::Decimal => parse_decimal(text),
+            DataCoding::Base64 => parse_base64(text),
         };
         self.bytes = bytes.ok_or(CODING)?;
         Ok(())
     }
 
     /// Parses a field with one byte; fields after the last byte are empty, or contain a remark.
-    fn byte(&mut self, text: &[u8], base: Base) -> Result<(), Fault> {
+    fn parse_byte(&mut self, text: &[u8], base: NumberBase) -> Result<(), LineFault> {
         if text.starts_with(b";") {
             // CANdo stores a note as a transmitted frame without data.
             self.is_nothing |= self.bytes.count == 0 && self.flags.contains(FrameFlags::TRANSMITTED);
         } else if !text.is_empty() {
-            let byte = if base == Base::Hex { payload::hex(text) } else { base.number(text) };
+            let byte =
+                if base == NumberBase::Hex { payload::parse_hex(text) } else { base.parse_number(text) };
             let byte = byte.and_then(|byte| u8::try_from(byte).ok());
             byte.and_then(|byte| self.bytes.push(byte)).ok_or(CODING)?;
         }
@@ -286,7 +296,7 @@ impl<'a> Cells<'a> {
     }
 
     /// Length and raw DLC of the frame.
-    fn lengths(&self) -> Option<(u8, u8)> {
+    fn frame_lengths(&self) -> Option<(u8, u8)> {
         let is_fd = self.flags.contains(FrameFlags::FD);
         let most = if is_fd { MAX_DATA } else { 8 };
         let length = match (self.length, self.dlc) {
@@ -299,12 +309,12 @@ impl<'a> Cells<'a> {
     }
 
     /// Builds the frame, without number, time and bus.
-    fn frame(mut self) -> Result<Frame, Fault> {
+    fn build_frame(mut self) -> Result<Frame, LineFault> {
         let is_error = self.flags.contains(FrameFlags::ERROR);
         // python-can stores most errors without details.
-        let is_bare = self.coding == Some(Coding::Base64) && self.bytes.count == 0 && self.id == Some(0);
+        let is_bare = self.coding == Some(DataCoding::Base64) && self.bytes.count == 0 && self.id == Some(0);
         let report = if is_error && (self.id.is_none() || is_bare) {
-            Some(violation(Violation::Other, false, 0, None))
+            Some(violation_frame(Violation::Other, false, 0, None))
         } else {
             self.report
         };
@@ -312,7 +322,7 @@ impl<'a> Cells<'a> {
             return Ok(Frame { flags: frame.flags.with(self.flags), ..frame });
         }
         let id = self.can_id(is_error).ok_or(IDENTIFIER)?;
-        let listed_none = self.coding == Some(Coding::Listed) && self.bytes.count == 0;
+        let listed_none = self.coding == Some(DataCoding::Listed) && self.bytes.count == 0;
         if listed_none && self.dlc.is_some_and(|dlc| dlc > 0) {
             self.flags = self.flags.with(FrameFlags::REMOTE);
         }
@@ -321,28 +331,28 @@ impl<'a> Cells<'a> {
         if !self.knows_fd && length.is_some_and(|length| length > 8 && is_fd_length(length)) {
             self.flags = self.flags.with(FrameFlags::FD);
         }
-        let (length, raw_dlc) = self.lengths().ok_or(LENGTH)?;
+        let (length, raw_dlc) = self.frame_lengths().ok_or(LENGTH)?;
         let is_remote = self.flags.contains(FrameFlags::REMOTE);
         // Single-byte columns and those of ZLG's programs may be filled up to the eighth byte, independent of the length.
         let fits = match self.coding {
-            Some(Coding::Marked) | None => self.bytes.count >= usize::from(length),
+            Some(DataCoding::Marked) | None => self.bytes.count >= usize::from(length),
             Some(_) => self.bytes.count == usize::from(length),
         };
         if !fits && !is_remote {
             return Err(DATA.into());
         }
-        let bytes = if is_remote { Bytes::NONE.bytes } else { self.bytes.bytes };
+        let bytes = if is_remote { RowBytes::NONE.bytes } else { self.bytes.bytes };
         Ok(Frame { id, flags: self.flags, length, raw_dlc, bytes, ..Frame::EMPTY })
     }
 
     fn can_id(&self, is_error: bool) -> Option<CanId> {
         let number = self.id?;
         let extended = self.extended.unwrap_or(number > 0x7FF);
-        identifier(number, extended || is_error)
+        parse_identifier(number, extended || is_error)
     }
 }
 
-fn truth(text: &[u8]) -> Result<bool, Fault> {
+fn parse_truth(text: &[u8]) -> Result<bool, LineFault> {
     match text.to_ascii_lowercase().as_slice() {
         b"" | b"0" | b"false" | b"std" => Ok(false),
         b"1" | b"true" | b"ext" => Ok(true),
@@ -350,7 +360,7 @@ fn truth(text: &[u8]) -> Result<bool, Fault> {
     }
 }
 
-fn direction(text: &[u8]) -> Result<FrameFlags, Fault> {
+fn parse_direction(text: &[u8]) -> Result<FrameFlags, LineFault> {
     match text.to_ascii_lowercase().as_slice() {
         b"" => Ok(FrameFlags(0)),
         b"rx" | b"0" => Ok(FrameFlags::RECEIVED),
@@ -360,26 +370,26 @@ fn direction(text: &[u8]) -> Result<FrameFlags, Fault> {
 }
 
 /// Parses a decimal number, or a hexadecimal one with 0x; `None` if the field is empty.
-fn number(text: &[u8]) -> Result<Option<u8>, Fault> {
+fn parse_number(text: &[u8]) -> Result<Option<u8>, LineFault> {
     if text.is_empty() {
         return Ok(None);
     }
-    let hex = text.strip_prefix(b"0x").map(|digits| Base::Hex.byte(digits));
-    Ok(Some(hex.unwrap_or_else(|| Base::Decimal.byte(text)).ok_or(LENGTH)?))
+    let hex = text.strip_prefix(b"0x").map(|digits| NumberBase::Hex.parse_byte(digits));
+    Ok(Some(hex.unwrap_or_else(|| NumberBase::Decimal.parse_byte(text)).ok_or(LENGTH)?))
 }
 
 /// Parses a row; `room` is a buffer for a bus name that contains quotes.
-pub(super) fn read<'a>(
+pub(super) fn read_row<'a>(
     text: &'a [u8],
-    layout: &Layout,
+    layout: &CsvLayout,
     room: &'a mut Vec<u8>,
-    clock: &mut Clock,
-    assumptions: &mut Assumptions,
-) -> Result<Option<ParsedLine<'a>>, Fault> {
+    clock: &mut CsvClock,
+    assumptions: &mut CaptureAssumptions,
+) -> Result<Option<ParsedLine<'a>>, LineFault> {
     if layout.has_text && !text.contains(&layout.separator) {
         return Ok(None);
     }
-    let mut cells = Cells {
+    let mut cells = CsvRowCells {
         is_gbk: layout.is_gbk,
         time: None,
         bus: None,
@@ -388,31 +398,31 @@ pub(super) fn read<'a>(
         flags: FrameFlags(0),
         dlc: None,
         length: None,
-        bytes: Bytes::NONE,
+        bytes: RowBytes::NONE,
         coding: None,
         report: None,
         lost: false,
-        knows_fd: layout.has(Meaning::Fd) || layout.has(Meaning::KvaserFlags),
+        knows_fd: layout.has_column(ColumnMeaning::Fd) || layout.has_column(ColumnMeaning::KvaserFlags),
         is_nothing: false,
     };
-    for (field, meaning) in Fields::new(text, layout.separator).zip(&layout.columns) {
-        cells.take(field, *meaning, clock, assumptions)?;
+    for (field, meaning) in CsvFields::new(text, layout.separator).zip(&layout.columns) {
+        cells.take_field(field, *meaning, clock, assumptions)?;
         if cells.is_nothing {
-            if layout.has(Meaning::KvaserFlags) {
-                assumptions.report(REQUESTS);
+            if layout.has_column(ColumnMeaning::KvaserFlags) {
+                assumptions.add_assumption(REQUESTS);
             }
             return Ok(None);
         }
     }
     if cells.extended.is_none() && cells.id.is_some() {
-        assumptions.report(SIZES);
+        assumptions.add_assumption(SIZES);
     }
     let (time, bus, lost) = (cells.time, cells.bus, cells.lost);
-    let frame = cells.frame()?;
+    let frame = cells.build_frame()?;
     let bus = match bus {
         None => ONLY_BUS,
         Some(field) if field.has_quotes => {
-            field.unquoted(room);
+            field.unquote_into(room);
             room
         }
         Some(field) => field.text,

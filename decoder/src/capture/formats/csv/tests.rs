@@ -1,11 +1,11 @@
 //! Rows of all programs; expected values were derived by hand from the programs' documentation.
 
 use super::*;
-use crate::capture::testing::read;
+use crate::capture::testing::read_capture;
 use crate::frame::{CanId, FrameFlags};
 
 fn items(text: &str) -> Vec<String> {
-    read(text.as_bytes()).items
+    read_capture(text.as_bytes()).items
 }
 
 const OURS: &str = "time,bus,id,extended,remote,error,fd,brs,esi,direction,dlc,length,data\n";
@@ -22,7 +22,7 @@ fn our_own_comes_back_as_it_was() {
          0.0,can0,123,0,0,0,0,0,0,,13,8,0001020304050607\n\
          0.0,can0,123,0,1,0,0,0,0,,15,8,\n"
     );
-    let content = read(text.as_bytes());
+    let content = read_capture(text.as_bytes());
     assert_eq!(
         content.items,
         [
@@ -44,7 +44,7 @@ fn a_comment_is_no_part_of_the_frame() {
     let text = format!(
         "{header}1.0,can0,701,0,0,0,0,0,0,rx,1,1,05,\"a \"\"b\"\", c\"\n1.0,can0,701,0,0,0,0,0,0,rx,1,1,05,\n"
     );
-    let content = read(text.as_bytes());
+    let content = read_capture(text.as_bytes());
     assert_eq!(content.frames.len(), 2);
     assert_eq!(content.frames[0].data(), content.frames[1].data());
     assert_eq!(content.items.len(), 2);
@@ -77,7 +77,7 @@ fn savvycan_of_both_ages_and_generic() {
         "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8\n39747828,000005EB,false,Tx,0,2,E8,45,\n";
     assert_eq!(items(new), ["{1} (39.747828000) bus0 5EB#E845 flags=20 dlc=0"]);
     let old = "Time Stamp,ID,Extended,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8\n166064000,18FEF100,true,1,1,FF,00,00,00,00,00,00,00,\n";
-    let content = read(old.as_bytes());
+    let content = read_capture(old.as_bytes());
     assert_eq!(content.items, ["{1} (166.064000000) bus0 18FEF100#FF flags=00 dlc=0"]);
     assert_eq!(content.buses, ["1"]);
     let generic = "ID,Data Bytes\n0000021A,FE 36 12 \n18FEF100,\n";
@@ -204,7 +204,7 @@ fn broken_rows_say_what_was_expected_and_a_second_header_is_none() {
         &row("701,0,0,0,0,0,0,rx,1,1,05"),
     ]
     .concat();
-    let content = read(text.as_bytes());
+    let content = read_capture(text.as_bytes());
     let expected = [
         "time",
         "identifier",
@@ -251,7 +251,7 @@ const ZLG_ITEMS: [&str; 4] = [
 fn zlg_in_utf_8_and_gbk_passes_midnight() {
     let gbk = encoding_rs::GBK.encode(ZLG).0;
     for bytes in [ZLG.as_bytes(), &gbk, &[b"\xEF\xBB\xBF", ZLG.as_bytes()].concat()] {
-        let content = read(bytes);
+        let content = read_capture(bytes);
         assert_eq!(content.items, ZLG_ITEMS);
         assert_eq!(content.buses, ["ch1", "ch2"]);
     }
@@ -264,7 +264,7 @@ fn a_broken_character_in_gbk_costs_its_word_only() {
     let at = memchr::memmem::find(&gbk, &word).unwrap();
     let mut broken = gbk.to_vec();
     broken[at] = 0xFF;
-    let content = read(&broken);
+    let content = read_capture(&broken);
     assert_eq!(content.frames.len(), 3);
     assert_eq!(content.items[2], ZLG_ITEMS[1].replace("flags=40", "flags=00"));
     assert!(content.items[1].starts_with("words with invalid characters"), "{:?}", content.items);

@@ -47,38 +47,38 @@ impl<W: Write> CsvWriter<W> {
         Self { output, line: Vec::with_capacity(512), seconds, bus, has_begun: false }
     }
 
-    fn begin(&mut self) -> io::Result<()> {
+    fn begin_capture(&mut self) -> io::Result<()> {
         if std::mem::replace(&mut self.has_begun, true) {
             return Ok(());
         }
         self.output.write_all(NAMES)
     }
 
-    fn frame(&mut self, frame: &Frame, bus: &str, comment: &str) -> io::Result<()> {
-        self.begin()?;
+    fn write_frame(&mut self, frame: &Frame, bus: &str, comment: &str) -> io::Result<()> {
+        self.begin_capture()?;
         self.line.clear();
         if let Some(time) = frame.time {
-            self.time(time);
+            self.append_time(time);
         }
-        let bus = self.bus.text(bus, |text, bus| {
+        let bus = self.bus.cached_text(bus, |text, bus| {
             text.push(b',');
             push_cell(text, bus);
             text.push(b',');
         });
         self.line.extend_from_slice(bus);
-        self.kind(frame);
-        self.payload(frame);
+        self.append_kind(frame);
+        self.append_payload(frame);
         push_cell(&mut self.line, comment);
         self.line.push(b'\n');
         self.output.write_all(&self.line)
     }
 
-    fn time(&mut self, Timestamp(time): Timestamp) {
+    fn append_time(&mut self, Timestamp(time): Timestamp) {
         if time < 0 {
             self.line.push(b'-');
         }
         let (second, fraction) = (time.unsigned_abs() / SECOND, time.unsigned_abs() % SECOND);
-        let begin = self.seconds.text(&second, |text, second| {
+        let begin = self.seconds.cached_text(&second, |text, second| {
             push_decimal(text, *second);
             text.push(b'.');
         });
@@ -87,7 +87,7 @@ impl<W: Write> CsvWriter<W> {
     }
 
     /// Appends the columns from the identifier to the direction, with the comma after them.
-    fn kind(&mut self, frame: &Frame) {
+    fn append_kind(&mut self, frame: &Frame) {
         let is_extended = matches!(frame.id, CanId::Extended(_));
         push_code(&mut self.line, frame.id.number(), if is_extended { 8 } else { 3 });
         let bit = |flag| u8::from(frame.flags.contains(flag)) + b'0';
@@ -115,7 +115,7 @@ impl<W: Write> CsvWriter<W> {
     }
 
     /// Appends DLC, length and data, with the comma after them.
-    fn payload(&mut self, frame: &Frame) {
+    fn append_payload(&mut self, frame: &Frame) {
         push_decimal(&mut self.line, frame.dlc().into());
         self.line.push(b',');
         push_decimal(&mut self.line, frame.length.into());
@@ -153,11 +153,11 @@ fn push_cell(line: &mut Vec<u8>, text: &str) {
 
 impl<W: Write + Send> FrameWriter for CsvWriter<W> {
     fn write(&mut self, frame: &Frame, bus: &str) -> io::Result<()> {
-        self.frame(frame, bus, "")
+        self.write_frame(frame, bus, "")
     }
 
     fn write_commented(&mut self, frame: &Frame, bus: &str, comment: &str) -> io::Result<()> {
-        self.frame(frame, bus, comment)
+        self.write_frame(frame, bus, comment)
     }
 
     /// Stores nothing: all lines are frames.
@@ -166,7 +166,7 @@ impl<W: Write + Send> FrameWriter for CsvWriter<W> {
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.begin()?;
+        self.begin_capture()?;
         self.output.flush()
     }
 }
@@ -187,13 +187,13 @@ mod tests {
     fn every_sort_of_frame_is_a_line() {
         let frame = Frame {
             time: Some(Timestamp(1_700_000_000_000_001_002)),
-            ..Frame::data_frame(CanId::standard(0x7A), &[1, 0xAB])
+            ..Frame::data_frame(CanId::from_standard(0x7A), &[1, 0xAB])
         };
-        let extended = Frame { id: CanId::extended(0x18FE_CA80), ..frame };
+        let extended = Frame { id: CanId::from_extended(0x18FE_CA80), ..frame };
         let with = |flags, frame| Frame { flags, ..frame };
         let fd = with(
             FrameFlags::FD.with(FrameFlags::BIT_RATE_SWITCH).with(FrameFlags::ERROR_STATE),
-            Frame::data_frame(CanId::standard(5), &[9; 12]),
+            Frame::data_frame(CanId::from_standard(5), &[9; 12]),
         );
         for (frame, line) in [
             (with(FrameFlags::RECEIVED, frame), "1700000000.000001002,can0,07A,0,0,0,0,0,0,rx,2,2,01AB,\n"),
@@ -208,7 +208,7 @@ mod tests {
                 "-1.500000000,can0,07A,0,0,0,0,0,0,,15,8,01AB000000000000,\n",
             ),
             (
-                with(FrameFlags::ERROR, Frame::data_frame(CanId::extended(0x20), &[0; 8])),
+                with(FrameFlags::ERROR, Frame::data_frame(CanId::from_extended(0x20), &[0; 8])),
                 ",can0,00000020,1,0,1,0,0,0,,8,8,0000000000000000,\n",
             ),
         ] {

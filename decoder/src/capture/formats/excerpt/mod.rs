@@ -13,24 +13,24 @@
 mod pattern;
 mod row;
 
-use pattern::{PATTERNS, Pattern};
-use row::Row;
+use pattern::{ExcerptPattern, PATTERNS};
+use row::ExcerptRow;
 
 use crate::capture::formats::candump::line::{is_around, without_colors, without_quotes};
 use crate::capture::text::day::TimesOfDay;
 use crate::capture::text::line_format::{
-    Assumptions, Fault, LineFormat, LineParser, ONLY_BUS, ParsedLine, complete_lines,
+    CaptureAssumptions, LineFault, LineFormat, LineParser, ONLY_BUS, ParsedLine, complete_lines,
 };
 use crate::capture::text::lines::SkippedLines;
-use crate::capture::{Batch, BusNames, CaptureError, Format, LARGEST_RECORD, Parser};
+use crate::capture::{Batch, BusNames, CaptureError, CaptureFormat, FormatParser, LARGEST_RECORD};
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     name: "excerpt",
-    title: Rows::TITLE,
+    title: ExcerptRowState::TITLE,
     is_text: true,
     is_packed: false,
-    detect: |head| PATTERNS.iter().any(|pattern| fits(pattern, head)),
-    parser: |_| Box::new(Excerpt { rows: LineParser::new(Rows::default()) }),
+    detect: |head| PATTERNS.iter().any(|pattern| fits_pattern(pattern, head)),
+    parser: |_| Box::new(ExcerptParser { rows: LineParser::new(ExcerptRowState::default()) }),
 };
 
 /// Names of columns, in lower case.
@@ -71,7 +71,7 @@ const COLUMN_NAMES: &[&str] = &[
 ];
 
 /// The lines that decide about the pattern; `None` if more input may follow them.
-pub(super) fn window(head: &[u8], is_whole: bool) -> Option<&[u8]> {
+pub(super) fn decisive_lines(head: &[u8], is_whole: bool) -> Option<&[u8]> {
     match head.get(..LARGEST_RECORD) {
         Some(start) => Some(complete_lines(start)),
         None => is_whole.then_some(head),
@@ -79,87 +79,89 @@ pub(super) fn window(head: &[u8], is_whole: bool) -> Option<&[u8]> {
 }
 
 /// Content of a line.
-enum Line<'a> {
+enum ExcerptLine<'a> {
     Blank,
     Around,
     Names,
     Text(std::borrow::Cow<'a, [u8]>),
 }
 
-fn line(text: &[u8]) -> Line<'_> {
+fn parse_line(text: &[u8]) -> ExcerptLine<'_> {
     let quoted = without_quotes(text).trim_ascii();
     if quoted.is_empty() {
-        return Line::Blank;
+        return ExcerptLine::Blank;
     }
     // A quoted row has the form of a prompt.
     if is_around(quoted) {
-        return Line::Around;
+        return ExcerptLine::Around;
     }
     let mut words = quoted.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
     let is_name = |word: &[u8]| COLUMN_NAMES.iter().any(|name| word.eq_ignore_ascii_case(name.as_bytes()));
-    if words.all(is_name) { Line::Names } else { Line::Text(without_colors(quoted)) }
+    if words.all(is_name) { ExcerptLine::Names } else { ExcerptLine::Text(without_colors(quoted)) }
 }
 
-fn rows(head: &[u8]) -> impl Iterator<Item = std::borrow::Cow<'_, [u8]>> {
+fn split_rows(head: &[u8]) -> impl Iterator<Item = std::borrow::Cow<'_, [u8]>> {
     let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
-    head.split(|byte| matches!(byte, b'\n' | b'\r')).filter_map(|text| match line(text) {
-        Line::Text(text) => Some(text),
-        Line::Blank | Line::Around | Line::Names => None,
+    head.split(|byte| matches!(byte, b'\n' | b'\r')).filter_map(|text| match parse_line(text) {
+        ExcerptLine::Text(text) => Some(text),
+        ExcerptLine::Blank | ExcerptLine::Around | ExcerptLine::Names => None,
     })
 }
 
 /// Whether there are rows, and all fit the pattern.
-fn fits(pattern: &Pattern, head: &[u8]) -> bool {
-    let mut rows = rows(head).peekable();
+fn fits_pattern(pattern: &ExcerptPattern, head: &[u8]) -> bool {
+    let mut rows = split_rows(head).peekable();
     rows.peek().is_some() && rows.all(|row| (pattern.read)(&row).is_some())
 }
 
 /// The pattern that most rows fit.
-fn best(head: &[u8]) -> Option<&'static Pattern> {
-    let count = |pattern: &Pattern| rows(head).filter(|row| (pattern.read)(row).is_some()).count();
+fn best_pattern(head: &[u8]) -> Option<&'static ExcerptPattern> {
+    let count =
+        |pattern: &ExcerptPattern| split_rows(head).filter(|row| (pattern.read)(row).is_some()).count();
     let counted = PATTERNS.iter().rev().map(|pattern| (count(pattern), pattern));
     counted.max_by_key(|(count, _)| *count).filter(|(count, _)| *count > 0).map(|(_, pattern)| pattern)
 }
 
 /// Parser of an excerpt.
 #[derive(Clone)]
-struct Excerpt {
-    rows: LineParser<Rows>,
+struct ExcerptParser {
+    rows: LineParser<ExcerptRowState>,
 }
 
 /// State that affects later lines.
 #[derive(Clone, Default)]
-struct Rows {
+struct ExcerptRowState {
     /// Set when the first lines are known.
     is_decided: bool,
-    pattern: Option<&'static Pattern>,
+    pattern: Option<&'static ExcerptPattern>,
     times: TimesOfDay,
     around: SkippedLines,
     number: u64,
     bus: Vec<u8>,
 }
 
-impl LineFormat for Rows {
+impl LineFormat for ExcerptRowState {
     const TITLE: &'static str = "pasted excerpt";
 
-    fn line<'a>(
+    fn parse_line<'a>(
         &'a mut self,
         text: &'a [u8],
-        assumptions: &mut Assumptions,
-    ) -> Result<Option<ParsedLine<'a>>, Fault> {
-        let row = match line(text) {
-            Line::Blank | Line::Names => return Ok(None),
-            Line::Around => {
-                self.around.add(self.number);
+        assumptions: &mut CaptureAssumptions,
+    ) -> Result<Option<ParsedLine<'a>>, LineFault> {
+        let row = match parse_line(text) {
+            ExcerptLine::Blank | ExcerptLine::Names => return Ok(None),
+            ExcerptLine::Around => {
+                self.around.add_line(self.number);
                 return Ok(None);
             }
-            Line::Text(row) => row,
+            ExcerptLine::Text(row) => row,
         };
         let pattern = self.pattern.ok_or("rows of a known pattern expected")?;
-        assumptions.report(pattern.note);
-        let Row { time, is_time_of_day, bus, frame } =
+        assumptions.add_assumption(pattern.note);
+        let ExcerptRow { time, is_time_of_day, bus, frame } =
             (pattern.read)(&row).ok_or("row: expected the pattern of the first lines")?;
-        let time = if is_time_of_day { time.map(|time| self.times.elapsed(time)) } else { time };
+        let time =
+            if is_time_of_day { time.map(|time| self.times.elapsed_since_midnight(time)) } else { time };
         self.bus.clear();
         self.bus.extend_from_slice(bus.unwrap_or(ONLY_BUS));
         Ok(Some(ParsedLine::new(time, &self.bus, frame)))
@@ -170,16 +172,16 @@ impl LineFormat for Rows {
     }
 }
 
-impl Parser for Excerpt {
+impl FormatParser for ExcerptParser {
     fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError> {
-        if !self.rows.format().is_decided {
-            let Some(head) = window(input, at_end) else { return Ok(0) };
-            let rows = self.rows.format();
-            (rows.is_decided, rows.pattern) = (true, best(head));
+        if !self.rows.format_state().is_decided {
+            let Some(head) = decisive_lines(input, at_end) else { return Ok(0) };
+            let rows = self.rows.format_state();
+            (rows.is_decided, rows.pattern) = (true, best_pattern(head));
         }
         let taken = self.rows.parse(input, at_end, batch)?;
         if at_end && taken == input.len() && !batch.is_full() {
-            self.rows.format().around.report(batch);
+            self.rows.format_state().around.report_lines(batch);
         }
         Ok(taken)
     }
@@ -188,11 +190,11 @@ impl Parser for Excerpt {
         self.rows.buses()
     }
 
-    fn line(&self) -> Option<u64> {
-        Parser::line(&self.rows)
+    fn line_number(&self) -> Option<u64> {
+        FormatParser::line_number(&self.rows)
     }
 
-    fn clone_box(&self) -> Box<dyn Parser> {
+    fn clone_box(&self) -> Box<dyn FormatParser> {
         Box::new(self.clone())
     }
 }

@@ -3,8 +3,8 @@
 use crate::capture::formats::candump::line as candump_line;
 use crate::capture::formats::candump::stamp::leading_stamp;
 use crate::capture::formats::trc::line as trc_line;
-use crate::capture::text::columns::{Base, ColumnWords, time_of_day};
-use crate::capture::text::payload::{by_length, frame};
+use crate::capture::text::columns::{ColumnWords, NumberBase, time_of_day};
+use crate::capture::text::payload::{build_frame, by_length};
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA};
 
 /// One second in nanoseconds.
@@ -12,7 +12,7 @@ const SECOND: i64 = 1_000_000_000;
 
 /// A frame of a row.
 #[derive(Debug)]
-pub(super) struct Row<'a> {
+pub(super) struct ExcerptRow<'a> {
     /// Time in nanoseconds.
     pub(super) time: Option<i64>,
     /// Whether the time is a time of day, which starts again at midnight.
@@ -25,7 +25,7 @@ pub(super) struct Row<'a> {
 
 /// A column of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Column {
+pub(super) enum ExcerptColumn {
     /// A count, not used: `12`, `12)`.
     Number,
     /// Cycle time, not used.
@@ -71,18 +71,18 @@ const KINDS: &[(&str, Option<bool>, bool)] = &[
 ];
 
 /// Parses a row of candump without interface, as the same line with an interface.
-pub(super) fn candump(row: &[u8]) -> Option<Row<'_>> {
+pub(super) fn parse_candump(row: &[u8]) -> Option<ExcerptRow<'_>> {
     let (rest, _) = leading_stamp(row).ok()?;
     let stamp = row.get(..row.len().checked_sub(rest.len())?)?;
     let whole = [stamp, b"1 ", rest].concat();
-    let Ok(candump_line::Line::Frame(found)) = candump_line::parse(&whole) else { return None };
-    let candump_line::FrameLine { stamp: time, id, flags, length, raw_dlc, bytes, .. } = found;
+    let Ok(candump_line::CandumpLine::Frame(found)) = candump_line::parse_line(&whole) else { return None };
+    let candump_line::CandumpFrameLine { stamp: time, id, flags, length, raw_dlc, bytes, .. } = found;
     let frame = Frame { id, flags, length, raw_dlc, bytes, ..Frame::EMPTY };
-    Some(Row { time, is_time_of_day: false, bus: None, frame })
+    Some(ExcerptRow { time, is_time_of_day: false, bus: None, frame })
 }
 
 /// Parses a row of a PEAK TRC capture of this version.
-pub(super) fn trc<'a>(row: &'a [u8], version: &str) -> Option<Row<'a>> {
+pub(super) fn parse_trc<'a>(row: &'a [u8], version: &str) -> Option<ExcerptRow<'a>> {
     let (_, layout) = trc_line::LAYOUTS.iter().find(|(known, _)| *known == version)?;
     let number = ColumnWords::new(row).next()?;
     let digits = number.strip_suffix(b")").unwrap_or(number);
@@ -90,16 +90,21 @@ pub(super) fn trc<'a>(row: &'a [u8], version: &str) -> Option<Row<'a>> {
     if has_bracket != version.starts_with('1') || !is_number(digits) {
         return None;
     }
-    let Ok(trc_line::Line::Frame(found)) = trc_line::parse(layout, row) else { return None };
-    Some(Row { time: Some(found.offset), is_time_of_day: false, bus: Some(found.bus), frame: found.frame })
+    let Ok(trc_line::TrcLine::Frame(found)) = trc_line::parse_line(layout, row) else { return None };
+    Some(ExcerptRow {
+        time: Some(found.offset),
+        is_time_of_day: false,
+        bus: Some(found.bus),
+        frame: found.frame,
+    })
 }
 
 /// Parses a message as python-can prints it: `Timestamp: 1.5  ID: 0181  S Rx  DL: 2  40 18  Channel: can0`.
-pub(super) fn python_can(row: &[u8]) -> Option<Row<'_>> {
+pub(super) fn python_can(row: &[u8]) -> Option<ExcerptRow<'_>> {
     let mut words = ColumnWords::new(row);
     let mut label =
         |expected: &[u8]| words.next().filter(|word| *word == expected).and_then(|_| words.next());
-    let (time, _) = time(label(b"Timestamp:")?)?;
+    let (time, _) = parse_time(label(b"Timestamp:")?)?;
     let digits = label(b"ID:")?;
     let (mut flags, mut extended) = (FrameFlags(0), false);
     let length = loop {
@@ -112,33 +117,33 @@ pub(super) fn python_can(row: &[u8]) -> Option<Row<'_>> {
             b"F" => flags = flags.with(FrameFlags::FD),
             b"BS" => flags = flags.with(FrameFlags::BIT_RATE_SWITCH),
             b"EI" => flags = flags.with(FrameFlags::ERROR_STATE),
-            b"DL:" | b"DLC:" => break Base::Decimal.byte(words.next()?)?,
+            b"DL:" | b"DLC:" => break NumberBase::Decimal.parse_byte(words.next()?)?,
             _ => return None,
         }
     };
-    let id = identifier(Base::Hex.number(digits)?, Some(extended))?;
-    let frame = frame(id, flags, by_length(length, flags)?, words.clone(), Base::Hex)?;
+    let id = parse_identifier(NumberBase::Hex.parse_number(digits)?, Some(extended))?;
+    let frame = build_frame(id, flags, by_length(length, flags)?, words.clone(), NumberBase::Hex)?;
     let bus = words.skip_while(|word| *word != b"Channel:").nth(1);
-    Some(Row { time: Some(time), is_time_of_day: false, bus, frame })
+    Some(ExcerptRow { time: Some(time), is_time_of_day: false, bus, frame })
 }
 
 /// Parses a row of these columns; nothing may follow them.
-pub(super) fn columns<'a>(row: &'a [u8], columns: &[Column]) -> Option<Row<'a>> {
+pub(super) fn parse_columns<'a>(row: &'a [u8], columns: &[ExcerptColumn]) -> Option<ExcerptRow<'a>> {
     let mut words = ColumnWords::new(row);
-    let mut cells = Cells::default();
+    let mut cells = ExcerptCells::default();
     for column in columns {
         match column {
-            Column::Data => cells.data(&mut words)?,
-            column => cells.take(*column, words.next()?)?,
+            ExcerptColumn::Data => cells.parse_data(&mut words)?,
+            column => cells.take_column(*column, words.next()?)?,
         }
     }
     words.next().is_none().then_some(())?;
-    cells.row()
+    cells.build_row()
 }
 
 /// Parsed columns of a row.
 #[derive(Default)]
-struct Cells<'a> {
+struct ExcerptCells<'a> {
     time: Option<(i64, bool)>,
     bus: Option<&'a [u8]>,
     id: u32,
@@ -148,33 +153,33 @@ struct Cells<'a> {
     data: ColumnWords<'a>,
 }
 
-impl<'a> Cells<'a> {
-    fn take(&mut self, column: Column, word: &'a [u8]) -> Option<()> {
+impl<'a> ExcerptCells<'a> {
+    fn take_column(&mut self, column: ExcerptColumn, word: &'a [u8]) -> Option<()> {
         match column {
-            Column::Number => is_number(word.strip_suffix(b")").unwrap_or(word)).then_some(())?,
-            Column::Cycle => {
-                crate::capture::text::columns::time(word, SECOND)?;
+            ExcerptColumn::Number => is_number(word.strip_suffix(b")").unwrap_or(word)).then_some(())?,
+            ExcerptColumn::Cycle => {
+                crate::capture::text::columns::parse_time(word, SECOND)?;
             }
-            Column::Time => self.time = Some(time(word)?),
-            Column::Bus => {
+            ExcerptColumn::Time => self.time = Some(parse_time(word)?),
+            ExcerptColumn::Bus => {
                 let is_name = word.first().is_some_and(u8::is_ascii_alphabetic) && !is_hex(word);
                 self.bus = Some(is_name.then_some(word)?);
             }
-            Column::Id => self.id(word)?,
-            Column::Hex => self.id(word.strip_suffix(b"h").or(word.strip_suffix(b"H"))?)?,
-            Column::Colon => {
+            ExcerptColumn::Id => self.id(word)?,
+            ExcerptColumn::Hex => self.id(word.strip_suffix(b"h").or(word.strip_suffix(b"H"))?)?,
+            ExcerptColumn::Colon => {
                 let word = word.strip_suffix(b":")?;
                 // Without a time, a row with more digits is a line of a hex dump.
                 (self.time.is_some() || word.len() == 3 || word.starts_with(b"0x")).then_some(())?;
                 self.id(word)?;
             }
-            Column::Direction => self.flags = self.flags.with(direction(word)?),
-            Column::Kind => self.kind(word)?,
-            Column::Length => {
+            ExcerptColumn::Direction => self.flags = self.flags.with(parse_direction(word)?),
+            ExcerptColumn::Kind => self.parse_kind(word)?,
+            ExcerptColumn::Length => {
                 let inner = word.strip_prefix(b"[").and_then(|word| word.strip_suffix(b"]")).unwrap_or(word);
-                self.length = Some(Base::Decimal.byte(inner)?);
+                self.length = Some(NumberBase::Decimal.parse_byte(inner)?);
             }
-            Column::Data => {}
+            ExcerptColumn::Data => {}
         }
         Some(())
     }
@@ -186,13 +191,13 @@ impl<'a> Cells<'a> {
             None => (word, 3),
         };
         (least..=8).contains(&digits.len()).then_some(())?;
-        self.id = Base::Hex.number(digits)?;
+        self.id = NumberBase::Hex.parse_number(digits)?;
         // Programs print four digits for a base identifier, and eight for an extended one.
         self.extended = (digits.len() > 4).then_some(true);
         Some(())
     }
 
-    fn kind(&mut self, word: &[u8]) -> Option<()> {
+    fn parse_kind(&mut self, word: &[u8]) -> Option<()> {
         let known = KINDS.iter().find(|(name, ..)| word.eq_ignore_ascii_case(name.as_bytes()));
         let (_, extended, is_remote) = known?;
         self.extended = extended.or(self.extended);
@@ -203,7 +208,7 @@ impl<'a> Cells<'a> {
     }
 
     /// Takes the words of the data: as many as the length, or all.
-    fn data(&mut self, words: &mut ColumnWords<'a>) -> Option<()> {
+    fn parse_data(&mut self, words: &mut ColumnWords<'a>) -> Option<()> {
         self.data = words.clone();
         let count = match self.length {
             Some(_) if self.flags.contains(FrameFlags::REMOTE) => 0,
@@ -218,22 +223,22 @@ impl<'a> Cells<'a> {
         Some(())
     }
 
-    fn row(self) -> Option<Row<'a>> {
+    fn build_row(self) -> Option<ExcerptRow<'a>> {
         let length = self.length?;
         let flags = if length > 8 { self.flags.with(FrameFlags::FD) } else { self.flags };
-        let id = identifier(self.id, self.extended)?;
+        let id = parse_identifier(self.id, self.extended)?;
         let words = self.data.map(|word| word.strip_prefix(b"0x").unwrap_or(word));
-        let frame = frame(id, flags, by_length(length, flags)?, words, Base::Hex)?;
+        let frame = build_frame(id, flags, by_length(length, flags)?, words, NumberBase::Hex)?;
         let (time, is_time_of_day) = self.time.map_or((None, false), |(time, is)| (Some(time), is));
-        Some(Row { time, is_time_of_day, bus: self.bus, frame })
+        Some(ExcerptRow { time, is_time_of_day, bus: self.bus, frame })
     }
 }
 
-fn identifier(number: u32, extended: Option<bool>) -> Option<CanId> {
-    crate::capture::text::columns::identifier(number, extended.unwrap_or(number > 0x7FF))
+fn parse_identifier(number: u32, extended: Option<bool>) -> Option<CanId> {
+    crate::capture::text::columns::parse_identifier(number, extended.unwrap_or(number > 0x7FF))
 }
 
-fn direction(word: &[u8]) -> Option<FrameFlags> {
+fn parse_direction(word: &[u8]) -> Option<FrameFlags> {
     match word.to_ascii_lowercase().as_slice() {
         b"rx" => Some(FrameFlags::RECEIVED),
         b"tx" => Some(FrameFlags::TRANSMITTED),
@@ -243,13 +248,13 @@ fn direction(word: &[u8]) -> Option<FrameFlags> {
 
 /// Parses a time in nanoseconds, and whether it is a time of day. Seconds must have a fraction: the unit of a
 /// whole number is unknown.
-fn time(word: &[u8]) -> Option<(i64, bool)> {
+fn parse_time(word: &[u8]) -> Option<(i64, bool)> {
     let word = word.strip_prefix(b"(").and_then(|word| word.strip_suffix(b")")).unwrap_or(word);
     if word.contains(&b':') {
         return time_of_day(word).map(|time| (time, true));
     }
     word.iter().any(|byte| matches!(byte, b'.' | b',')).then_some(())?;
-    crate::capture::text::columns::time(word, SECOND).map(|time| (time, false))
+    crate::capture::text::columns::parse_time(word, SECOND).map(|time| (time, false))
 }
 
 fn is_number(word: &[u8]) -> bool {

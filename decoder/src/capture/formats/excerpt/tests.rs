@@ -1,10 +1,10 @@
 //! Rows of every pattern, text around them, and text that is not an excerpt.
 
-use crate::capture::testing::{Content, read, read_in_pieces};
-use crate::capture::{ReadOptions, Reader};
+use crate::capture::testing::{ParsedCapture, read_capture, read_in_pieces};
+use crate::capture::{CaptureReader, ReadOptions};
 
 /// The frame of a row, without its number.
-fn frames(content: &Content) -> Vec<String> {
+fn frames(content: &ParsedCapture) -> Vec<String> {
     let text = |frame: &crate::frame::Frame| {
         let time = frame.time.map_or("-".into(), |time| time.to_string());
         let bus = &content.buses[usize::from(frame.bus.0)];
@@ -43,7 +43,7 @@ fn a_row_of_every_pattern() {
         ("601: 40 18", "- 1 601#4018 00".into()),
         ("23:59:59.5 601: 40 18", "86399.500000000 1 601#4018 00".into()),
     ] {
-        let content = read(row.as_bytes());
+        let content = read_capture(row.as_bytes());
         assert_eq!(frames(&content), [expected], "{row}");
         assert!(content.items[0].contains("rows read as"), "{row}: {:?}", content.items);
         assert_eq!(content.items.len(), 2, "{row}: {:?}", content.items);
@@ -53,7 +53,7 @@ fn a_row_of_every_pattern() {
 const FLAGS: (&str, &str) = ("40", "20");
 
 fn is_read(text: &str) -> bool {
-    Reader::open(text.as_bytes(), &ReadOptions::default()).is_ok()
+    CaptureReader::open(text.as_bytes(), &ReadOptions::default()).is_ok()
 }
 
 #[test]
@@ -80,7 +80,7 @@ fn every_line_must_fit_one_pattern() {
 #[test]
 fn text_around_the_rows_is_skipped_and_counted() {
     let text = "\u{feff}```\r\n> CAN-ID Rx/Tx Type Length Data\r\n> 67F Tx SD 2 23 14\n\n>> 5FF Rx SD 1 60\n$ dmesg\n~~~\n";
-    let content = read(text.as_bytes());
+    let content = read_capture(text.as_bytes());
     assert_eq!(frames(&content), [format!("- 1 67F#2314 {}", FLAGS.1), format!("- 1 5FF#60 {}", FLAGS.0)]);
     let last = content.items.last().unwrap();
     assert_eq!(last, "3 lines of a shell prompt or Markdown skipped (first: line 1)");
@@ -93,7 +93,7 @@ fn text_around_the_rows_is_skipped_and_counted() {
 fn a_row_that_does_not_fit_after_the_first_lines_is_reported() {
     let mut text = "67F Tx SD 2 23 14\n".repeat(8_000);
     text.push_str("67F Tx SD 2 23 1G\n67F Tx SD 2 23 15\n");
-    let content = read(text.as_bytes());
+    let content = read_capture(text.as_bytes());
     assert_eq!(content.frames.len(), 8_001);
     let bad = content.items.iter().find(|item| item.starts_with("line")).unwrap();
     assert_eq!(bad, "line 8001: row: expected the pattern of the first lines; found \"67F Tx SD 2 23 1G\"");
@@ -101,6 +101,6 @@ fn a_row_that_does_not_fit_after_the_first_lines_is_reported() {
 
 #[test]
 fn times_of_day_pass_midnight() {
-    let content = read(b"23:59:59.9 601: 40\n00:00:00.1 601: 40\n");
+    let content = read_capture(b"23:59:59.9 601: 40\n00:00:00.1 601: 40\n");
     assert_eq!(content.frames[1].time.unwrap().since(content.frames[0].time.unwrap()), 200_000_000);
 }

@@ -27,7 +27,7 @@ const MOST_STEPS: usize = 4_096;
 
 /// Meaning of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Role {
+pub(super) enum FieldRole {
     /// Seconds of the timestamp.
     Seconds,
     /// Nanoseconds of the timestamp.
@@ -47,33 +47,33 @@ pub(super) enum Role {
 }
 
 /// Meanings of field names, as in the messages of ROS.
-const NAMES: &[(&str, Role)] = &[
-    ("header.stamp.sec", Role::Seconds),
-    ("header.stamp.secs", Role::Seconds),
-    ("header.stamp.nanosec", Role::Nanoseconds),
-    ("header.stamp.nsecs", Role::Nanoseconds),
-    ("header.frame_id", Role::Bus),
-    ("id", Role::Id),
-    ("can_id", Role::Id),
-    ("is_extended", Role::Extended),
-    ("extended", Role::Extended),
-    ("is_rtr", Role::Remote),
-    ("rtr", Role::Remote),
-    ("is_error", Role::Error),
-    ("error", Role::Error),
-    ("dlc", Role::Length),
-    ("len", Role::Length),
-    ("length", Role::Length),
-    ("data", Role::Data),
-    ("is_fd", Role::Fd),
-    ("fd", Role::Fd),
-    ("brs", Role::BitRateSwitch),
-    ("esi", Role::ErrorState),
+const NAMES: &[(&str, FieldRole)] = &[
+    ("header.stamp.sec", FieldRole::Seconds),
+    ("header.stamp.secs", FieldRole::Seconds),
+    ("header.stamp.nanosec", FieldRole::Nanoseconds),
+    ("header.stamp.nsecs", FieldRole::Nanoseconds),
+    ("header.frame_id", FieldRole::Bus),
+    ("id", FieldRole::Id),
+    ("can_id", FieldRole::Id),
+    ("is_extended", FieldRole::Extended),
+    ("extended", FieldRole::Extended),
+    ("is_rtr", FieldRole::Remote),
+    ("rtr", FieldRole::Remote),
+    ("is_error", FieldRole::Error),
+    ("error", FieldRole::Error),
+    ("dlc", FieldRole::Length),
+    ("len", FieldRole::Length),
+    ("length", FieldRole::Length),
+    ("data", FieldRole::Data),
+    ("is_fd", FieldRole::Fd),
+    ("fd", FieldRole::Fd),
+    ("brs", FieldRole::BitRateSwitch),
+    ("esi", FieldRole::ErrorState),
 ];
 
 /// Number of elements in a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Count {
+pub(super) enum ElementCount {
     /// One element, not an array.
     One,
     /// Array of fixed size.
@@ -84,7 +84,7 @@ pub(super) enum Count {
 
 /// Data type of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum MessageFieldType {
     /// A number of this size in bytes.
     Number(usize),
     /// A string.
@@ -93,49 +93,49 @@ pub(super) enum Kind {
 
 /// A field of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Field {
-    pub(super) kind: Kind,
-    pub(super) count: Count,
-    pub(super) role: Option<Role>,
+pub(super) struct MessageField {
+    pub(super) kind: MessageFieldType,
+    pub(super) count: ElementCount,
+    pub(super) role: Option<FieldRole>,
 }
 
 /// Layout of the messages of a type that contains a frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Layout {
+pub(super) struct CanMessageLayout {
     /// All fields, in order.
-    pub(super) fields: Vec<Field>,
+    pub(super) fields: Vec<MessageField>,
     /// Whether the data may have more than eight bytes.
     pub(super) is_fd: bool,
 }
 
-impl Layout {
+impl CanMessageLayout {
     /// Parses a definition; `None` if it is invalid or its messages are not CAN frames.
-    pub(super) fn of(definition: &[u8]) -> Option<Self> {
+    pub(super) fn parse_definition(definition: &[u8]) -> Option<Self> {
         let definition = std::str::from_utf8(definition.get(..LONGEST).unwrap_or(definition)).ok()?;
-        let definitions = Definitions::of(definition);
+        let definitions = MessageDefinitions::split_definitions(definition);
         let mut found = MessageLayout::default();
-        definitions.add(definitions.first, "", 0, &mut found)?;
+        definitions.add_fields(definitions.first, "", 0, &mut found)?;
         let has = |role| found.fields.iter().any(|field| field.role == Some(role));
-        let is_frame = has(Role::Id) && has(Role::Data);
+        let is_frame = has(FieldRole::Id) && has(FieldRole::Data);
         is_frame.then_some(Self { is_fd: found.most_data > 8, fields: found.fields })
     }
 }
 
 /// Definitions in a text: that of the message, then those of its nested messages.
-struct Definitions<'a> {
+struct MessageDefinitions<'a> {
     first: &'a str,
     others: Vec<(&'a str, &'a str)>,
 }
 
 #[derive(Default)]
 struct MessageLayout {
-    fields: Vec<Field>,
+    fields: Vec<MessageField>,
     most_data: usize,
     steps: usize,
 }
 
-impl<'a> Definitions<'a> {
-    fn of(text: &'a str) -> Self {
+impl<'a> MessageDefinitions<'a> {
+    fn split_definitions(text: &'a str) -> Self {
         let mut parts = Vec::new();
         let (mut begin, mut at) = (0, 0);
         for line in text.split_inclusive('\n') {
@@ -156,7 +156,13 @@ impl<'a> Definitions<'a> {
     }
 
     /// Adds the fields of a definition; `None` if the layout of one of them is unknown.
-    fn add(&self, definition: &str, prefix: &str, depth: usize, found: &mut MessageLayout) -> Option<()> {
+    fn add_fields(
+        &self,
+        definition: &str,
+        prefix: &str,
+        depth: usize,
+        found: &mut MessageLayout,
+    ) -> Option<()> {
         found.steps += 1;
         if depth > DEEPEST || found.steps > MOST_STEPS {
             return None;
@@ -169,60 +175,60 @@ impl<'a> Definitions<'a> {
             if line.contains('=') && !kind.contains("<=") {
                 continue;
             }
-            self.field(kind, &format!("{prefix}{name}"), depth, found)?;
+            self.add_field(kind, &format!("{prefix}{name}"), depth, found)?;
         }
         Some(())
     }
 
-    fn field(&self, kind: &str, name: &str, depth: usize, found: &mut MessageLayout) -> Option<()> {
-        let (kind, count, most) = counted(kind)?;
+    fn add_field(&self, kind: &str, name: &str, depth: usize, found: &mut MessageLayout) -> Option<()> {
+        let (kind, count, most) = parse_count(kind)?;
         let known = match kind {
-            "bool" | "byte" | "char" | "int8" | "uint8" => Some(Kind::Number(1)),
-            "int16" | "uint16" => Some(Kind::Number(2)),
-            "int32" | "uint32" | "float32" => Some(Kind::Number(4)),
-            "int64" | "uint64" | "float64" => Some(Kind::Number(8)),
-            "string" => Some(Kind::Text),
+            "bool" | "byte" | "char" | "int8" | "uint8" => Some(MessageFieldType::Number(1)),
+            "int16" | "uint16" => Some(MessageFieldType::Number(2)),
+            "int32" | "uint32" | "float32" => Some(MessageFieldType::Number(4)),
+            "int64" | "uint64" | "float64" => Some(MessageFieldType::Number(8)),
+            "string" => Some(MessageFieldType::Text),
             // ROS 1: two numbers.
             "time" | "duration" => {
-                self.field("uint32", &format!("{name}.secs"), depth, found)?;
-                return self.field("uint32", &format!("{name}.nsecs"), depth, found);
+                self.add_field("uint32", &format!("{name}.secs"), depth, found)?;
+                return self.add_field("uint32", &format!("{name}.nsecs"), depth, found);
             }
             _ => None,
         };
         let Some(kind) = known else {
             let repeats = match count {
-                Count::One => 1,
-                Count::Fixed(count) => count,
+                ElementCount::One => 1,
+                ElementCount::Fixed(count) => count,
                 // The size of such an array is only known from the message.
-                Count::Told => return None,
+                ElementCount::Told => return None,
             };
-            let definition = self.find(kind)?;
+            let definition = self.find_definition(kind)?;
             for _ in 0..repeats {
-                self.add(definition, &format!("{name}."), depth + 1, found)?;
+                self.add_fields(definition, &format!("{name}."), depth + 1, found)?;
             }
             return Some(());
         };
         let role = NAMES.iter().find(|(known, _)| *known == name).map(|(_, role)| *role);
         // Data must be an array of bytes; numbers must not be in an array.
         let fits = match role {
-            Some(Role::Data) => kind == Kind::Number(1) && count != Count::One,
-            Some(Role::Bus) => kind == Kind::Text && count == Count::One,
-            Some(_) => matches!(kind, Kind::Number(_)) && count == Count::One,
+            Some(FieldRole::Data) => kind == MessageFieldType::Number(1) && count != ElementCount::One,
+            Some(FieldRole::Bus) => kind == MessageFieldType::Text && count == ElementCount::One,
+            Some(_) => matches!(kind, MessageFieldType::Number(_)) && count == ElementCount::One,
             None => false,
         };
         let role = role.filter(|_| fits);
-        if role == Some(Role::Data) {
+        if role == Some(FieldRole::Data) {
             found.most_data = most;
         }
         if found.fields.len() >= MOST_FIELDS {
             return None;
         }
-        found.fields.push(Field { kind, count, role });
+        found.fields.push(MessageField { kind, count, role });
         Some(())
     }
 
     /// Finds the definition of a message by its full name, or by the part after the last slash.
-    fn find(&self, kind: &str) -> Option<&'a str> {
+    fn find_definition(&self, kind: &str) -> Option<&'a str> {
         let last = |name: &str| name.rsplit('/').next().map(str::to_owned);
         let whole = self.others.iter().find(|(name, _)| *name == kind);
         // Header without a package is std_msgs/Header in ROS 1; ROS 2 may write std_msgs/msg/Header.
@@ -233,60 +239,67 @@ impl<'a> Definitions<'a> {
 
 /// Parses a type, its count and its maximum count: `uint8`, `uint8[8]`, `uint8[<=64]`, `uint8[]`,
 /// `string<=8`.
-fn counted(kind: &str) -> Option<(&str, Count, usize)> {
+fn parse_count(kind: &str) -> Option<(&str, ElementCount, usize)> {
     let Some((kind, array)) = kind.strip_suffix(']').and_then(|kind| kind.split_once('[')) else {
         let kind = kind.split("<=").next().unwrap_or(kind);
-        return Some((kind, Count::One, 1));
+        return Some((kind, ElementCount::One, 1));
     };
     let kind = kind.split("<=").next().unwrap_or(kind);
     if let Some(most) = array.strip_prefix("<=") {
-        return Some((kind, Count::Told, most.parse().ok()?));
+        return Some((kind, ElementCount::Told, most.parse().ok()?));
     }
     if array.is_empty() {
-        return Some((kind, Count::Told, usize::MAX));
+        return Some((kind, ElementCount::Told, usize::MAX));
     }
     let count = array.parse().ok()?;
-    Some((kind, Count::Fixed(count), count))
+    Some((kind, ElementCount::Fixed(count), count))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn roles(layout: &Layout) -> Vec<Role> {
+    fn roles(layout: &CanMessageLayout) -> Vec<FieldRole> {
         layout.fields.iter().filter_map(|field| field.role).collect()
     }
 
     #[test]
     fn frames_of_ros2() {
-        let layout = Layout::of(include_bytes!("frame.msg")).unwrap();
+        let layout = CanMessageLayout::parse_definition(include_bytes!("frame.msg")).unwrap();
         assert_eq!(
             roles(&layout),
             [
-                Role::Seconds,
-                Role::Nanoseconds,
-                Role::Bus,
-                Role::Id,
-                Role::Remote,
-                Role::Extended,
-                Role::Error,
-                Role::Length,
-                Role::Data
+                FieldRole::Seconds,
+                FieldRole::Nanoseconds,
+                FieldRole::Bus,
+                FieldRole::Id,
+                FieldRole::Remote,
+                FieldRole::Extended,
+                FieldRole::Error,
+                FieldRole::Length,
+                FieldRole::Data
             ]
         );
         assert!(!layout.is_fd);
-        let layout = Layout::of(include_bytes!("fd_frame.msg")).unwrap();
+        let layout = CanMessageLayout::parse_definition(include_bytes!("fd_frame.msg")).unwrap();
         assert!(layout.is_fd);
-        assert_eq!(layout.fields.last().unwrap().count, Count::Told);
+        assert_eq!(layout.fields.last().unwrap().count, ElementCount::Told);
     }
 
     #[test]
     fn frames_of_ros1_with_constants_and_comments() {
         let text = "# a frame\nuint8 MODE=3\nHeader header\nuint32 id # as it is\nbool extended\nuint8 dlc\nuint8[8] data\n\
                     ====\nMSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n";
-        let layout = Layout::of(text.as_bytes()).unwrap();
-        let expected =
-            [Role::Seconds, Role::Nanoseconds, Role::Bus, Role::Id, Role::Extended, Role::Length, Role::Data];
+        let layout = CanMessageLayout::parse_definition(text.as_bytes()).unwrap();
+        let expected = [
+            FieldRole::Seconds,
+            FieldRole::Nanoseconds,
+            FieldRole::Bus,
+            FieldRole::Id,
+            FieldRole::Extended,
+            FieldRole::Length,
+            FieldRole::Data,
+        ];
         assert_eq!(roles(&layout), expected);
         assert_eq!(layout.fields.len(), 8);
     }
@@ -302,8 +315,8 @@ mod tests {
             "uint32 id\nuint8[8] data\nA[1000000000] a\n====\nMSG: p/A\n",
             "uint32 id\nuint8[x] data\n",
         ] {
-            assert_eq!(Layout::of(text.as_bytes()), None, "{text}");
+            assert_eq!(CanMessageLayout::parse_definition(text.as_bytes()), None, "{text}");
         }
-        assert_eq!(Layout::of(b"\xFF"), None);
+        assert_eq!(CanMessageLayout::parse_definition(b"\xFF"), None);
     }
 }

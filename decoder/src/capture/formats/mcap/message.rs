@@ -6,7 +6,7 @@
 //! ```
 //! Lengths of strings and arrays have four bytes; the length of a string in CDR includes its final NUL.
 
-use super::layout::{Count, Field, Kind, Layout, Role};
+use super::layout::{CanMessageLayout, ElementCount, FieldRole, MessageField, MessageFieldType};
 use crate::capture::byte_order::ByteOrder;
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
 
@@ -20,7 +20,7 @@ const ERROR: u32 = 0x2000_0000;
 
 /// Encoding of fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Encoding {
+pub(super) enum FieldEncoding {
     Cdr,
     Ros1,
 }
@@ -40,22 +40,22 @@ pub(super) struct MessageFrame<'a> {
 ///
 /// # Errors
 /// Description of the invalid part.
-pub(super) fn read<'a>(
-    layout: &Layout,
-    encoding: Encoding,
+pub(super) fn read_message<'a>(
+    layout: &CanMessageLayout,
+    encoding: FieldEncoding,
     bytes: &'a [u8],
 ) -> Result<MessageFrame<'a>, &'static str> {
-    let mut fields = Fields::new(encoding, bytes)?;
-    let mut values = Values::default();
+    let mut fields = MessageFieldReader::new(encoding, bytes)?;
+    let mut values = FrameFieldValues::default();
     for field in &layout.fields {
-        fields.field(*field, &mut values).ok_or("the message ends inside a field")?;
+        fields.read_field(*field, &mut values).ok_or("the message ends inside a field")?;
     }
-    values.found(layout.is_fd)
+    values.found_frame(layout.is_fd)
 }
 
 /// Values of the fields with a meaning.
 #[derive(Default)]
-struct Values<'a> {
+struct FrameFieldValues<'a> {
     seconds: i64,
     nanoseconds: i64,
     bus: &'a [u8],
@@ -70,37 +70,37 @@ struct Values<'a> {
     passive: bool,
 }
 
-impl<'a> Values<'a> {
-    fn number(&mut self, role: Role, value: u64) {
+impl<'a> FrameFieldValues<'a> {
+    fn set_number(&mut self, role: FieldRole, value: u64) {
         let is_set = value != 0;
         match role {
-            Role::Seconds => self.seconds = i64::try_from(value).unwrap_or(0),
-            Role::Nanoseconds => self.nanoseconds = i64::try_from(value).unwrap_or(0),
-            Role::Id => self.id = u32::try_from(value).unwrap_or(u32::MAX),
-            Role::Extended => self.extended = Some(is_set),
-            Role::Remote => self.remote = is_set,
-            Role::Error => self.error = is_set,
-            Role::Length => self.length = Some(u8::try_from(value).unwrap_or(u8::MAX)),
-            Role::Fd => self.fd = Some(is_set),
-            Role::BitRateSwitch => self.switched = is_set,
-            Role::ErrorState => self.passive = is_set,
-            Role::Bus | Role::Data => {}
+            FieldRole::Seconds => self.seconds = i64::try_from(value).unwrap_or(0),
+            FieldRole::Nanoseconds => self.nanoseconds = i64::try_from(value).unwrap_or(0),
+            FieldRole::Id => self.id = u32::try_from(value).unwrap_or(u32::MAX),
+            FieldRole::Extended => self.extended = Some(is_set),
+            FieldRole::Remote => self.remote = is_set,
+            FieldRole::Error => self.error = is_set,
+            FieldRole::Length => self.length = Some(u8::try_from(value).unwrap_or(u8::MAX)),
+            FieldRole::Fd => self.fd = Some(is_set),
+            FieldRole::BitRateSwitch => self.switched = is_set,
+            FieldRole::ErrorState => self.passive = is_set,
+            FieldRole::Bus | FieldRole::Data => {}
         }
     }
 
-    fn found(self, may_be_fd: bool) -> Result<MessageFrame<'a>, &'static str> {
+    fn found_frame(self, may_be_fd: bool) -> Result<MessageFrame<'a>, &'static str> {
         let is_error = self.error || self.extended.is_none() && self.id & ERROR != 0;
         let is_remote = self.remote || self.extended.is_none() && self.id & REMOTE != 0;
         let is_fd = self.fd.unwrap_or(may_be_fd) && !is_error && !is_remote;
         let number = self.id & 0x1FFF_FFFF;
         let is_extended = self.extended.unwrap_or(self.id & EXTENDED != 0 || number > 0x7FF);
         let id = match number {
-            _ if is_error || is_extended => CanId::extended(number),
-            0..=0x7FF => CanId::standard(u16::try_from(number).unwrap_or(0)),
+            _ if is_error || is_extended => CanId::from_extended(number),
+            0..=0x7FF => CanId::from_standard(u16::try_from(number).unwrap_or(0)),
             _ => return Err("identifier: expected up to 7FF in a base frame"),
         };
         let told = self.length.unwrap_or(u8::try_from(self.data.len()).unwrap_or(u8::MAX));
-        let (length, raw_dlc) = length(told, is_fd, self.data.len())?;
+        let (length, raw_dlc) = frame_length(told, is_fd, self.data.len())?;
         let mut flags = FrameFlags::default();
         let set = [
             (is_error, FrameFlags::ERROR),
@@ -125,7 +125,7 @@ impl<'a> Values<'a> {
 
 /// Length in bytes, and the DLC of a classic frame if above 8. The field contains a length; for FD frames
 /// some writers store the DLC.
-fn length(told: u8, is_fd: bool, available: usize) -> Result<(u8, u8), &'static str> {
+fn frame_length(told: u8, is_fd: bool, available: usize) -> Result<(u8, u8), &'static str> {
     match told {
         0..=8 => Ok((told, 0)),
         9..=15 if !is_fd => Ok((8, told)),
@@ -136,39 +136,39 @@ fn length(told: u8, is_fd: bool, available: usize) -> Result<(u8, u8), &'static 
 }
 
 /// Reads the fields of a message in order.
-struct Fields<'a> {
+struct MessageFieldReader<'a> {
     bytes: &'a [u8],
     at: usize,
     order: ByteOrder,
-    encoding: Encoding,
+    encoding: FieldEncoding,
 }
 
-impl<'a> Fields<'a> {
-    fn new(encoding: Encoding, bytes: &'a [u8]) -> Result<Self, &'static str> {
+impl<'a> MessageFieldReader<'a> {
+    fn new(encoding: FieldEncoding, bytes: &'a [u8]) -> Result<Self, &'static str> {
         let order = match (encoding, bytes) {
-            (Encoding::Ros1, _) | (Encoding::Cdr, [0, 1, _, _, ..]) => ByteOrder::Little,
-            (Encoding::Cdr, [0, 0, _, _, ..]) => ByteOrder::Big,
+            (FieldEncoding::Ros1, _) | (FieldEncoding::Cdr, [0, 1, _, _, ..]) => ByteOrder::Little,
+            (FieldEncoding::Cdr, [0, 0, _, _, ..]) => ByteOrder::Big,
             _ => return Err("CDR: expected 00 00 or 00 01 at the start"),
         };
-        let bytes = if encoding == Encoding::Cdr { bytes.get(4..).unwrap_or_default() } else { bytes };
+        let bytes = if encoding == FieldEncoding::Cdr { bytes.get(4..).unwrap_or_default() } else { bytes };
         Ok(Self { bytes, at: 0, order, encoding })
     }
 
-    fn align(&mut self, size: usize) {
-        if self.encoding == Encoding::Cdr {
+    fn align_to(&mut self, size: usize) {
+        if self.encoding == FieldEncoding::Cdr {
             self.at = self.at.next_multiple_of(size);
         }
     }
 
-    fn take(&mut self, count: usize) -> Option<&'a [u8]> {
+    fn take_bytes(&mut self, count: usize) -> Option<&'a [u8]> {
         let taken = self.bytes.get(self.at..)?.get(..count)?;
         self.at += count;
         Some(taken)
     }
 
-    fn number(&mut self, size: usize) -> Option<u64> {
-        self.align(size);
-        let bytes = self.take(size)?;
+    fn read_number(&mut self, size: usize) -> Option<u64> {
+        self.align_to(size);
+        let bytes = self.take_bytes(size)?;
         match size {
             1 => bytes.first().map(|byte| (*byte).into()),
             2 => self.order.u16(bytes, 0).map(Into::into),
@@ -177,33 +177,33 @@ impl<'a> Fields<'a> {
         }
     }
 
-    fn text(&mut self) -> Option<&'a [u8]> {
-        let length = usize::try_from(self.number(4)?).ok()?;
-        let text = self.take(length)?;
+    fn read_text(&mut self) -> Option<&'a [u8]> {
+        let length = usize::try_from(self.read_number(4)?).ok()?;
+        let text = self.take_bytes(length)?;
         let text =
-            if self.encoding == Encoding::Cdr { text.strip_suffix(b"\0").unwrap_or(text) } else { text };
+            if self.encoding == FieldEncoding::Cdr { text.strip_suffix(b"\0").unwrap_or(text) } else { text };
         Some(text.get(..LONGEST_TEXT).unwrap_or(text))
     }
 
-    fn field(&mut self, field: Field, values: &mut Values<'a>) -> Option<()> {
+    fn read_field(&mut self, field: MessageField, values: &mut FrameFieldValues<'a>) -> Option<()> {
         let count = match field.count {
-            Count::One => 1,
-            Count::Fixed(count) => count,
-            Count::Told => usize::try_from(self.number(4)?).ok()?,
+            ElementCount::One => 1,
+            ElementCount::Fixed(count) => count,
+            ElementCount::Told => usize::try_from(self.read_number(4)?).ok()?,
         };
         match (field.kind, field.role) {
-            (Kind::Number(1), Some(Role::Data)) => {
-                let data = self.take(count)?;
+            (MessageFieldType::Number(1), Some(FieldRole::Data)) => {
+                let data = self.take_bytes(count)?;
                 values.data = data.get(..MAX_DATA).unwrap_or(data);
             }
-            (Kind::Number(size), Some(role)) => values.number(role, self.number(size)?),
-            (Kind::Number(size), None) => {
-                self.align(if count == 0 { 1 } else { size });
-                self.take(size.checked_mul(count)?)?;
+            (MessageFieldType::Number(size), Some(role)) => values.set_number(role, self.read_number(size)?),
+            (MessageFieldType::Number(size), None) => {
+                self.align_to(if count == 0 { 1 } else { size });
+                self.take_bytes(size.checked_mul(count)?)?;
             }
-            (Kind::Text, Some(Role::Bus)) => values.bus = self.text()?,
+            (MessageFieldType::Text, Some(FieldRole::Bus)) => values.bus = self.read_text()?,
             // Each string uses at least its length field, so the data bounds the number of iterations.
-            (Kind::Text, _) => (0..count).try_for_each(|_| self.text().map(|_| ()))?,
+            (MessageFieldType::Text, _) => (0..count).try_for_each(|_| self.read_text().map(|_| ()))?,
         }
         Some(())
     }
@@ -213,28 +213,28 @@ impl<'a> Fields<'a> {
 mod tests {
     use super::*;
 
-    fn ros2() -> Layout {
-        Layout::of(include_bytes!("frame.msg")).unwrap()
+    fn ros2() -> CanMessageLayout {
+        CanMessageLayout::parse_definition(include_bytes!("frame.msg")).unwrap()
     }
 
     #[test]
     fn a_frame_of_ros2() {
         // Second 1, nanosecond 2, "can0", 0x18FECA80 extended, 3 bytes.
         let bytes = b"\0\x01\0\0\x01\0\0\0\x02\0\0\0\x05\0\0\0can0\0\0\0\0\x80\xCA\xFE\x18\0\x01\0\x03\x11\x22\x33\0\0\0\0\0";
-        let found = read(&ros2(), Encoding::Cdr, bytes).unwrap();
-        assert_eq!(found.frame, Frame::data_frame(CanId::extended(0x18FE_CA80), &[0x11, 0x22, 0x33]));
+        let found = read_message(&ros2(), FieldEncoding::Cdr, bytes).unwrap();
+        assert_eq!(found.frame, Frame::data_frame(CanId::from_extended(0x18FE_CA80), &[0x11, 0x22, 0x33]));
         assert_eq!((found.stamp, found.bus), (Some(1_000_000_002), &b"can0"[..]));
         for end in 0..bytes.len() {
-            assert!(read(&ros2(), Encoding::Cdr, &bytes[..end]).is_err(), "{end}");
+            assert!(read_message(&ros2(), FieldEncoding::Cdr, &bytes[..end]).is_err(), "{end}");
         }
     }
 
     #[test]
     fn big_endian_and_a_remote_frame() {
         let bytes = b"\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x01\0\0\0\0\0\0\x07\x01\x01\0\0\x02\0\0\0\0\0\0\0\0";
-        let found = read(&ros2(), Encoding::Cdr, bytes).unwrap();
+        let found = read_message(&ros2(), FieldEncoding::Cdr, bytes).unwrap();
         assert_eq!(found.frame.flags, FrameFlags::REMOTE);
-        assert_eq!((found.frame.id, found.frame.length), (CanId::standard(0x701), 2));
+        assert_eq!((found.frame.id, found.frame.length), (CanId::from_standard(0x701), 2));
         assert_eq!((found.stamp, found.bus), (None, &b""[..]));
     }
 
@@ -242,25 +242,25 @@ mod tests {
     fn a_frame_of_ros1_has_no_gaps() {
         let text = "Header header\nuint32 id\nbool is_rtr\nbool is_extended\nbool is_error\nuint8 dlc\nuint8[8] data\n\
                     ====\nMSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n";
-        let layout = Layout::of(text.as_bytes()).unwrap();
+        let layout = CanMessageLayout::parse_definition(text.as_bytes()).unwrap();
         let bytes =
             b"\x09\0\0\0\x01\0\0\0\0\0\0\0\x03\0\0\0canW\x01\0\0\0\0\0\x09\x01\x02\x03\x04\x05\x06\x07\x08";
-        let found = read(&layout, Encoding::Ros1, bytes).unwrap();
+        let found = read_message(&layout, FieldEncoding::Ros1, bytes).unwrap();
         let expected =
-            Frame { raw_dlc: 9, ..Frame::data_frame(CanId::standard(0x157), &[1, 2, 3, 4, 5, 6, 7, 8]) };
+            Frame { raw_dlc: 9, ..Frame::data_frame(CanId::from_standard(0x157), &[1, 2, 3, 4, 5, 6, 7, 8]) };
         assert_eq!((found.frame, found.bus, found.stamp), (expected, &b"can"[..], Some(1_000_000_000)));
     }
 
     #[test]
     fn lengths_that_no_frame_has_are_refused() {
-        assert_eq!(length(15, false, 8), Ok((8, 15)));
-        assert_eq!(length(15, true, 64), Ok((64, 0)));
-        assert_eq!(length(12, true, 12), Ok((12, 0)));
+        assert_eq!(frame_length(15, false, 8), Ok((8, 15)));
+        assert_eq!(frame_length(15, true, 64), Ok((64, 0)));
+        assert_eq!(frame_length(12, true, 12), Ok((12, 0)));
         assert_eq!(
-            length(10, true, 64),
+            frame_length(10, true, 64),
             Err("length: expected 0 to 8, or 12, 16, 20, 24, 32, 48 or 64 in CAN FD")
         );
-        assert!(length(65, true, 64).is_err());
-        assert!(length(16, false, 64).is_err());
+        assert!(frame_length(65, true, 64).is_err());
+        assert!(frame_length(16, false, 64).is_err());
     }
 }

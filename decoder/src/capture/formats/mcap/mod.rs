@@ -23,16 +23,18 @@ mod unpack;
 #[cfg(feature = "mcap")]
 mod write;
 
-use record::{HEAD, Kind};
-use records::Records;
+use record::{HEAD, RecordType};
+use records::TopicRecords;
 use unpack::ChunkRecords;
 
-use crate::capture::{Batch, BusNames, CaptureError, CapturePlace, Format, LARGEST_RECORD, Notice, Parser};
+use crate::capture::{
+    Batch, BusNames, CaptureError, CaptureFormat, CapturePlace, FormatParser, LARGEST_RECORD, Notice,
+};
 #[cfg(feature = "mcap")]
 use crate::capture::{FormatCapabilities, WritableFormat};
 
 #[cfg(feature = "mcap")]
-pub(crate) use write::{McapWriter, Topic};
+pub(crate) use write::{McapWriter, WrittenTopic};
 
 /// Magic bytes at the start and the end of a file.
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
@@ -40,13 +42,13 @@ const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 /// Maximum size of a chunk in the file, in bytes.
 const LARGEST_CHUNK: usize = 32 * 1024 * 1024;
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     name: "mcap",
     title: "MCAP",
     is_text: false,
     is_packed: true,
     detect: |head| head.starts_with(MAGIC),
-    parser: |_| Box::new(Mcap::default()),
+    parser: |_| Box::new(McapParser::default()),
 };
 
 #[cfg(feature = "mcap")]
@@ -60,18 +62,18 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
 
 /// Parser of MCAP.
 #[derive(Default)]
-struct Mcap {
-    records: Records,
+struct McapParser {
+    records: TopicRecords,
     /// Bytes used so far.
     offset: u64,
     /// Bytes left to skip.
     skip: u64,
     chunk: Option<OpenChunk>,
-    state: State,
+    state: McapState,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-enum State {
+enum McapState {
     /// Nothing was read.
     #[default]
     Start,
@@ -94,7 +96,7 @@ struct OpenChunk {
     is_told: bool,
 }
 
-impl Clone for Mcap {
+impl Clone for McapParser {
     fn clone(&self) -> Self {
         let Self { records, offset, skip, chunk, state } = self;
         let chunk = chunk.as_ref().map(|OpenChunk { done, is_told, .. }| OpenChunk {
@@ -107,61 +109,61 @@ impl Clone for Mcap {
 }
 
 /// Result of one step of the parser.
-enum ParserStep {
+enum McapStep {
     /// Number of bytes used.
     Took(usize),
     /// Nothing used: more input, or a batch with room, is needed.
     Wait,
 }
 
-impl Mcap {
-    fn step(&mut self, at: u64, rest: &[u8], at_end: bool, batch: &mut Batch) -> ParserStep {
+impl McapParser {
+    fn parse_step(&mut self, at: u64, rest: &[u8], at_end: bool, batch: &mut Batch) -> McapStep {
         if self.skip > 0 {
             return self.pass_over(rest);
         }
         match self.state {
-            State::Start if rest.len() < MAGIC.len() && !at_end => return ParserStep::Wait,
-            State::Start => {
-                self.state = State::Records;
-                return ParserStep::Took(MAGIC.len().min(rest.len()));
+            McapState::Start if rest.len() < MAGIC.len() && !at_end => return McapStep::Wait,
+            McapState::Start => {
+                self.state = McapState::Records;
+                return McapStep::Took(MAGIC.len().min(rest.len()));
             }
-            State::Records => {}
-            State::Finished => return self.behind(at, rest, at_end, batch),
-            State::Over => {
-                return if rest.is_empty() { ParserStep::Wait } else { ParserStep::Took(rest.len()) };
+            McapState::Records => {}
+            McapState::Finished => return self.check_after_footer(at, rest, at_end, batch),
+            McapState::Over => {
+                return if rest.is_empty() { McapStep::Wait } else { McapStep::Took(rest.len()) };
             }
         }
-        let Some((kind, length)) = record::head(rest) else {
-            return if at_end { self.cut(at, rest, batch) } else { ParserStep::Wait };
+        let Some((kind, length)) = record::parse_head(rest) else {
+            return if at_end { self.end_in_record(at, rest, batch) } else { McapStep::Wait };
         };
-        if let Kind::Unknown(kind) = kind {
+        if let RecordType::Unknown(kind) = kind {
             batch.push_unreadable(
                 CapturePlace::Offset(at),
                 format!("unknown record type {kind:#04X}; expected 01 to 0F"),
             );
         }
-        let is_needed = !matches!(kind, Kind::Other | Kind::Unknown(_) | Kind::Footer);
+        let is_needed = !matches!(kind, RecordType::Other | RecordType::Unknown(_) | RecordType::Footer);
         let contents = rest.get(HEAD..).unwrap_or_default();
         let whole = usize::try_from(length).ok().and_then(|length| contents.get(..length));
         match whole {
-            Some(contents) if is_needed => self.record(kind, at, contents, true, batch),
+            Some(contents) if is_needed => self.on_record(kind, at, contents, true, batch),
             _ if !is_needed => {
-                if kind == Kind::Footer {
-                    self.state = State::Finished;
+                if kind == RecordType::Footer {
+                    self.state = McapState::Finished;
                 }
                 self.skip = length;
-                ParserStep::Took(HEAD)
+                McapStep::Took(HEAD)
             }
             _ if at_end => {
-                let taken = self.record(kind, at, contents, false, batch);
-                if let ParserStep::Took(_) = taken {
+                let taken = self.on_record(kind, at, contents, false, batch);
+                if let McapStep::Took(_) = taken {
                     let there = contents.len();
                     cut_off(
                         format!("the capture ends inside a record: {there} bytes of {length}"),
                         at,
                         batch,
                     );
-                    self.state = State::Over;
+                    self.state = McapState::Over;
                 }
                 taken
             }
@@ -171,9 +173,9 @@ impl Mcap {
                     format!("record of {length} bytes too long: skipped"),
                 );
                 self.skip = length;
-                ParserStep::Took(HEAD)
+                McapStep::Took(HEAD)
             }
-            _ => ParserStep::Wait,
+            _ => McapStep::Wait,
         }
     }
 
@@ -183,72 +185,78 @@ impl Mcap {
     }
 
     /// Handles the end of the capture at the start of a record: no bytes, or an incomplete record head.
-    fn cut(&mut self, at: u64, rest: &[u8], batch: &mut Batch) -> ParserStep {
+    fn end_in_record(&mut self, at: u64, rest: &[u8], batch: &mut Batch) -> McapStep {
         if !rest.is_empty() {
             cut_off("the capture ends inside a record".into(), at, batch);
-            self.state = State::Over;
+            self.state = McapState::Over;
         }
-        ParserStep::Took(rest.len())
+        McapStep::Took(rest.len())
     }
 
-    fn pass_over(&mut self, rest: &[u8]) -> ParserStep {
+    fn pass_over(&mut self, rest: &[u8]) -> McapStep {
         let count = usize::try_from(self.skip).unwrap_or(usize::MAX).min(rest.len());
         self.skip -= count as u64;
-        if count == 0 { ParserStep::Wait } else { ParserStep::Took(count) }
+        if count == 0 { McapStep::Wait } else { McapStep::Took(count) }
     }
 
     /// Checks that only the magic bytes follow the footer.
-    fn behind(&mut self, at: u64, rest: &[u8], at_end: bool, batch: &mut Batch) -> ParserStep {
+    fn check_after_footer(&mut self, at: u64, rest: &[u8], at_end: bool, batch: &mut Batch) -> McapStep {
         if rest.len() < MAGIC.len() && !at_end {
-            return ParserStep::Wait;
+            return McapStep::Wait;
         }
-        self.state = State::Over;
+        self.state = McapState::Over;
         if !rest.starts_with(MAGIC) {
             batch.push_unreadable(
                 CapturePlace::Offset(at),
                 "after the footer: expected the magic bytes at the end of the file".into(),
             );
         }
-        ParserStep::Took(rest.len())
+        McapStep::Took(rest.len())
     }
 
     /// Handles a complete record, or the available part of an incomplete one.
-    fn record(
+    fn on_record(
         &mut self,
-        kind: Kind,
+        kind: RecordType,
         at: u64,
         contents: &[u8],
         is_whole: bool,
         batch: &mut Batch,
-    ) -> ParserStep {
-        let taken = ParserStep::Took(HEAD.saturating_add(contents.len()));
+    ) -> McapStep {
+        let taken = McapStep::Took(HEAD.saturating_add(contents.len()));
         match kind {
-            Kind::Chunk => {
-                let chunk = record::chunk(contents);
+            RecordType::Chunk => {
+                let chunk = record::parse_chunk(contents);
                 if chunk.is_none() && is_whole {
                     batch.push_unreadable(CapturePlace::Offset(at), "chunk: too short".into());
                 }
-                if chunk.is_some_and(|chunk| !self.chunk(&chunk, at, is_whole, batch)) {
-                    return ParserStep::Wait;
+                if chunk.is_some_and(|chunk| !self.emit_chunk(&chunk, at, is_whole, batch)) {
+                    return McapStep::Wait;
                 }
             }
-            _ if is_whole => self.records.take(kind, contents, at, batch),
+            _ if is_whole => self.records.on_record(kind, contents, at, batch),
             _ => {}
         }
         taken
     }
 
     /// Emits the frames in a chunk; `false` if the batch is full before the end.
-    fn chunk(&mut self, chunk: &record::Chunk<'_>, at: u64, is_whole: bool, batch: &mut Batch) -> bool {
+    fn emit_chunk(
+        &mut self,
+        chunk: &record::RecordChunk<'_>,
+        at: u64,
+        is_whole: bool,
+        batch: &mut Batch,
+    ) -> bool {
         let mut open = self.chunk.take().unwrap_or_default();
         let unpacked = match open.unpacked.take() {
             Some(records) => ChunkRecords { records: records.into(), failure: None },
-            None => unpack::unpack(chunk.packing, chunk.packed, chunk.size),
+            None => unpack::unpack_chunk(chunk.packing, chunk.packed, chunk.size),
         };
         if !std::mem::replace(&mut open.is_told, true) {
             report_chunk(chunk, &unpacked, at, is_whole, batch);
         }
-        let is_done = self.records.run(&unpacked.records, &mut open.done, at, batch);
+        let is_done = self.records.run_chunk(&unpacked.records, &mut open.done, at, batch);
         if !is_done {
             if let std::borrow::Cow::Owned(records) = unpacked.records {
                 open.unpacked = Some(records);
@@ -258,13 +266,13 @@ impl Mcap {
         is_done
     }
 
-    fn end(&mut self, batch: &mut Batch) {
-        match std::mem::replace(&mut self.state, State::Over) {
-            State::Over => {}
-            State::Finished if self.skip > 0 => {
+    fn end_capture(&mut self, batch: &mut Batch) {
+        match std::mem::replace(&mut self.state, McapState::Over) {
+            McapState::Over => {}
+            McapState::Finished if self.skip > 0 => {
                 cut_off("the capture ends inside its footer".into(), self.offset, batch);
             }
-            State::Records if self.skip > 0 => {
+            McapState::Records if self.skip > 0 => {
                 let missing = self.skip;
                 cut_off(
                     format!("the capture ends inside a record: {missing} bytes are missing"),
@@ -272,24 +280,24 @@ impl Mcap {
                     batch,
                 );
             }
-            State::Records | State::Start => {
+            McapState::Records | McapState::Start => {
                 let text = "the capture was not finished: read up to its end";
-                batch.notice(Notice::Assumption(text.into()));
+                batch.add_notice(Notice::Assumption(text.into()));
             }
-            State::Finished => {
+            McapState::Finished => {
                 batch.push_unreadable(
                     CapturePlace::Offset(self.offset),
                     "after the footer: expected the magic bytes at the end of the file".into(),
                 );
             }
         }
-        self.records.summarise(batch);
+        self.records.report_skipped(batch);
     }
 }
 
 /// Reports a damaged chunk.
 fn report_chunk(
-    chunk: &record::Chunk<'_>,
+    chunk: &record::RecordChunk<'_>,
     unpacked: &ChunkRecords<'_>,
     at: u64,
     is_whole: bool,
@@ -322,23 +330,23 @@ fn checksum_fits(_records: &[u8], _checksum: u32) -> bool {
 }
 
 fn cut_off(reason: String, at: u64, batch: &mut Batch) {
-    batch.notice(Notice::CutOff { place: CapturePlace::Offset(at), reason });
+    batch.add_notice(Notice::CutOff { place: CapturePlace::Offset(at), reason });
 }
 
-impl Parser for Mcap {
+impl FormatParser for McapParser {
     fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError> {
         let mut taken = 0;
         while !batch.is_full() {
             let rest = input.get(taken..).unwrap_or_default();
             let at = self.offset.saturating_add(taken as u64);
-            match self.step(at, rest, at_end, batch) {
-                ParserStep::Took(0) | ParserStep::Wait => break,
-                ParserStep::Took(count) => taken += count,
+            match self.parse_step(at, rest, at_end, batch) {
+                McapStep::Took(0) | McapStep::Wait => break,
+                McapStep::Took(count) => taken += count,
             }
         }
         self.offset = self.offset.saturating_add(taken as u64);
         if at_end && taken == input.len() && !batch.is_full() {
-            self.end(batch);
+            self.end_capture(batch);
         }
         Ok(taken)
     }
@@ -347,11 +355,11 @@ impl Parser for Mcap {
         &self.records.buses
     }
 
-    fn largest(&self) -> usize {
+    fn largest_input(&self) -> usize {
         LARGEST_CHUNK + LARGEST_RECORD
     }
 
-    fn clone_box(&self) -> Box<dyn Parser> {
+    fn clone_box(&self) -> Box<dyn FormatParser> {
         Box::new(self.clone())
     }
 }

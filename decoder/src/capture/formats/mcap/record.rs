@@ -29,7 +29,7 @@ const PRIVATE: u8 = 0x80;
 
 /// Record types that the reader distinguishes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum RecordType {
     /// First record: the program that wrote the file.
     Header,
     /// Last record of a finished file.
@@ -51,24 +51,24 @@ pub(super) enum Kind {
 }
 
 /// Parses type and length of the record at the start of `input`; `None` if `input` is too short.
-pub(super) fn head(input: &[u8]) -> Option<(Kind, u64)> {
+pub(super) fn parse_head(input: &[u8]) -> Option<(RecordType, u64)> {
     let kind = match *input.first()? {
-        HEADER => Kind::Header,
-        FOOTER => Kind::Footer,
-        SCHEMA => Kind::Schema,
-        CHANNEL => Kind::Channel,
-        MESSAGE => Kind::Message,
-        CHUNK => Kind::Chunk,
-        STATISTICS => Kind::Statistics,
-        1..=LAST | PRIVATE.. => Kind::Other,
-        unknown => Kind::Unknown(unknown),
+        HEADER => RecordType::Header,
+        FOOTER => RecordType::Footer,
+        SCHEMA => RecordType::Schema,
+        CHANNEL => RecordType::Channel,
+        MESSAGE => RecordType::Message,
+        CHUNK => RecordType::Chunk,
+        STATISTICS => RecordType::Statistics,
+        1..=LAST | PRIVATE.. => RecordType::Other,
+        unknown => RecordType::Unknown(unknown),
     };
     let length = u64::from_le_bytes(*input.get(1..)?.first_chunk()?);
     Some((kind, length))
 }
 
 /// Layout of the messages of a channel.
-pub(super) struct Schema<'a> {
+pub(super) struct TopicSchema<'a> {
     pub(super) id: u16,
     pub(super) name: &'a [u8],
     pub(super) encoding: &'a [u8],
@@ -76,7 +76,7 @@ pub(super) struct Schema<'a> {
 }
 
 /// Channel of a topic.
-pub(super) struct Channel<'a> {
+pub(super) struct TopicChannel<'a> {
     pub(super) id: u16,
     pub(super) schema: u16,
     pub(super) topic: &'a [u8],
@@ -84,14 +84,14 @@ pub(super) struct Channel<'a> {
     metadata: Vec<(&'a [u8], &'a [u8])>,
 }
 
-impl<'a> Channel<'a> {
+impl<'a> TopicChannel<'a> {
     /// Value of a key in the metadata.
-    pub(super) fn says(&self, key: &str) -> Option<&'a [u8]> {
+    pub(super) fn metadata_value(&self, key: &str) -> Option<&'a [u8]> {
         self.metadata.iter().find(|(known, _)| *known == key.as_bytes()).map(|(_, value)| *value)
     }
 }
 
-pub(super) struct Message<'a> {
+pub(super) struct McapMessage<'a> {
     pub(super) channel: u16,
     /// Time of recording, in nanoseconds.
     pub(super) log_time: u64,
@@ -99,7 +99,7 @@ pub(super) struct Message<'a> {
 }
 
 /// A chunk of records.
-pub(super) struct Chunk<'a> {
+pub(super) struct RecordChunk<'a> {
     /// Size of the decompressed records in bytes.
     pub(super) size: u64,
     /// CRC-32 of the decompressed records; 0 if unset.
@@ -112,50 +112,52 @@ pub(super) struct Chunk<'a> {
     pub(super) packed: &'a [u8],
 }
 
-fn text(input: &[u8]) -> IResult<&[u8], &[u8]> {
+fn parse_text(input: &[u8]) -> IResult<&[u8], &[u8]> {
     length_data(le_u32).parse(input)
 }
 
 /// Library that wrote the file, from a header record; `None` if the record is too short.
-pub(super) fn library(contents: &[u8]) -> Option<&[u8]> {
-    let (_, (_profile, library)) = (text, text).parse(contents).ok()?;
+pub(super) fn parse_library(contents: &[u8]) -> Option<&[u8]> {
+    let (_, (_profile, library)) = (parse_text, parse_text).parse(contents).ok()?;
     Some(library)
 }
 
 /// Number of messages, from a statistics record; `None` if the record is too short.
-pub(super) fn messages(contents: &[u8]) -> Option<u64> {
+pub(super) fn parse_message_count(contents: &[u8]) -> Option<u64> {
     let (_, count) = le_u64::<_, nom::error::Error<_>>(contents).ok()?;
     Some(count)
 }
 
 /// Parses a schema record; `None` if it is too short.
-pub(super) fn schema(contents: &[u8]) -> Option<Schema<'_>> {
-    let (_, (id, name, encoding, data)) = (le_u16, text, text, text).parse(contents).ok()?;
-    Some(Schema { id, name, encoding, data })
+pub(super) fn parse_schema(contents: &[u8]) -> Option<TopicSchema<'_>> {
+    let (_, (id, name, encoding, data)) =
+        (le_u16, parse_text, parse_text, parse_text).parse(contents).ok()?;
+    Some(TopicSchema { id, name, encoding, data })
 }
 
 /// Parses a channel record; `None` if it is too short.
-pub(super) fn channel(contents: &[u8]) -> Option<Channel<'_>> {
-    let (_, (id, schema, topic, encoding, map)) = (le_u16, le_u16, text, text, text).parse(contents).ok()?;
-    let (_, metadata) = all_consuming(many0((text, text))).parse(map).ok()?;
-    Some(Channel { id, schema, topic, encoding, metadata })
+pub(super) fn parse_channel(contents: &[u8]) -> Option<TopicChannel<'_>> {
+    let (_, (id, schema, topic, encoding, map)) =
+        (le_u16, le_u16, parse_text, parse_text, parse_text).parse(contents).ok()?;
+    let (_, metadata) = all_consuming(many0((parse_text, parse_text))).parse(map).ok()?;
+    Some(TopicChannel { id, schema, topic, encoding, metadata })
 }
 
 /// Parses a message record; `None` if it is too short.
-pub(super) fn message(contents: &[u8]) -> Option<Message<'_>> {
+pub(super) fn parse_message(contents: &[u8]) -> Option<McapMessage<'_>> {
     let (_, (channel, _sequence, log_time, _publish_time, data)) =
         (le_u16, le_u32, le_u64, le_u64, rest::<_, nom::error::Error<_>>).parse(contents).ok()?;
-    Some(Message { channel, log_time, data })
+    Some(McapMessage { channel, log_time, data })
 }
 
 /// Parses a chunk record whose end may be missing; `None` if it is shorter than the fields before the
 /// records.
-pub(super) fn chunk(contents: &[u8]) -> Option<Chunk<'_>> {
+pub(super) fn parse_chunk(contents: &[u8]) -> Option<RecordChunk<'_>> {
     let times = take::<_, _, nom::error::Error<_>>(16_usize);
     let (_, (_, size, checksum, packing, packed_size, packed)) =
-        (times, le_u64, le_u32, text, le_u64, rest).parse(contents).ok()?;
+        (times, le_u64, le_u32, parse_text, le_u64, rest).parse(contents).ok()?;
     let end = usize::try_from(packed_size).unwrap_or(usize::MAX).min(packed.len());
-    Some(Chunk { size, checksum, packing, packed_size, packed: packed.get(..end).unwrap_or(packed) })
+    Some(RecordChunk { size, checksum, packing, packed_size, packed: packed.get(..end).unwrap_or(packed) })
 }
 
 #[cfg(test)]
@@ -165,22 +167,22 @@ mod tests {
     #[test]
     fn a_channel_with_its_metadata() {
         let contents = b"\x01\0\x02\0\x04\0\0\0/can\x03\0\0\0cdr\x0B\0\0\0\x03\0\0\0bus\0\0\0\0";
-        let channel = channel(contents).unwrap();
+        let channel = parse_channel(contents).unwrap();
         assert_eq!(
             (channel.id, channel.schema, channel.topic, channel.encoding),
             (1, 2, &b"/can"[..], &b"cdr"[..])
         );
-        assert_eq!(channel.says("bus"), Some(&b""[..]));
-        assert_eq!(channel.says("fd"), None);
+        assert_eq!(channel.metadata_value("bus"), Some(&b""[..]));
+        assert_eq!(channel.metadata_value("fd"), None);
     }
 
     #[test]
     fn lengths_that_lie_are_refused() {
-        assert!(channel(b"\x01\0\x02\0\xFF\xFF\xFF\xFF/can").is_none());
-        assert!(channel(b"\x01\0\x02\0\0\0\0\0\0\0\0\0\x05\0\0\0\x03\0\0\0b").is_none());
-        assert!(schema(b"\x01\0\x01\0\0\0").is_none());
-        assert!(message(b"\x01\0").is_none());
-        assert!(head(b"\x05\x01\0\0").is_none());
+        assert!(parse_channel(b"\x01\0\x02\0\xFF\xFF\xFF\xFF/can").is_none());
+        assert!(parse_channel(b"\x01\0\x02\0\0\0\0\0\0\0\0\0\x05\0\0\0\x03\0\0\0b").is_none());
+        assert!(parse_schema(b"\x01\0\x01\0\0\0").is_none());
+        assert!(parse_message(b"\x01\0").is_none());
+        assert!(parse_head(b"\x05\x01\0\0").is_none());
     }
 
     #[test]
@@ -190,18 +192,18 @@ mod tests {
         contents.extend_from_slice(&[1, 2, 3, 4]);
         contents.extend_from_slice(b"\x03\0\0\0lz4");
         contents.extend_from_slice(&[5, 0, 0, 0, 0, 0, 0, 0, 7, 8]);
-        let chunk = chunk(&contents).unwrap();
+        let chunk = parse_chunk(&contents).unwrap();
         assert_eq!((chunk.size, chunk.checksum, chunk.packing), (9, 0x0403_0201, &b"lz4"[..]));
         assert_eq!((chunk.packed_size, chunk.packed), (5, &[7, 8][..]));
     }
 
     #[test]
     fn kinds_of_records() {
-        let kind = |byte: u8| head(&[byte, 1, 0, 0, 0, 0, 0, 0, 0]).unwrap();
-        assert_eq!(kind(5), (Kind::Message, 1));
-        assert_eq!(kind(0x0A), (Kind::Other, 1));
-        assert_eq!(kind(0x90), (Kind::Other, 1));
-        assert_eq!(kind(0), (Kind::Unknown(0), 1));
-        assert_eq!(kind(0x10), (Kind::Unknown(0x10), 1));
+        let kind = |byte: u8| parse_head(&[byte, 1, 0, 0, 0, 0, 0, 0, 0]).unwrap();
+        assert_eq!(kind(5), (RecordType::Message, 1));
+        assert_eq!(kind(0x0A), (RecordType::Other, 1));
+        assert_eq!(kind(0x90), (RecordType::Other, 1));
+        assert_eq!(kind(0), (RecordType::Unknown(0), 1));
+        assert_eq!(kind(0x10), (RecordType::Unknown(0x10), 1));
     }
 }

@@ -4,13 +4,13 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::key::{self, LIBRARY};
-use super::layout::Layout;
-use super::message::{self, Encoding};
-use super::record::{self, HEAD, Kind};
-use crate::capture::remark::Remark;
+use super::layout::CanMessageLayout;
+use super::message::{self, FieldEncoding};
+use super::record::{self, HEAD, RecordType};
+use crate::capture::remark::CommentRemark;
 use crate::capture::{Batch, BusNames, CapturePlace, MAX_BUS_NAME, MAX_BUSES, Notice};
 use crate::frame::{BusIndex, Frame, FrameFlags, Timestamp};
-use crate::words::plural;
+use crate::words::count_noun;
 
 /// Last parts of topic names that describe the content and not the bus, from ros2_socketcan and the ROS 1
 /// package socketcan_bridge. The directions are those of the host.
@@ -27,10 +27,10 @@ const ENDS: &[(&[u8], Option<FrameFlags>)] = &[
 
 /// State of the topics of a file.
 #[derive(Clone, Default)]
-pub(super) struct Records {
+pub(super) struct TopicRecords {
     pub(super) buses: BusNames,
-    layouts: Arc<HashMap<u16, Option<Arc<Layout>>>>,
-    channels: Arc<HashMap<u16, Channel>>,
+    layouts: Arc<HashMap<u16, Option<Arc<CanMessageLayout>>>>,
+    channels: Arc<HashMap<u16, ChannelContent>>,
     frames: u64,
     /// Number of messages.
     messages: u64,
@@ -43,9 +43,9 @@ pub(super) struct Records {
 
 /// Content of a channel.
 #[derive(Clone)]
-enum Channel {
+enum ChannelContent {
     /// CAN frames.
-    Frames(Source),
+    Frames(TopicSource),
     /// Notices written by cobscope.
     Notices,
     /// Other content.
@@ -53,19 +53,19 @@ enum Channel {
 }
 
 #[derive(Clone)]
-struct Source {
-    layout: Arc<Layout>,
-    encoding: Encoding,
+struct TopicSource {
+    layout: Arc<CanMessageLayout>,
+    encoding: FieldEncoding,
     /// Bus name, if the channel states it; then the bus index, set by the first frame.
     name: Vec<u8>,
     bus: Option<BusIndex>,
     flags: FrameFlags,
-    stamp: Stamp,
+    stamp: FrameTimeSource,
 }
 
 /// Source of a frame's time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Stamp {
+enum FrameTimeSource {
     /// Header of the message; if it is empty, the time of recording.
     Header,
     /// Time of recording, in nanoseconds.
@@ -74,25 +74,29 @@ enum Stamp {
     None,
 }
 
-impl Records {
+impl TopicRecords {
     /// Handles a record other than a chunk.
-    pub(super) fn take(&mut self, kind: Kind, contents: &[u8], at: u64, batch: &mut Batch) {
+    pub(super) fn on_record(&mut self, kind: RecordType, contents: &[u8], at: u64, batch: &mut Batch) {
         let known = match kind {
-            Kind::Schema => record::schema(contents).map(|schema| self.schema(&schema)),
-            Kind::Channel => record::channel(contents).map(|channel| self.channel(&channel)),
-            Kind::Message => record::message(contents).map(|message| self.message(&message, at, batch)),
-            Kind::Header => {
-                record::library(contents).map(|library| self.is_own = library == LIBRARY.as_bytes())
+            RecordType::Schema => record::parse_schema(contents).map(|schema| self.on_schema(&schema)),
+            RecordType::Channel => record::parse_channel(contents).map(|channel| self.on_channel(&channel)),
+            RecordType::Message => {
+                record::parse_message(contents).map(|message| self.on_message(&message, at, batch))
             }
-            Kind::Statistics => record::messages(contents).map(|count| self.compare(count, at, batch)),
-            Kind::Footer | Kind::Chunk | Kind::Other | Kind::Unknown(_) => Some(()),
+            RecordType::Header => {
+                record::parse_library(contents).map(|library| self.is_own = library == LIBRARY.as_bytes())
+            }
+            RecordType::Statistics => {
+                record::parse_message_count(contents).map(|count| self.compare_count(count, at, batch))
+            }
+            RecordType::Footer | RecordType::Chunk | RecordType::Other | RecordType::Unknown(_) => Some(()),
         };
         if known.is_none() {
             let what = match kind {
-                Kind::Schema => "schema",
-                Kind::Channel => "channel",
-                Kind::Header => "header",
-                Kind::Statistics => "statistics",
+                RecordType::Schema => "schema",
+                RecordType::Channel => "channel",
+                RecordType::Header => "header",
+                RecordType::Statistics => "statistics",
                 _ => "message",
             };
             batch.push_unreadable(CapturePlace::Offset(at), format!("{what}: shorter than its fields"));
@@ -101,12 +105,12 @@ impl Records {
 
     /// Handles the records of a chunk from offset `done`; `false` if the batch is full before the last
     /// record.
-    pub(super) fn run(&mut self, records: &[u8], done: &mut usize, at: u64, batch: &mut Batch) -> bool {
+    pub(super) fn run_chunk(&mut self, records: &[u8], done: &mut usize, at: u64, batch: &mut Batch) -> bool {
         while let Some(rest) = records.get(*done..).filter(|rest| !rest.is_empty()) {
             if batch.is_full() {
                 return false;
             }
-            let head = record::head(rest).and_then(|(kind, length)| {
+            let head = record::parse_head(rest).and_then(|(kind, length)| {
                 let end = HEAD.checked_add(usize::try_from(length).ok()?)?;
                 Some((kind, rest.get(HEAD..end)?, end))
             });
@@ -119,14 +123,14 @@ impl Records {
                 *done = records.len();
                 return true;
             };
-            self.take(kind, contents, at, batch);
+            self.on_record(kind, contents, at, batch);
             *done = done.saturating_add(end);
         }
         true
     }
 
     /// Compares the declared number of messages: an unreadable chunk is only visible in this number.
-    fn compare(&self, count: u64, at: u64, batch: &mut Batch) {
+    fn compare_count(&self, count: u64, at: u64, batch: &mut Batch) {
         let found = self.messages;
         if count > found {
             batch.push_unreadable(
@@ -136,9 +140,9 @@ impl Records {
         }
     }
 
-    fn schema(&mut self, schema: &record::Schema<'_>) {
+    fn on_schema(&mut self, schema: &record::TopicSchema<'_>) {
         let layout = match schema.encoding {
-            b"ros2msg" | b"ros1msg" => Layout::of(schema.data).map(Arc::new),
+            b"ros2msg" | b"ros1msg" => CanMessageLayout::parse_definition(schema.data).map(Arc::new),
             _ => None,
         };
         // The name is ignored: other names such as `dataspeed_can_msgs/msg/Frame` are accepted.
@@ -146,24 +150,26 @@ impl Records {
         Arc::make_mut(&mut self.layouts).insert(schema.id, layout);
     }
 
-    fn channel(&mut self, channel: &record::Channel<'_>) {
+    fn on_channel(&mut self, channel: &record::TopicChannel<'_>) {
         let layout = self.layouts.get(&channel.schema).cloned().flatten();
         let encoding = match channel.encoding {
-            b"cdr" => Some(Encoding::Cdr),
-            b"ros1" => Some(Encoding::Ros1),
+            b"cdr" => Some(FieldEncoding::Cdr),
+            b"ros1" => Some(FieldEncoding::Ros1),
             _ => None,
         };
-        let own = channel.says(key::COBSCOPE);
+        let own = channel.metadata_value(key::COBSCOPE);
         let known = match (layout.zip(encoding), own) {
-            (_, Some(own)) if own == key::NOTICES.as_bytes() => Channel::Notices,
-            (Some((layout, encoding)), Some(_)) => Channel::Frames(own_source(channel, layout, encoding)),
-            (Some((layout, encoding)), None) => {
-                Channel::Frames(foreign_source(channel.topic, layout, encoding))
+            (_, Some(own)) if own == key::NOTICES.as_bytes() => ChannelContent::Notices,
+            (Some((layout, encoding)), Some(_)) => {
+                ChannelContent::Frames(own_source(channel, layout, encoding))
             }
-            (None, _) => Channel::Other,
+            (Some((layout, encoding)), None) => {
+                ChannelContent::Frames(foreign_source(channel.topic, layout, encoding))
+            }
+            (None, _) => ChannelContent::Other,
         };
         // Files repeat their channels; keep the bus index of a repeated one.
-        if let (Some(Channel::Frames(before)), Channel::Frames(now)) =
+        if let (Some(ChannelContent::Frames(before)), ChannelContent::Frames(now)) =
             (self.channels.get(&channel.id), &known)
             && before.name == now.name
             && before.flags == now.flags
@@ -173,18 +179,18 @@ impl Records {
         Arc::make_mut(&mut self.channels).insert(channel.id, known);
     }
 
-    fn message(&mut self, message: &record::Message<'_>, at: u64, batch: &mut Batch) {
+    fn on_message(&mut self, message: &record::McapMessage<'_>, at: u64, batch: &mut Batch) {
         self.messages += 1;
         match self.channels.get(&message.channel) {
-            Some(Channel::Frames(source)) => {
-                let found = message::read(&source.layout, source.encoding, message.data);
+            Some(ChannelContent::Frames(source)) => {
+                let found = message::read_message(&source.layout, source.encoding, message.data);
                 match found {
-                    Ok(found) => self.frame(message, &found, at, batch),
+                    Ok(found) => self.add_frame(message, &found, at, batch),
                     Err(reason) => batch.push_unreadable(CapturePlace::Offset(at), reason.into()),
                 }
             }
-            Some(Channel::Notices) => self.notice(message, at, batch),
-            Some(Channel::Other) => self.others += 1,
+            Some(ChannelContent::Notices) => self.add_notice(message, at, batch),
+            Some(ChannelContent::Other) => self.others += 1,
             None => {
                 let number = message.channel;
                 batch.push_unreadable(
@@ -195,21 +201,21 @@ impl Records {
         }
     }
 
-    fn frame(
+    fn add_frame(
         &mut self,
-        message: &record::Message<'_>,
+        message: &record::McapMessage<'_>,
         found: &message::MessageFrame<'_>,
         at: u64,
         batch: &mut Batch,
     ) {
-        let Some(Channel::Frames(source)) = self.channels.get(&message.channel) else { return };
+        let Some(ChannelContent::Frames(source)) = self.channels.get(&message.channel) else { return };
         let known = source.bus;
         let name = if source.name.is_empty() { found.bus } else { &source.name };
         let logged = Timestamp(i64::try_from(message.log_time).unwrap_or(i64::MAX));
         let time = match source.stamp {
-            Stamp::None => None,
-            Stamp::Logged => Some(logged),
-            Stamp::Header => Some(found.stamp.map_or(logged, Timestamp)),
+            FrameTimeSource::None => None,
+            FrameTimeSource::Logged => Some(logged),
+            FrameTimeSource::Header => Some(found.stamp.map_or(logged, Timestamp)),
         };
         let flags = found.frame.flags.with(source.flags);
         let is_fixed = !source.name.is_empty();
@@ -219,7 +225,8 @@ impl Records {
         };
         if known.is_none()
             && is_fixed
-            && let Some(Channel::Frames(source)) = Arc::make_mut(&mut self.channels).get_mut(&message.channel)
+            && let Some(ChannelContent::Frames(source)) =
+                Arc::make_mut(&mut self.channels).get_mut(&message.channel)
         {
             source.bus = Some(bus);
         }
@@ -227,34 +234,38 @@ impl Records {
         batch.push(Frame { number: self.frames, time, bus, flags, ..found.frame });
     }
 
-    fn notice(&mut self, message: &record::Message<'_>, at: u64, batch: &mut Batch) {
+    fn add_notice(&mut self, message: &record::McapMessage<'_>, at: u64, batch: &mut Batch) {
         let value: serde_json::Value = serde_json::from_slice(message.data).unwrap_or_default();
         let text = |key: &str| value.get(key).and_then(serde_json::Value::as_str).unwrap_or_default();
         let time = Timestamp(i64::try_from(message.log_time).unwrap_or(i64::MAX));
         // Messages for people also refer to nodes, whose names are not bus names.
-        let Some(remark) = Remark::parse(text("message").as_bytes()) else { return };
+        let Some(remark) = CommentRemark::parse(text("message").as_bytes()) else { return };
         let Some(bus) = self.buses.index_of(text("name").as_bytes()) else { return };
         let place = CapturePlace::Offset(at);
-        batch.notice(match remark {
-            Remark::Link(state, bit_rate) => Notice::Link { bus, time, state, bit_rate },
-            Remark::Quiet => Notice::Quiet(time),
-            Remark::ClockSet(step) => Notice::ClockSet { bus, time, step },
-            Remark::Lost(count) => Notice::LostFrames { place, bus, count },
+        batch.add_notice(match remark {
+            CommentRemark::Link(state, bit_rate) => Notice::Link { bus, time, state, bit_rate },
+            CommentRemark::Quiet => Notice::Quiet(time),
+            CommentRemark::ClockSet(step) => Notice::ClockSet { bus, time, step },
+            CommentRemark::Lost(count) => Notice::LostFrames { place, bus, count },
         });
     }
 
     /// Reports the skipped messages at the end.
-    pub(super) fn summarise(&mut self, batch: &mut Batch) {
+    pub(super) fn report_skipped(&mut self, batch: &mut Batch) {
         if self.others > 0 && !self.is_own && !std::mem::replace(&mut self.said_others, true) {
-            let text = format!("{} of topics without CAN frames skipped", plural(self.others, "message"));
-            batch.notice(Notice::Assumption(text));
+            let text = format!("{} of topics without CAN frames skipped", count_noun(self.others, "message"));
+            batch.add_notice(Notice::Assumption(text));
         }
     }
 }
 
 /// Source of frames written by cobscope.
-fn own_source(channel: &record::Channel<'_>, layout: Arc<Layout>, encoding: Encoding) -> Source {
-    let is = |key, value: &[u8]| channel.says(key) == Some(value);
+fn own_source(
+    channel: &record::TopicChannel<'_>,
+    layout: Arc<CanMessageLayout>,
+    encoding: FieldEncoding,
+) -> TopicSource {
+    let is = |key, value: &[u8]| channel.metadata_value(key) == Some(value);
     let set = [
         (is(key::DIRECTION, b"rx"), FrameFlags::RECEIVED),
         (is(key::DIRECTION, b"tx"), FrameFlags::TRANSMITTED),
@@ -265,23 +276,23 @@ fn own_source(channel: &record::Channel<'_>, layout: Arc<Layout>, encoding: Enco
         .iter()
         .filter(|(is_set, _)| *is_set)
         .fold(FrameFlags::default(), |all, (_, flag)| all.with(*flag));
-    let stamp = if is(key::TIME, b"none") { Stamp::None } else { Stamp::Logged };
-    let name = cut(channel.says(key::BUS).unwrap_or_default());
-    Source { layout, encoding, name, bus: None, flags, stamp }
+    let stamp = if is(key::TIME, b"none") { FrameTimeSource::None } else { FrameTimeSource::Logged };
+    let name = cut_name(channel.metadata_value(key::BUS).unwrap_or_default());
+    TopicSource { layout, encoding, name, bus: None, flags, stamp }
 }
 
 /// Source of frames from a topic of ROS, which is named after the bus.
-fn foreign_source(topic: &[u8], layout: Arc<Layout>, encoding: Encoding) -> Source {
+fn foreign_source(topic: &[u8], layout: Arc<CanMessageLayout>, encoding: FieldEncoding) -> TopicSource {
     let topic = topic.strip_prefix(b"/").unwrap_or(topic);
     let end = memchr::memrchr(b'/', topic).map_or(0, |at| at + 1);
     let (before, last) = topic.split_at_checked(end).unwrap_or_default();
     let found = ENDS.iter().find(|(end, _)| *end == last);
     let name = if found.is_some() { before.strip_suffix(b"/").unwrap_or_default() } else { topic };
     let flags = found.and_then(|(_, direction)| *direction).unwrap_or_default();
-    Source { layout, encoding, name: cut(name), bus: None, flags, stamp: Stamp::Header }
+    TopicSource { layout, encoding, name: cut_name(name), bus: None, flags, stamp: FrameTimeSource::Header }
 }
 
-fn cut(name: &[u8]) -> Vec<u8> {
+fn cut_name(name: &[u8]) -> Vec<u8> {
     name.get(..MAX_BUS_NAME).unwrap_or(name).to_vec()
 }
 
@@ -291,7 +302,7 @@ mod tests {
 
     #[test]
     fn buses_of_ros_are_called_after_their_topics() {
-        let layout = Arc::new(Layout::of(include_bytes!("frame.msg")).unwrap());
+        let layout = Arc::new(CanMessageLayout::parse_definition(include_bytes!("frame.msg")).unwrap());
         for (topic, name, flags) in [
             ("/can0/from_can_bus", "can0", FrameFlags::RECEIVED),
             ("/front/can1/to_can_bus", "front/can1", FrameFlags::TRANSMITTED),
@@ -299,7 +310,7 @@ mod tests {
             ("/vehicle/can", "vehicle/can", FrameFlags::default()),
             ("sent_messages", "", FrameFlags::TRANSMITTED),
         ] {
-            let source = foreign_source(topic.as_bytes(), Arc::clone(&layout), Encoding::Cdr);
+            let source = foreign_source(topic.as_bytes(), Arc::clone(&layout), FieldEncoding::Cdr);
             assert_eq!((source.name.as_slice(), source.flags), (name.as_bytes(), flags), "{topic}");
         }
     }

@@ -13,14 +13,14 @@ pub(super) struct ChunkRecords<'a> {
 }
 
 /// Decompresses a chunk whose records have a declared size of `size` bytes.
-pub(super) fn unpack<'a>(packing: &[u8], packed: &'a [u8], size: u64) -> ChunkRecords<'a> {
+pub(super) fn unpack_chunk<'a>(packing: &[u8], packed: &'a [u8], size: u64) -> ChunkRecords<'a> {
     match packing {
         b"" => ChunkRecords { records: Cow::Borrowed(packed), failure: None },
         b"zstd" => zstd(packed, size),
         b"lz4" => lz4(packed, size),
         unknown => {
             let known = "expected none, lz4 or zstd";
-            failed(format!(
+            failed_chunk(format!(
                 "chunk compression \"{}\"; {known}",
                 unknown.get(..16).unwrap_or(unknown).escape_ascii()
             ))
@@ -28,44 +28,44 @@ pub(super) fn unpack<'a>(packing: &[u8], packed: &'a [u8], size: u64) -> ChunkRe
     }
 }
 
-fn failed(reason: String) -> ChunkRecords<'static> {
+fn failed_chunk(reason: String) -> ChunkRecords<'static> {
     ChunkRecords { records: Cow::Borrowed(&[]), failure: Some(reason) }
 }
 
 #[cfg(feature = "zstd")]
 fn zstd(packed: &[u8], size: u64) -> ChunkRecords<'_> {
     match zstd::stream::read::Decoder::with_buffer(packed) {
-        Ok(decoder) => read(decoder, size),
-        Err(error) => failed(not_unpacked(&error)),
+        Ok(decoder) => read_records(decoder, size),
+        Err(error) => failed_chunk(not_unpacked(&error)),
     }
 }
 
 #[cfg(all(feature = "rust-codecs", not(feature = "zstd")))]
 fn zstd(packed: &[u8], size: u64) -> ChunkRecords<'_> {
-    read(crate::capture::rust_codecs::ZstdFrames::new(packed), size)
+    read_records(crate::capture::rust_codecs::ZstdFrames::new(packed), size)
 }
 
 #[cfg(not(any(feature = "zstd", feature = "rust-codecs")))]
 fn zstd(_packed: &[u8], _size: u64) -> ChunkRecords<'_> {
-    failed("zstd compression: this build lacks the feature `zstd`".into())
+    failed_chunk("zstd compression: this build lacks the feature `zstd`".into())
 }
 
 #[cfg(feature = "mcap")]
 fn lz4(packed: &[u8], size: u64) -> ChunkRecords<'_> {
     match lz4::Decoder::new(packed) {
-        Ok(decoder) => read(decoder, size),
-        Err(error) => failed(not_unpacked(&error)),
+        Ok(decoder) => read_records(decoder, size),
+        Err(error) => failed_chunk(not_unpacked(&error)),
     }
 }
 
 #[cfg(all(feature = "rust-codecs", not(feature = "mcap")))]
 fn lz4(packed: &[u8], size: u64) -> ChunkRecords<'_> {
-    read(crate::capture::rust_codecs::Lz4Frames::new(packed), size)
+    read_records(crate::capture::rust_codecs::Lz4Frames::new(packed), size)
 }
 
 #[cfg(not(any(feature = "mcap", feature = "rust-codecs")))]
 fn lz4(_packed: &[u8], _size: u64) -> ChunkRecords<'_> {
-    failed("lz4 compression: this build lacks the feature `mcap`".into())
+    failed_chunk("lz4 compression: this build lacks the feature `mcap`".into())
 }
 
 /// Error text in parentheses, because the libraries' messages mention frames that are not CAN frames.
@@ -78,7 +78,7 @@ fn not_unpacked(error: &std::io::Error) -> String {
     not(any(feature = "zstd", feature = "rust-codecs")),
     expect(dead_code, reason = "no compression is supported")
 )]
-fn read(mut source: impl Read, size: u64) -> ChunkRecords<'static> {
+fn read_records(mut source: impl Read, size: u64) -> ChunkRecords<'static> {
     let most = usize::try_from(size).unwrap_or(usize::MAX).min(LARGEST);
     let mut records = Vec::new();
     let failure = match source.by_ref().take(most as u64).read_to_end(&mut records) {
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn what_is_not_packed_stays_where_it_is() {
-        let unpacked = unpack(b"", &[1, 2], 2);
+        let unpacked = unpack_chunk(b"", &[1, 2], 2);
         assert!(matches!(unpacked.records, Cow::Borrowed([1, 2])));
         assert_eq!(unpacked.failure, None);
     }
@@ -109,13 +109,13 @@ mod tests {
         let bytes: Vec<u8> =
             (0..400_000_u32).map(|number| (number.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
         let packed = zstd::stream::encode_all(&bytes[..], 1).unwrap();
-        let whole = unpack(b"zstd", &packed, bytes.len() as u64);
+        let whole = unpack_chunk(b"zstd", &packed, bytes.len() as u64);
         assert_eq!((whole.records.as_ref(), whole.failure), (&bytes[..], None));
-        let cut = unpack(b"zstd", &packed[..packed.len() - 10], bytes.len() as u64);
+        let cut = unpack_chunk(b"zstd", &packed[..packed.len() - 10], bytes.len() as u64);
         assert!(bytes.starts_with(&cut.records));
         assert!(!cut.records.is_empty());
         assert!(cut.failure.is_some());
-        let lie = unpack(b"zstd", &packed, u64::MAX);
+        let lie = unpack_chunk(b"zstd", &packed, u64::MAX);
         assert_eq!(lie.records.len(), bytes.len());
         assert_eq!(
             lie.failure.unwrap(),
@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn unknown_packings_are_named() {
-        let failure = unpack(b"br\x1B", &[1], 1).failure.unwrap();
+        let failure = unpack_chunk(b"br\x1B", &[1], 1).failure.unwrap();
         assert_eq!(failure, "chunk compression \"br\\x1b\"; expected none, lz4 or zstd");
     }
 }

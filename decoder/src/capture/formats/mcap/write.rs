@@ -9,8 +9,8 @@ use mcap::{Attachment, Compression, McapError, McapResult};
 use serde_json::json;
 
 use super::key::{self, LIBRARY};
-use crate::capture::remark::Remark;
-use crate::capture::{FrameWriter, Notice, Packing};
+use crate::capture::remark::CommentRemark;
+use crate::capture::{CaptureCompression, FrameWriter, Notice};
 use crate::frame::{CanId, Frame, FrameFlags, Timestamp};
 
 /// Size of a chunk before compression, in bytes: the usual size of other writers.
@@ -30,10 +30,10 @@ const WARNING: u8 = 3;
 pub(crate) struct McapWriter<W: Write> {
     /// The file, or the error that prevented its start (`None` once returned).
     file: Result<mcap::Writer<NoSeek<W>>, Option<io::Error>>,
-    sources: Vec<Source>,
+    sources: Vec<FrameChannel>,
     /// Index of the source of the previous frame.
     last: usize,
-    log: Option<Topic>,
+    log: Option<WrittenTopic>,
     time: u64,
     pending: u64,
     has_finished: bool,
@@ -41,16 +41,16 @@ pub(crate) struct McapWriter<W: Write> {
 
 /// A topic to which messages are written.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Topic {
+pub(crate) struct WrittenTopic {
     channel: u16,
     sequence: u32,
 }
 
 /// A channel of frames.
-struct Source {
+struct FrameChannel {
     bus: String,
     kind: MessageTemplate,
-    topic: Topic,
+    topic: WrittenTopic,
     /// Template of its messages; the fields of a frame are filled in.
     message: Vec<u8>,
 }
@@ -70,7 +70,7 @@ const OF_CHANNEL: FrameFlags = FrameFlags::FD
     .with(FrameFlags::RECEIVED);
 
 impl MessageTemplate {
-    fn of(frame: &Frame) -> Self {
+    fn template_of(frame: &Frame) -> Self {
         Self { flags: frame.flags.0 & OF_CHANNEL.0, has_time: frame.time.is_some() }
     }
 
@@ -81,16 +81,16 @@ impl MessageTemplate {
 
 impl<W: Write> McapWriter<W> {
     /// Starts a file. An error is returned by the first write.
-    pub fn new(output: W, packing: Packing) -> Self {
+    pub fn new(output: W, packing: CaptureCompression) -> Self {
         let compression = match packing {
-            Packing::None => None,
-            Packing::Lz4 => Some(Compression::Lz4),
-            Packing::Zstd => Some(Compression::Zstd),
+            CaptureCompression::None => None,
+            CaptureCompression::Lz4 => Some(Compression::Lz4),
+            CaptureCompression::Zstd => Some(Compression::Zstd),
         };
         let options = mcap::WriteOptions::new()
             .compression(compression)
             .compression_threads(0)
-            .compression_level(u32::from(packing == Packing::Zstd))
+            .compression_level(u32::from(packing == CaptureCompression::Zstd))
             .chunk_size(Some(CHUNK))
             // Each chunk has its own checksum; a second checksum of the same bytes would double the cost.
             .calculate_data_section_crc(false)
@@ -100,7 +100,7 @@ impl<W: Write> McapWriter<W> {
         Self { file, sources: Vec::new(), last: 0, log: None, time: 0, pending: 0, has_finished: false }
     }
 
-    fn file(&mut self) -> io::Result<&mut mcap::Writer<NoSeek<W>>> {
+    fn open_file(&mut self) -> io::Result<&mut mcap::Writer<NoSeek<W>>> {
         match &mut self.file {
             Ok(file) if !self.has_finished => Ok(file),
             Ok(_) => Err(io::Error::other("the capture is finished")),
@@ -114,23 +114,23 @@ impl<W: Write> McapWriter<W> {
     ///
     /// # Errors
     /// If the output fails, or if there are more than 65,535 topics.
-    pub(crate) fn json_topic(&mut self, topic: &str, name: &str, schema: &str) -> io::Result<Topic> {
-        self.topic(topic, name, ("jsonschema", schema), "json", &BTreeMap::new())
+    pub(crate) fn json_topic(&mut self, topic: &str, name: &str, schema: &str) -> io::Result<WrittenTopic> {
+        self.add_topic(topic, name, ("jsonschema", schema), "json", &BTreeMap::new())
     }
 
-    fn topic(
+    fn add_topic(
         &mut self,
         topic: &str,
         name: &str,
         (encoding, schema): (&str, &str),
         messages: &str,
         metadata: &BTreeMap<String, String>,
-    ) -> io::Result<Topic> {
-        let file = self.file()?;
+    ) -> io::Result<WrittenTopic> {
+        let file = self.open_file()?;
         let schema = file.add_schema(name, encoding, schema.as_bytes()).map_err(to_io)?;
         let channel = file.add_channel(schema, topic, messages, metadata).map_err(to_io)?;
         self.pending += 1024;
-        Ok(Topic { channel, sequence: 0 })
+        Ok(WrittenTopic { channel, sequence: 0 })
     }
 
     /// Writes a message. The file uses the clock of the frames: negative times are written as zero, missing
@@ -138,36 +138,47 @@ impl<W: Write> McapWriter<W> {
     ///
     /// # Errors
     /// If the output fails.
-    pub fn message(&mut self, topic: &mut Topic, time: Option<Timestamp>, data: &[u8]) -> io::Result<()> {
+    pub fn write_message(
+        &mut self,
+        topic: &mut WrittenTopic,
+        time: Option<Timestamp>,
+        data: &[u8],
+    ) -> io::Result<()> {
         if let Some(Timestamp(time)) = time {
             self.time = u64::try_from(time).unwrap_or(0);
         }
         let time = self.time;
         self.pending += AROUND_MESSAGE + data.len() as u64;
         topic.sequence = topic.sequence.wrapping_add(1);
-        let Topic { channel: channel_id, sequence } = *topic;
+        let WrittenTopic { channel: channel_id, sequence } = *topic;
         let header = MessageHeader { channel_id, sequence, log_time: time, publish_time: time };
-        self.file()?.write_to_known_channel(&header, data).map_err(to_io)
+        self.open_file()?.write_to_known_channel(&header, data).map_err(to_io)
     }
 
     /// Writes a message to the topic `/log`: level 1 (debug) to 5 (fatal), name of the subject, and text.
     ///
     /// # Errors
     /// If the output fails.
-    pub fn log(&mut self, time: Option<Timestamp>, level: u8, name: &str, message: &str) -> io::Result<()> {
+    pub fn write_log(
+        &mut self,
+        time: Option<Timestamp>,
+        level: u8,
+        name: &str,
+        message: &str,
+    ) -> io::Result<()> {
         let mut topic = if let Some(topic) = self.log {
             topic
         } else {
             let metadata = BTreeMap::from([(key::COBSCOPE.to_owned(), key::NOTICES.to_owned())]);
             let schema = ("jsonschema", include_str!("log.json"));
-            self.topic("/log", "foxglove.Log", schema, "json", &metadata)?
+            self.add_topic("/log", "foxglove.Log", schema, "json", &metadata)?
         };
         let nanoseconds = time.map_or(self.time, |Timestamp(time)| u64::try_from(time).unwrap_or(0));
         let stamp = json!({"sec": nanoseconds / 1_000_000_000, "nsec": nanoseconds % 1_000_000_000});
         let line = json!({
             "timestamp": stamp, "level": level, "message": message, "name": name, "file": "", "line": 0,
         });
-        let written = self.message(&mut topic, time, line.to_string().as_bytes());
+        let written = self.write_message(&mut topic, time, line.to_string().as_bytes());
         self.log = Some(topic);
         written
     }
@@ -176,15 +187,15 @@ impl<W: Write> McapWriter<W> {
     ///
     /// # Errors
     /// If the output fails.
-    pub fn metadata(&mut self, name: &str, values: BTreeMap<String, String>) -> io::Result<()> {
-        self.file()?.write_metadata(&Metadata { name: name.into(), metadata: values }).map_err(to_io)
+    pub fn write_metadata(&mut self, name: &str, values: BTreeMap<String, String>) -> io::Result<()> {
+        self.open_file()?.write_metadata(&Metadata { name: name.into(), metadata: values }).map_err(to_io)
     }
 
     /// Attaches a complete file.
     ///
     /// # Errors
     /// If the output fails.
-    pub fn attach(&mut self, name: &str, media_type: &str, bytes: &[u8]) -> io::Result<()> {
+    pub fn attach_file(&mut self, name: &str, media_type: &str, bytes: &[u8]) -> io::Result<()> {
         let attachment = Attachment {
             log_time: self.time,
             create_time: 0,
@@ -192,13 +203,13 @@ impl<W: Write> McapWriter<W> {
             media_type: media_type.into(),
             data: bytes.into(),
         };
-        self.file()?.attach(&attachment).map_err(to_io)
+        self.open_file()?.attach(&attachment).map_err(to_io)
     }
 
     /// Index of the channel for frames with these properties; created if new.
-    fn source(&mut self, frame: &Frame, bus: &str) -> io::Result<usize> {
-        let kind = MessageTemplate::of(frame);
-        let fits = |source: &Source| source.kind == kind && source.bus == bus;
+    fn source_index(&mut self, frame: &Frame, bus: &str) -> io::Result<usize> {
+        let kind = MessageTemplate::template_of(frame);
+        let fits = |source: &FrameChannel| source.kind == kind && source.bus == bus;
         if self.sources.get(self.last).is_some_and(fits) {
             return Ok(self.last);
         }
@@ -210,21 +221,21 @@ impl<W: Write> McapWriter<W> {
         let name = if kind.is_fd() { "ros2_socketcan_msgs/msg/FdFrame" } else { "can_msgs/msg/Frame" };
         let shown = if bus.is_empty() { "can" } else { bus };
         let topic = if kind.is_fd() { format!("/can/{shown}/fd") } else { format!("/can/{shown}") };
-        let topic = self.topic(&topic, name, ("ros2msg", schema), "cdr", &metadata(kind, bus))?;
-        self.sources.push(Source { bus: bus.into(), kind, topic, message: begin(shown) });
+        let topic = self.add_topic(&topic, name, ("ros2msg", schema), "cdr", &write_metadata(kind, bus))?;
+        self.sources.push(FrameChannel { bus: bus.into(), kind, topic, message: begin_message(shown) });
         self.last = self.sources.len().saturating_sub(1);
         Ok(self.last)
     }
 
-    fn frame(&mut self, frame: &Frame, bus: &str) -> io::Result<()> {
-        let index = self.source(frame, bus)?;
+    fn write_frame(&mut self, frame: &Frame, bus: &str) -> io::Result<()> {
+        let index = self.source_index(frame, bus)?;
         let Some(source) = self.sources.get_mut(index) else { return Ok(()) };
         let mut topic = source.topic;
         let mut message = std::mem::take(&mut source.message);
         let start = message.len();
         let stamp = frame.time.map_or(0, |Timestamp(time)| u64::try_from(time).unwrap_or(0));
-        put(frame, stamp, source.kind.is_fd(), &mut message);
-        let written = self.message(&mut topic, frame.time, &message);
+        complete_message(frame, stamp, source.kind.is_fd(), &mut message);
+        let written = self.write_message(&mut topic, frame.time, &message);
         message.truncate(start);
         if let Some(source) = self.sources.get_mut(index) {
             (source.topic, source.message) = (topic, message);
@@ -237,12 +248,12 @@ impl<W: Write> McapWriter<W> {
             return Ok(());
         }
         self.pending = 0;
-        self.file()?.flush().map_err(to_io)
+        self.open_file()?.flush().map_err(to_io)
     }
 }
 
 /// Metadata of the channel of such frames.
-fn metadata(kind: MessageTemplate, bus: &str) -> BTreeMap<String, String> {
+fn write_metadata(kind: MessageTemplate, bus: &str) -> BTreeMap<String, String> {
     let has = |flag: FrameFlags| kind.flags & flag.0 != 0;
     let said = [
         (true, key::COBSCOPE, key::FRAMES),
@@ -257,7 +268,7 @@ fn metadata(kind: MessageTemplate, bus: &str) -> BTreeMap<String, String> {
 }
 
 /// Start of a message up to the identifier: little-endian CDR, space for the timestamp, bus name.
-fn begin(bus: &str) -> Vec<u8> {
+fn begin_message(bus: &str) -> Vec<u8> {
     let mut message = vec![0, 1, 0, 0];
     message.extend_from_slice(&[0; 8]);
     message.extend_from_slice(&u32::try_from(bus.len() + 1).unwrap_or(u32::MAX).to_le_bytes());
@@ -269,7 +280,7 @@ fn begin(bus: &str) -> Vec<u8> {
 }
 
 /// Completes the start of a message with a frame.
-fn put(frame: &Frame, stamp: u64, is_fd: bool, message: &mut Vec<u8>) {
+fn complete_message(frame: &Frame, stamp: u64, is_fd: bool, message: &mut Vec<u8>) {
     let [seconds, nanoseconds] = [stamp / 1_000_000_000, stamp % 1_000_000_000];
     // Seconds have 32 bits in ROS.
     let seconds = u32::try_from(seconds).unwrap_or(u32::MAX).to_le_bytes();
@@ -303,18 +314,20 @@ fn to_io(error: McapError) -> io::Error {
 
 impl<W: Write + Send> FrameWriter for McapWriter<W> {
     fn write(&mut self, frame: &Frame, bus: &str) -> io::Result<()> {
-        self.frame(frame, bus)
+        self.write_frame(frame, bus)
     }
 
     fn notice(&mut self, notice: &Notice, bus: &str) -> io::Result<bool> {
         let (time, level, remark) = match *notice {
-            Notice::LostFrames { count, .. } => (None, WARNING, Remark::Lost(count)),
-            Notice::Link { time, state, bit_rate, .. } => (Some(time), INFO, Remark::Link(state, bit_rate)),
-            Notice::Quiet(time) => (Some(time), INFO, Remark::Quiet),
-            Notice::ClockSet { time, step, .. } => (Some(time), INFO, Remark::ClockSet(step)),
+            Notice::LostFrames { count, .. } => (None, WARNING, CommentRemark::Lost(count)),
+            Notice::Link { time, state, bit_rate, .. } => {
+                (Some(time), INFO, CommentRemark::Link(state, bit_rate))
+            }
+            Notice::Quiet(time) => (Some(time), INFO, CommentRemark::Quiet),
+            Notice::ClockSet { time, step, .. } => (Some(time), INFO, CommentRemark::ClockSet(step)),
             Notice::Unreadable { .. } | Notice::CutOff { .. } | Notice::Assumption(_) => return Ok(false),
         };
-        self.log(time, level, bus, &remark.text())?;
+        self.write_log(time, level, bus, &remark.comment_text())?;
         Ok(true)
     }
 
@@ -330,7 +343,7 @@ impl<W: Write + Send> FrameWriter for McapWriter<W> {
         if self.has_finished {
             return Ok(());
         }
-        let finished: McapResult<_> = self.file()?.finish();
+        let finished: McapResult<_> = self.open_file()?.finish();
         self.has_finished = true;
         finished.map(|_| ()).map_err(to_io)
     }

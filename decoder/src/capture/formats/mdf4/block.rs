@@ -15,7 +15,7 @@ const HEADER: usize = 24;
 
 /// A block of a capture.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Block<'a> {
+pub(super) struct MdfBlock<'a> {
     /// Block type: the two letters after `##`.
     pub(super) kind: [u8; 2],
     /// Byte offset in the capture.
@@ -28,9 +28,9 @@ pub(super) struct Block<'a> {
     pub(super) is_cut_off: bool,
 }
 
-impl<'a> Block<'a> {
+impl<'a> MdfBlock<'a> {
     /// Parses the block at a byte offset; `None` if there is none.
-    pub(super) fn at(file: &'a [u8], at: u64) -> Option<Self> {
+    pub(super) fn parse_at(file: &'a [u8], at: u64) -> Option<Self> {
         let rest = file.get(usize::try_from(at).ok()?..)?;
         let [b'#', b'#', first, second] = *rest.first_chunk()? else { return None };
         let length = Little.u64(rest, 8)?;
@@ -43,17 +43,17 @@ impl<'a> Block<'a> {
     }
 
     /// Parses the block at a byte offset; `None` if it does not have this type.
-    pub(super) fn of(file: &'a [u8], at: u64, kind: [u8; 2]) -> Option<Self> {
-        Self::at(file, at).filter(|block| block.kind == kind)
+    pub(super) fn parse_kind_at(file: &'a [u8], at: u64, kind: [u8; 2]) -> Option<Self> {
+        Self::parse_at(file, at).filter(|block| block.kind == kind)
     }
 
     /// Target of a link; `None` if the block has no such link or the link is 0.
-    pub(super) fn link(&self, index: usize) -> Option<u64> {
+    pub(super) fn link_target(&self, index: usize) -> Option<u64> {
         Little.u64(self.links, index.checked_mul(8)?).filter(|link| *link != 0)
     }
 
     /// Number of links.
-    pub(super) fn links(&self) -> usize {
+    pub(super) fn link_count(&self) -> usize {
         self.links.len() / 8
     }
 
@@ -90,8 +90,8 @@ pub(super) fn is_cut_off(file: &[u8], at: u64) -> bool {
 }
 
 /// Text of a text block, without the zeros at its end.
-pub(super) fn text(file: &[u8], at: Option<u64>) -> Option<&[u8]> {
-    let block = Block::of(file, at?, *b"TX")?;
+pub(super) fn text_at(file: &[u8], at: Option<u64>) -> Option<&[u8]> {
+    let block = MdfBlock::parse_kind_at(file, at?, *b"TX")?;
     block.data.split(|byte| *byte == 0).next()
 }
 
@@ -105,22 +105,25 @@ mod tests {
         file.extend(b"##TX\0\0\0\0");
         file.extend([34_u64, 1, 8].iter().flat_map(|number| number.to_le_bytes()));
         file.extend(b"a\0");
-        let block = Block::at(&file, 8).unwrap();
-        assert_eq!((block.kind, block.link(0), block.link(1), block.data_at()), (*b"TX", Some(8), None, 40));
+        let block = MdfBlock::parse_at(&file, 8).unwrap();
+        assert_eq!(
+            (block.kind, block.link_target(0), block.link_target(1), block.data_at()),
+            (*b"TX", Some(8), None, 40)
+        );
         assert_eq!((block.data, block.is_cut_off), (&b"a\0"[..], false));
-        assert_eq!(text(&file, Some(8)), Some(&b"a"[..]));
-        assert!(Block::at(&file[..41], 8).unwrap().is_cut_off);
+        assert_eq!(text_at(&file, Some(8)), Some(&b"a"[..]));
+        assert!(MdfBlock::parse_at(&file[..41], 8).unwrap().is_cut_off);
         assert!(is_cut_off(&file[..41], 8) && is_cut_off(&file[..12], 8) && is_cut_off(&file, 42));
         assert!(!is_cut_off(&file, 8) && !is_cut_off(&file, 0), "none is there");
-        assert!(Block::at(&file, 7).is_none() && Block::at(&file, u64::MAX).is_none());
+        assert!(MdfBlock::parse_at(&file, 7).is_none() && MdfBlock::parse_at(&file, u64::MAX).is_none());
     }
 
     #[test]
     fn more_links_than_there_is_room_for_are_none() {
         let mut file = b"##DG\0\0\0\0".to_vec();
         file.extend([32_u64, 2, 0].iter().flat_map(|number| number.to_le_bytes()));
-        assert!(Block::at(&file, 0).is_none());
+        assert!(MdfBlock::parse_at(&file, 0).is_none());
         file[16..24].copy_from_slice(&u64::MAX.to_le_bytes());
-        assert!(Block::at(&file, 0).is_none());
+        assert!(MdfBlock::parse_at(&file, 0).is_none());
     }
 }

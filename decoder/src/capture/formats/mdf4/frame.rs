@@ -1,9 +1,9 @@
 //! Frames from records with the field names of the ASAM bus logging standard.
 
-use super::field::{Field, Record};
-use super::group::{Frames, Kind};
-use super::records::Values;
-use crate::capture::bus_error::{Violation, violation};
+use super::field::{GroupRecord, RecordField};
+use super::group::{FrameGroup, GroupContent};
+use super::records::VariableValues;
+use crate::capture::bus_error::{Violation, violation_frame};
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
 
 /// Error types, by their numbers.
@@ -27,15 +27,15 @@ pub(super) struct ChannelFrame {
 ///
 /// # Errors
 /// Description of the invalid part.
-pub(super) fn found(
-    frames: &Frames,
+pub(super) fn convert_record(
+    frames: &FrameGroup,
     file: &[u8],
-    record: Record<'_>,
-    values: &mut Values,
+    record: GroupRecord<'_>,
+    values: &mut VariableValues,
 ) -> Result<ChannelFrame, &'static str> {
     let fields = &frames.fields;
-    let channel = number(fields.channel, record);
-    let flags = match number(fields.direction, record) {
+    let channel = read_number(fields.channel, record);
+    let flags = match read_number(fields.direction, record) {
         // Some writers store the direction as text.
         Some(1 | 0x54) => FrameFlags::TRANSMITTED,
         Some(0 | 0x52) => FrameFlags::RECEIVED,
@@ -43,46 +43,46 @@ pub(super) fn found(
     };
     let is_sending = flags == FrameFlags::TRANSMITTED;
     let frame = match frames.kind {
-        Kind::Data => data(frames, file, record, values)?,
-        Kind::Remote => remote(frames, record)?,
-        Kind::Error => {
-            let kind = number(fields.error, record).and_then(|kind| usize::try_from(kind).ok());
+        GroupContent::Data => read_data(frames, file, record, values)?,
+        GroupContent::Remote => remote_frame(frames, record)?,
+        GroupContent::Error => {
+            let kind = read_number(fields.error, record).and_then(|kind| usize::try_from(kind).ok());
             let kind = kind.and_then(|kind| ERRORS.get(kind)).copied();
-            violation(kind.unwrap_or(Violation::Other), is_sending, 0, None)
+            violation_frame(kind.unwrap_or(Violation::Other), is_sending, 0, None)
         }
-        Kind::Overload => violation(Violation::Overload, is_sending, 0, None),
+        GroupContent::Overload => violation_frame(Violation::Overload, is_sending, 0, None),
     };
     Ok(ChannelFrame { frame: Frame { flags: frame.flags.with(flags), ..frame }, channel })
 }
 
-fn number(field: Option<Field>, record: Record<'_>) -> Option<u64> {
+fn read_number(field: Option<RecordField>, record: GroupRecord<'_>) -> Option<u64> {
     field?.number_of(record)
 }
 
-fn is_set(field: Option<Field>, record: Record<'_>) -> bool {
-    number(field, record).is_some_and(|value| value != 0)
+fn is_set(field: Option<RecordField>, record: GroupRecord<'_>) -> bool {
+    read_number(field, record).is_some_and(|value| value != 0)
 }
 
-fn id(frames: &Frames, record: Record<'_>) -> Result<CanId, &'static str> {
-    let id = number(frames.fields.id, record).and_then(|id| u32::try_from(id).ok());
+fn id(frames: &FrameGroup, record: GroupRecord<'_>) -> Result<CanId, &'static str> {
+    let id = read_number(frames.fields.id, record).and_then(|id| u32::try_from(id).ok());
     let id = id.ok_or("identifier missing")?;
     // Without the field, the value of the identifier decides.
-    let is_extended = match number(frames.fields.extended, record) {
+    let is_extended = match read_number(frames.fields.extended, record) {
         Some(value) => value != 0,
         None => id > 0x7FF,
     };
     match u16::try_from(id) {
-        _ if is_extended => Ok(CanId::extended(id)),
-        Ok(id @ 0..=0x7FF) => Ok(CanId::standard(id)),
+        _ if is_extended => Ok(CanId::from_extended(id)),
+        Ok(id @ 0..=0x7FF) => Ok(CanId::from_standard(id)),
         _ => Err("identifier: expected up to 7FF in a base frame"),
     }
 }
 
-fn data(
-    frames: &Frames,
+fn read_data(
+    frames: &FrameGroup,
     file: &[u8],
-    record: Record<'_>,
-    values: &mut Values,
+    record: GroupRecord<'_>,
+    values: &mut VariableValues,
 ) -> Result<Frame, &'static str> {
     const MISSING: &str = "data of the frame missing";
     let fields = &frames.fields;
@@ -91,12 +91,12 @@ fn data(
     let bytes = if field.is_variable() {
         values.get(file, field.number_of(record).ok_or(MISSING)?).ok_or(MISSING)?
     } else {
-        field.bytes(record.bytes).ok_or(MISSING)?
+        field.field_bytes(record.bytes).ok_or(MISSING)?
     };
-    let dlc = number(fields.dlc, record).and_then(|dlc| u8::try_from(dlc).ok()).filter(|dlc| *dlc <= 15);
+    let dlc = read_number(fields.dlc, record).and_then(|dlc| u8::try_from(dlc).ok()).filter(|dlc| *dlc <= 15);
     let is_fd = is_set(fields.is_fd, record);
     let by_dlc = dlc.map(|dlc| if is_fd { fd_length(dlc) } else { dlc.min(8) }).map(usize::from);
-    let length = number(fields.length, record).and_then(|length| usize::try_from(length).ok());
+    let length = read_number(fields.length, record).and_then(|length| usize::try_from(length).ok());
     let length = length.or(by_dlc.filter(|_| !field.is_variable())).unwrap_or(bytes.len());
     let bytes = bytes.get(..length).ok_or(MISSING)?;
     if bytes.len() > if is_fd { MAX_DATA } else { 8 } {
@@ -114,9 +114,11 @@ fn data(
     Ok(frame)
 }
 
-fn remote(frames: &Frames, record: Record<'_>) -> Result<Frame, &'static str> {
+fn remote_frame(frames: &FrameGroup, record: GroupRecord<'_>) -> Result<Frame, &'static str> {
     let id = id(frames, record)?;
-    let dlc = number(frames.fields.dlc, record).or_else(|| number(frames.fields.length, record)).unwrap_or(0);
+    let dlc = read_number(frames.fields.dlc, record)
+        .or_else(|| read_number(frames.fields.length, record))
+        .unwrap_or(0);
     let dlc = u8::try_from(dlc).ok().filter(|dlc| *dlc <= 15).ok_or("DLC: expected 0 to 15")?;
     let raw_dlc = if dlc > 8 { dlc } else { 0 };
     Ok(Frame { id, flags: FrameFlags::REMOTE, length: dlc.min(8), raw_dlc, ..Frame::EMPTY })

@@ -14,8 +14,8 @@
 
 use std::collections::BTreeSet;
 
-use super::block::{Block, text};
-use super::field::{Clock, Field};
+use super::block::{MdfBlock, text_at};
+use super::field::{RecordClock, RecordField};
 use super::stream::{Damage, has_separate_validity};
 
 /// Maximum number of groups, and of channels in a group.
@@ -36,7 +36,7 @@ const LARGEST_RECORD: u64 = 64 * 1024;
 
 /// Content of a group's records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum GroupContent {
     Data,
     Remote,
     Error,
@@ -44,31 +44,31 @@ pub(super) enum Kind {
 }
 
 /// Start of channel names in the bus logging standard.
-const KINDS: &[(&[u8], Kind)] = &[
-    (b"CAN_DataFrame", Kind::Data),
-    (b"CAN_RemoteFrame", Kind::Remote),
-    (b"CAN_ErrorFrame", Kind::Error),
-    (b"CAN_OverloadFrame", Kind::Overload),
+const KINDS: &[(&[u8], GroupContent)] = &[
+    (b"CAN_DataFrame", GroupContent::Data),
+    (b"CAN_RemoteFrame", GroupContent::Remote),
+    (b"CAN_ErrorFrame", GroupContent::Error),
+    (b"CAN_OverloadFrame", GroupContent::Overload),
 ];
 
 /// Fields of a record that are read, by the last part of the channel name.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Fields {
-    pub(super) channel: Option<Field>,
-    pub(super) id: Option<Field>,
-    pub(super) extended: Option<Field>,
-    pub(super) dlc: Option<Field>,
-    pub(super) length: Option<Field>,
-    pub(super) data: Option<Field>,
-    pub(super) direction: Option<Field>,
-    pub(super) is_fd: Option<Field>,
-    pub(super) bit_rate_switch: Option<Field>,
-    pub(super) error_state: Option<Field>,
-    pub(super) error: Option<Field>,
+pub(super) struct GroupFields {
+    pub(super) channel: Option<RecordField>,
+    pub(super) id: Option<RecordField>,
+    pub(super) extended: Option<RecordField>,
+    pub(super) dlc: Option<RecordField>,
+    pub(super) length: Option<RecordField>,
+    pub(super) data: Option<RecordField>,
+    pub(super) direction: Option<RecordField>,
+    pub(super) is_fd: Option<RecordField>,
+    pub(super) bit_rate_switch: Option<RecordField>,
+    pub(super) error_state: Option<RecordField>,
+    pub(super) error: Option<RecordField>,
 }
 
-impl Fields {
-    fn of(&mut self, name: &[u8]) -> Option<&mut Option<Field>> {
+impl GroupFields {
+    fn slot_of(&mut self, name: &[u8]) -> Option<&mut Option<RecordField>> {
         Some(match name {
             b"BusChannel" => &mut self.channel,
             b"ID" => &mut self.id,
@@ -88,17 +88,17 @@ impl Fields {
 
 /// Description of a group of frames.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Frames {
-    pub(super) kind: Kind,
-    pub(super) fields: Fields,
-    pub(super) clock: Option<Clock>,
+pub(super) struct FrameGroup {
+    pub(super) kind: GroupContent,
+    pub(super) fields: GroupFields,
+    pub(super) clock: Option<RecordClock>,
     /// Byte offset of the values of variable length.
     pub(super) values: Option<u64>,
 }
 
 /// Record size of a group.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Size {
+pub(super) enum RecordSize {
     /// Fixed size in bytes.
     Fixed(u64),
     /// Variable size, stored before each record.
@@ -107,15 +107,15 @@ pub(super) enum Size {
 
 /// A channel group: records of the same layout.
 #[derive(Debug)]
-pub(super) struct Group {
+pub(super) struct ChannelGroup {
     /// Byte offset of the block.
     pub(super) at: u64,
     pub(super) number: u64,
     pub(super) records: u64,
-    pub(super) size: Size,
+    pub(super) size: RecordSize,
     pub(super) name: Vec<u8>,
     /// Description of the frames; `None` if the group contains other data.
-    pub(super) frames: Option<Frames>,
+    pub(super) frames: Option<FrameGroup>,
 }
 
 /// A data group: channel groups that share data.
@@ -125,44 +125,48 @@ pub(super) struct DataGroup {
     pub(super) data: Option<u64>,
     /// Size of the group number before each record, in bytes.
     pub(super) number_size: usize,
-    pub(super) groups: Vec<Group>,
+    pub(super) groups: Vec<ChannelGroup>,
 }
 
 /// Reads the group blocks and stores their offsets to detect loops.
 #[derive(Default)]
-pub(super) struct Reading {
+pub(super) struct GroupReader {
     pub(super) seen: BTreeSet<u64>,
     pub(super) damages: Vec<Damage>,
 }
 
-impl Reading {
+impl GroupReader {
     /// Reads all data groups of a linked list.
     pub(super) fn data_groups(&mut self, file: &[u8], first: Option<u64>) -> Vec<DataGroup> {
         let mut found = Vec::new();
         let mut next = first;
-        while let Some(block) = self.follow(file, next, *b"DG", "data group") {
+        while let Some(block) = self.follow_link(file, next, *b"DG", "data group") {
             let number_size = usize::from(block.u8(0).unwrap_or(0));
-            let groups = self.groups(file, block.link(1), has_separate_validity(file, block.link(2)));
+            let groups = self.read_groups(
+                file,
+                block.link_target(1),
+                has_separate_validity(file, block.link_target(2)),
+            );
             if matches!(number_size, 0 | 1 | 2 | 4 | 8) {
-                found.push(DataGroup { at: block.at, data: block.link(2), number_size, groups });
+                found.push(DataGroup { at: block.at, data: block.link_target(2), number_size, groups });
             } else {
                 let reason = format!("record number size {number_size}; expected 0, 1, 2, 4 or 8");
                 self.damages.push((block.at, reason));
             }
-            next = block.link(0);
+            next = block.link_target(0);
         }
         found
     }
 
-    fn follow<'a>(
+    fn follow_link<'a>(
         &mut self,
         file: &'a [u8],
         link: Option<u64>,
         kind: [u8; 2],
         what: &str,
-    ) -> Option<Block<'a>> {
+    ) -> Option<MdfBlock<'a>> {
         let link = link?;
-        let block = Block::of(file, link, kind);
+        let block = MdfBlock::parse_kind_at(file, link, kind);
         let reason = match block {
             None => format!("{what} block missing"),
             Some(_) if self.seen.len() >= MOST_GROUPS * 16 => {
@@ -175,23 +179,30 @@ impl Reading {
         None
     }
 
-    fn groups(&mut self, file: &[u8], first: Option<u64>, is_validity_separate: bool) -> Vec<Group> {
+    fn read_groups(
+        &mut self,
+        file: &[u8],
+        first: Option<u64>,
+        is_validity_separate: bool,
+    ) -> Vec<ChannelGroup> {
         let mut found = Vec::new();
         let mut next = first;
-        while let Some(block) = self.follow(file, next, *b"CG", "channel group")
+        while let Some(block) = self.follow_link(file, next, *b"CG", "channel group")
             && found.len() < MOST_GROUPS
         {
-            next = block.link(0);
+            next = block.link_target(0);
             let numbers = (block.u64(0), block.u64(8), block.u16(16), block.u32(24), block.u32(28));
             let (Some(number), Some(records), Some(flags), Some(bytes), Some(validity)) = numbers else {
                 self.damages.push((block.at, "channel group block too short".into()));
                 continue;
             };
-            let has_channels = block.link(1).is_some();
+            let has_channels = block.link_target(1).is_some();
             let size = if flags & VARIABLE_LENGTH != 0 && !has_channels {
-                Size::Variable
+                RecordSize::Variable
             } else {
-                Size::Fixed(u64::from(bytes) + u64::from(if is_validity_separate { 0 } else { validity }))
+                RecordSize::Fixed(
+                    u64::from(bytes) + u64::from(if is_validity_separate { 0 } else { validity }),
+                )
             };
             if flags & REMOTE_MASTER != 0 {
                 let reason =
@@ -205,46 +216,48 @@ impl Reading {
                 ));
             }
             let frames = match size {
-                Size::Fixed(1..=LARGEST_RECORD) => self.frames(file, block.link(1)),
+                RecordSize::Fixed(1..=LARGEST_RECORD) => self.read_frame_group(file, block.link_target(1)),
                 _ => None,
             };
-            let name = text(file, block.link(2)).unwrap_or_default().to_vec();
-            found.push(Group { at: block.at, number, records, size, name, frames });
+            let name = text_at(file, block.link_target(2)).unwrap_or_default().to_vec();
+            found.push(ChannelGroup { at: block.at, number, records, size, name, frames });
         }
         found
     }
 
     /// Reads a list of channels; `None` if they do not describe frames.
-    fn frames(&mut self, file: &[u8], first: Option<u64>) -> Option<Frames> {
-        let (mut fields, mut clock, mut kind, mut values) = (Fields::default(), None, None, None);
+    fn read_frame_group(&mut self, file: &[u8], first: Option<u64>) -> Option<FrameGroup> {
+        let (mut fields, mut clock, mut kind, mut values) = (GroupFields::default(), None, None, None);
         let mut links = vec![first];
         let mut left = MOST_CHANNELS;
         while let Some(link) = links.pop() {
-            let Some(channel) = self.follow(file, link, *b"CN", "channel") else { continue };
+            let Some(channel) = self.follow_link(file, link, *b"CN", "channel") else { continue };
             left = left.checked_sub(1)?;
-            links.push(channel.link(0));
+            links.push(channel.link_target(0));
             // A member may also be an array block; frames contain no arrays.
-            links.push(channel.link(1).filter(|link| Block::of(file, *link, *b"CN").is_some()));
+            links.push(
+                channel.link_target(1).filter(|link| MdfBlock::parse_kind_at(file, *link, *b"CN").is_some()),
+            );
             if matches!(channel.u8(0), Some(MASTER | VIRTUAL_MASTER)) && channel.u8(1) == Some(TIME) {
-                clock = Clock::new(file, &channel);
+                clock = RecordClock::new(file, &channel);
                 if clock.is_none() {
                     let reason = "nonlinear time conversion: frames have no timestamps";
                     self.damages.push((channel.at, reason.into()));
                 }
             }
-            let name = text(file, channel.link(2)).unwrap_or_default();
+            let name = text_at(file, channel.link_target(2)).unwrap_or_default();
             let known = KINDS.iter().find(|(start, _)| name.starts_with(start));
-            let (Some((_, of)), Some(field)) = (known, Field::new(file, &channel)) else { continue };
+            let (Some((_, of)), Some(field)) = (known, RecordField::new(file, &channel)) else { continue };
             kind = kind.or(Some(*of));
             let end = name.rsplit(|byte| *byte == b'.').next().unwrap_or_default();
-            if let Some(place) = fields.of(end) {
+            if let Some(place) = fields.slot_of(end) {
                 *place = Some(field);
                 if end == b"DataBytes" && field.is_variable() {
-                    values = channel.link(5);
+                    values = channel.link_target(5);
                 }
             }
         }
-        let is_complete = kind != Some(Kind::Data) || (fields.id.is_some() && fields.data.is_some());
-        kind.filter(|_| is_complete).map(|kind| Frames { kind, fields, clock, values })
+        let is_complete = kind != Some(GroupContent::Data) || (fields.id.is_some() && fields.data.is_some());
+        kind.filter(|_| is_complete).map(|kind| FrameGroup { kind, fields, clock, values })
     }
 }

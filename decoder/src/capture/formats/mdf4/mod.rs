@@ -26,9 +26,11 @@ use std::sync::Arc;
 use block::{TITLE, is_cut_off};
 use frame::ChannelFrame;
 use recording::{Mdf4Capture, UNFINISHED};
-use source::Source;
+use source::GroupSource;
 
-use crate::capture::{Batch, BusNames, CaptureError, CapturePlace, Format, MAX_BUSES, Notice, Parser};
+use crate::capture::{
+    Batch, BusNames, CaptureError, CaptureFormat, CapturePlace, FormatParser, MAX_BUSES, Notice,
+};
 use crate::frame::{BusIndex, Frame, Timestamp};
 
 const FINISHED: &[u8] = b"MDF     ";
@@ -36,37 +38,37 @@ const FINISHED: &[u8] = b"MDF     ";
 /// Maximum size of a capture in bytes.
 const LARGEST_CAPTURE: usize = 1024 * 1024 * 1024;
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     name: "mdf4",
     title: TITLE,
     is_text: false,
     is_packed: true,
     detect: |head| head.starts_with(FINISHED) || head.starts_with(UNFINISHED),
-    parser: |_| Box::new(Mdf4::default()),
+    parser: |_| Box::new(Mdf4Parser::default()),
 };
 
 /// Parser of MDF4.
 #[derive(Clone, Default)]
-struct Mdf4 {
+struct Mdf4Parser {
     /// All bytes received so far.
     file: Arc<Vec<u8>>,
-    state: State,
+    state: Mdf4State,
     buses: BusNames,
     frames: u64,
 }
 
 #[derive(Clone, Default)]
-enum State {
+enum Mdf4State {
     #[default]
     Collecting,
-    Reading(Reading),
+    Reading(Mdf4Reading),
     Ended,
 }
 
 #[derive(Clone)]
-struct Reading {
+struct Mdf4Reading {
     start: i64,
-    sources: Vec<Source>,
+    sources: Vec<GroupSource>,
     /// Notices emitted before the first frame, in reverse order.
     notices: Vec<Notice>,
     others: u64,
@@ -75,8 +77,8 @@ struct Reading {
     last: Option<(Option<u64>, BusIndex)>,
 }
 
-impl Mdf4 {
-    fn collect(&mut self, input: &[u8]) -> Result<usize, CaptureError> {
+impl Mdf4Parser {
+    fn collect_input(&mut self, input: &[u8]) -> Result<usize, CaptureError> {
         if self.file.len().saturating_add(input.len()) > LARGEST_CAPTURE {
             return Err(CaptureError::Header {
                 format: TITLE,
@@ -90,7 +92,7 @@ impl Mdf4 {
     }
 }
 
-impl Reading {
+impl Mdf4Reading {
     fn open(file: &[u8]) -> Result<Self, CaptureError> {
         let Mdf4Capture { start, is_local, sources, damages, others, names } = Mdf4Capture::open(file)?;
         let notice = |(at, reason)| {
@@ -114,18 +116,18 @@ impl Reading {
     fn read(&mut self, file: &[u8], frames: &mut u64, buses: &mut BusNames, batch: &mut Batch) -> bool {
         while !batch.is_full() {
             if let Some(notice) = self.notices.pop() {
-                batch.notice(notice);
+                batch.add_notice(notice);
                 continue;
             }
             if let Some(source) = self.sources.iter_mut().find(|source| source.is_behind()) {
-                source.step(file, batch);
+                source.read_step(file, batch);
                 continue;
             }
             // Ties: the first source.
-            let due = self.sources.iter_mut().filter_map(|source| Some((source.due()?, source)));
-            let next = due.min_by_key(|(due, _)| *due).and_then(|(_, source)| source.take());
+            let due = self.sources.iter_mut().filter_map(|source| Some((source.due_time()?, source)));
+            let next = due.min_by_key(|(due, _)| *due).and_then(|(_, source)| source.take_frame());
             let Some((time, found)) = next else { return false };
-            deliver(
+            deliver_frame(
                 time.map(|time| Timestamp(self.start).plus(time)),
                 found,
                 frames,
@@ -138,23 +140,24 @@ impl Reading {
     }
 
     /// Reports the skipped records once.
-    fn end(&self, batch: &mut Batch) {
-        let others = self.sources.iter().map(Source::others).fold(self.others, u64::saturating_add);
+    fn report_skipped(&self, batch: &mut Batch) {
+        let others =
+            self.sources.iter().map(GroupSource::skipped_records).fold(self.others, u64::saturating_add);
         let names =
             self.names.iter().map(|name| String::from_utf8_lossy(name)).collect::<Vec<_>>().join(", ");
         if self.sources.is_empty() {
             let text = format!(
                 "no group contains CAN frames in the layout of the bus logging standard; found {names}"
             );
-            batch.notice(Notice::Assumption(text.trim_end_matches("; found ").into()));
+            batch.add_notice(Notice::Assumption(text.trim_end_matches("; found ").into()));
         } else if others > 0 {
             let text = format!("{others} records of groups without CAN frames skipped ({names})");
-            batch.notice(Notice::Assumption(text));
+            batch.add_notice(Notice::Assumption(text));
         }
     }
 }
 
-fn deliver(
+fn deliver_frame(
     time: Option<Timestamp>,
     found: ChannelFrame,
     frames: &mut u64,
@@ -167,7 +170,7 @@ fn deliver(
     let Some(bus) = known.or_else(|| buses.index_of(name().as_bytes())) else {
         let name = name();
         let reason = format!("channel {name}: more than {MAX_BUSES} channels");
-        batch.notice(Notice::Unreadable { place: CapturePlace::Offset(0), reason });
+        batch.add_notice(Notice::Unreadable { place: CapturePlace::Offset(0), reason });
         return;
     };
     *last = Some((found.channel, bus));
@@ -175,19 +178,19 @@ fn deliver(
     batch.push(Frame { number: *frames, time, bus, ..found.frame });
 }
 
-impl Parser for Mdf4 {
+impl FormatParser for Mdf4Parser {
     fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError> {
         if !input.is_empty() {
-            return self.collect(input);
+            return self.collect_input(input);
         }
-        if at_end && matches!(self.state, State::Collecting) && !self.file.is_empty() {
-            self.state = State::Reading(Reading::open(&self.file)?);
+        if at_end && matches!(self.state, Mdf4State::Collecting) && !self.file.is_empty() {
+            self.state = Mdf4State::Reading(Mdf4Reading::open(&self.file)?);
         }
-        if let State::Reading(reading) = &mut self.state
+        if let Mdf4State::Reading(reading) = &mut self.state
             && !reading.read(&self.file, &mut self.frames, &mut self.buses, batch)
         {
-            reading.end(batch);
-            self.state = State::Ended;
+            reading.report_skipped(batch);
+            self.state = Mdf4State::Ended;
         }
         Ok(0)
     }
@@ -196,7 +199,7 @@ impl Parser for Mdf4 {
         &self.buses
     }
 
-    fn clone_box(&self) -> Box<dyn Parser> {
+    fn clone_box(&self) -> Box<dyn FormatParser> {
         Box::new(self.clone())
     }
 }

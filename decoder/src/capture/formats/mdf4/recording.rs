@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use super::block::{Block, TITLE};
-use super::group::{DataGroup, Frames, Group, Reading, Size};
-use super::records::{KnownGroup, Last, Records, Values};
-use super::source::{Parts, Source};
-use super::stream::{Damage, Segment, Stream, segments};
+use super::block::{MdfBlock, TITLE};
+use super::group::{ChannelGroup, DataGroup, FrameGroup, GroupReader, RecordSize};
+use super::records::{KnownGroup, LastVariableValue, RecordReader, VariableValues};
+use super::source::{GroupSource, GroupSourceArguments};
+use super::stream::{Damage, DataSegment, DataStream, collect_segments};
 use crate::capture::CaptureError;
 use crate::capture::byte_order::ByteOrder::Little;
 
@@ -37,7 +37,7 @@ pub(super) struct Mdf4Capture {
     pub(super) start: i64,
     /// Whether the start is in an unknown time zone.
     pub(super) is_local: bool,
-    pub(super) sources: Vec<Source>,
+    pub(super) sources: Vec<GroupSource>,
     pub(super) damages: Vec<Damage>,
     /// Number of records in groups without frames, as far as known before reading, and the names of these
     /// groups.
@@ -46,11 +46,11 @@ pub(super) struct Mdf4Capture {
 }
 
 /// A data group and the location of its data.
-struct Shared {
+struct LocatedDataGroup {
     group: DataGroup,
-    segments: Vec<Segment>,
+    segments: Vec<DataSegment>,
     /// Blocks of variable-length values, per group.
-    values: Vec<Vec<Segment>>,
+    values: Vec<Vec<DataSegment>>,
 }
 
 impl Mdf4Capture {
@@ -68,7 +68,7 @@ impl Mdf4Capture {
                 expected: "400 or later: convert the capture to MDF 4",
             });
         }
-        let Some(header) = Block::of(file, IDENTIFICATION, *b"HD") else {
+        let Some(header) = MdfBlock::parse_kind_at(file, IDENTIFICATION, *b"HD") else {
             return Err(CaptureError::Header {
                 format: TITLE,
                 offset: IDENTIFICATION,
@@ -82,39 +82,40 @@ impl Mdf4Capture {
             is_local: header.u8(12).is_some_and(|flags| flags & LOCAL_TIME != 0),
             ..Self::default()
         };
-        let mut reading = Reading::default();
-        let groups = reading.data_groups(file, header.link(0));
+        let mut reading = GroupReader::default();
+        let groups = reading.data_groups(file, header.link_target(0));
         recording.damages.append(&mut reading.damages);
-        let mut shared: Vec<Shared> = groups.into_iter().map(|group| recording.shared(file, group)).collect();
+        let mut shared: Vec<LocatedDataGroup> =
+            groups.into_iter().map(|group| recording.locate_data(file, group)).collect();
         if unfinished & LENGTH_NOT_SET != 0 {
             extend_last(file, &mut shared, reading.seen.last().copied().unwrap_or(0));
         }
         for shared in shared {
-            recording.add(shared, unfinished & RECORDS_NOT_COUNTED == 0);
+            recording.add_sources(shared, unfinished & RECORDS_NOT_COUNTED == 0);
         }
         Ok(recording)
     }
 
     /// Finds the data blocks of a group.
-    fn shared(&mut self, file: &[u8], group: DataGroup) -> Shared {
+    fn locate_data(&mut self, file: &[u8], group: DataGroup) -> LocatedDataGroup {
         let holds_frames = group.groups.iter().any(|group| group.frames.is_some());
         let data = group.data.filter(|_| holds_frames);
-        let segments = segments(file, data, &mut self.damages);
-        let values = |group: &Group| {
+        let segments = collect_segments(file, data, &mut self.damages);
+        let values = |group: &ChannelGroup| {
             let link = group.frames.as_ref().and_then(|frames| frames.values)?;
             // A link to another group is not a link to data blocks.
-            Block::of(file, link, *b"CG")
+            MdfBlock::parse_kind_at(file, link, *b"CG")
                 .is_none()
-                .then(|| super::stream::segments(file, Some(link), &mut self.damages))
+                .then(|| super::stream::collect_segments(file, Some(link), &mut self.damages))
         };
         let values = group.groups.iter().map(values).map(Option::unwrap_or_default).collect();
-        Shared { group, segments, values }
+        LocatedDataGroup { group, segments, values }
     }
 
     /// Creates sources for the groups of frames.
-    fn add(&mut self, shared: Shared, is_counted: bool) {
-        let Shared { group: data, segments, values } = shared;
-        let segments: Arc<[Segment]> = segments.into();
+    fn add_sources(&mut self, shared: LocatedDataGroup, is_counted: bool) {
+        let LocatedDataGroup { group: data, segments, values } = shared;
+        let segments: Arc<[DataSegment]> = segments.into();
         if data.number_size == 0 && data.groups.len() > 1 {
             self.damages.push((
                 data.at,
@@ -122,23 +123,24 @@ impl Mdf4Capture {
             ));
         }
         let count = if data.number_size == 0 { 1 } else { data.groups.len() };
-        let mut known: Vec<KnownGroup> = data.groups.iter().take(count).map(known).collect();
+        let mut known: Vec<KnownGroup> = data.groups.iter().take(count).map(known_group).collect();
         known.sort_unstable_by_key(|known| known.number);
         let known: Arc<[KnownGroup]> = known.into();
-        let records =
-            |wanted| Records::new(Stream::new(segments.clone()), data.number_size, known.clone(), wanted);
+        let records = |wanted| {
+            RecordReader::new(DataStream::new(segments.clone()), data.number_size, known.clone(), wanted)
+        };
         let holds_frames = data.groups.iter().any(|group| group.frames.is_some());
         let mut is_first = true;
         for (group, own) in data.groups.iter().zip(values).take(count) {
             let Some(frames) = group.frames else {
-                self.other(group, holds_frames);
+                self.add_other_group(group, holds_frames);
                 continue;
             };
             if self.sources.len() >= MOST_SOURCES {
                 self.damages.push((group.at, format!("more than {MOST_SOURCES} groups of frames")));
                 return;
             }
-            self.sources.push(Source::new(Parts {
+            self.sources.push(GroupSource::new(GroupSourceArguments {
                 frames,
                 records: records(group.number),
                 values: values_of(&frames, &data.groups, own, records),
@@ -151,8 +153,8 @@ impl Mdf4Capture {
     }
 
     /// Handles a group without frames. If frames share its data, its records are counted while reading.
-    fn other(&mut self, group: &Group, is_counted_later: bool) {
-        if group.size == Size::Variable {
+    fn add_other_group(&mut self, group: &ChannelGroup, is_counted_later: bool) {
+        if group.size == RecordSize::Variable {
             return;
         }
         if !is_counted_later {
@@ -164,32 +166,32 @@ impl Mdf4Capture {
     }
 }
 
-fn known(group: &Group) -> KnownGroup {
-    let is_other = group.frames.is_none() && group.size != Size::Variable;
+fn known_group(group: &ChannelGroup) -> KnownGroup {
+    let is_other = group.frames.is_none() && group.size != RecordSize::Variable;
     KnownGroup { number: group.number, size: group.size, is_other }
 }
 
 /// Location of the variable-length values of a group: in blocks, or in another group.
 fn values_of(
-    frames: &Frames,
-    groups: &[Group],
-    blocks: Vec<Segment>,
-    records: impl Fn(u64) -> Records,
-) -> Values {
-    let Some(link) = frames.values else { return Values::None };
-    match groups.iter().find(|group| group.at == link && group.size == Size::Variable) {
-        Some(group) => Values::Records(records(group.number), 0, Last::default()),
-        None => Values::Blocks(Stream::new(blocks.into()), Last::default()),
+    frames: &FrameGroup,
+    groups: &[ChannelGroup],
+    blocks: Vec<DataSegment>,
+    records: impl Fn(u64) -> RecordReader,
+) -> VariableValues {
+    let Some(link) = frames.values else { return VariableValues::None };
+    match groups.iter().find(|group| group.at == link && group.size == RecordSize::Variable) {
+        Some(group) => VariableValues::Records(records(group.number), 0, LastVariableValue::default()),
+        None => VariableValues::Blocks(DataStream::new(blocks.into()), LastVariableValue::default()),
     }
 }
 
 /// Extends the last data block to the end of the capture, unless a description follows it.
-fn extend_last(file: &[u8], shared: &mut [Shared], last_description: u64) {
+fn extend_last(file: &[u8], shared: &mut [LocatedDataGroup], last_description: u64) {
     let all = shared
         .iter_mut()
         .flat_map(|shared| shared.segments.iter_mut().chain(shared.values.iter_mut().flatten()));
     let last = all.max_by_key(|segment| segment.at);
     if let Some(last) = last.filter(|last| last.at > last_description) {
-        last.extend(file);
+        last.extend_to_end(file);
     }
 }

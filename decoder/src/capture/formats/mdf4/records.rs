@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::group::Size;
-use super::stream::{Outcome, Stream};
+use super::group::RecordSize;
+use super::stream::{DataStream, StreamOutcome};
 
 /// Maximum size of a value in bytes; a frame has at most 64.
 const LONGEST_VALUE: usize = 64 * 1024;
@@ -15,14 +15,14 @@ const AHEAD: u64 = 1024 * 1024;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct KnownGroup {
     pub(super) number: u64,
-    pub(super) size: Size,
+    pub(super) size: RecordSize,
     /// Whether the group contains no part of a frame.
     pub(super) is_other: bool,
 }
 
 /// Result of reading the next record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Next {
+pub(super) enum NextRecord {
     /// A complete record.
     Record,
     /// End of the data; number of bytes left.
@@ -35,8 +35,8 @@ pub(super) enum Next {
 
 /// Reads the records of one group.
 #[derive(Debug, Clone)]
-pub(super) struct Records {
-    pub(super) stream: Stream,
+pub(super) struct RecordReader {
+    pub(super) stream: DataStream,
     /// Size of the group number before each record in bytes; 0 if there is only one group.
     number_size: usize,
     /// Groups, sorted by number.
@@ -46,30 +46,35 @@ pub(super) struct Records {
     pub(super) others: u64,
 }
 
-impl Records {
+impl RecordReader {
     /// Starts at the beginning of the data.
-    pub(super) fn new(stream: Stream, number_size: usize, groups: Arc<[KnownGroup]>, wanted: u64) -> Self {
+    pub(super) fn new(
+        stream: DataStream,
+        number_size: usize,
+        groups: Arc<[KnownGroup]>,
+        wanted: u64,
+    ) -> Self {
         Self { stream, number_size, groups, wanted, others: 0 }
     }
 
     /// Replaces the content of `bytes` with the next record.
-    pub(super) fn next(&mut self, file: &[u8], bytes: &mut Vec<u8>) -> Next {
+    pub(super) fn next(&mut self, file: &[u8], bytes: &mut Vec<u8>) -> NextRecord {
         loop {
-            let number = match self.number(file, bytes) {
+            let number = match self.read_number(file, bytes) {
                 Ok(number) => number,
                 Err(next) => return next,
             };
             let known = self.groups.binary_search_by_key(&number, |known| known.number);
             let Some(known) = known.ok().and_then(|index| self.groups.get(index)).copied() else {
-                return Next::Unknown(number);
+                return NextRecord::Unknown(number);
             };
             let size = match known.size {
                 // The number of empty records would be unlimited.
-                Size::Fixed(0) if self.number_size == 0 => return Next::End(0),
-                Size::Fixed(size) => size,
-                Size::Variable => match self.stream.read(file, 4, bytes) {
-                    Outcome::Whole => u64::from(length(bytes)),
-                    other => return ended(other, self.number_size),
+                RecordSize::Fixed(0) if self.number_size == 0 => return NextRecord::End(0),
+                RecordSize::Fixed(size) => size,
+                RecordSize::Variable => match self.stream.read(file, 4, bytes) {
+                    StreamOutcome::Whole => u64::from(length_prefix(bytes)),
+                    other => return end_of_records(other, self.number_size),
                 },
             };
             let outcome = match usize::try_from(size) {
@@ -81,67 +86,69 @@ impl Records {
                     self.stream.skip(size)
                 }
             };
-            if outcome != Outcome::Whole {
-                return ended(outcome, self.number_size);
+            if outcome != StreamOutcome::Whole {
+                return end_of_records(outcome, self.number_size);
             }
             if number == self.wanted {
-                return Next::Record;
+                return NextRecord::Record;
             }
             self.others += u64::from(known.is_other);
         }
     }
 
-    fn number(&mut self, file: &[u8], bytes: &mut Vec<u8>) -> Result<u64, Next> {
+    fn read_number(&mut self, file: &[u8], bytes: &mut Vec<u8>) -> Result<u64, NextRecord> {
         if self.number_size == 0 {
             return Ok(self.wanted);
         }
         match self.stream.read(file, self.number_size, bytes) {
-            Outcome::Whole => Ok(bytes.iter().rev().fold(0, |number, byte| number << 8 | u64::from(*byte))),
-            other => Err(ended(other, 0)),
+            StreamOutcome::Whole => {
+                Ok(bytes.iter().rev().fold(0, |number, byte| number << 8 | u64::from(*byte)))
+            }
+            other => Err(end_of_records(other, 0)),
         }
     }
 
     /// Whether records have a fixed size, so that reading can continue at the next record after missing
     /// bytes.
-    pub(super) fn align(&mut self, size: u64) -> bool {
+    pub(super) fn has_fixed_size(&mut self, size: u64) -> bool {
         if self.number_size > 0 || size == 0 {
             return false;
         }
         let over = self.stream.position % size;
-        over == 0 || self.stream.skip(size - over) == Outcome::Whole
+        over == 0 || self.stream.skip(size - over) == StreamOutcome::Whole
     }
 }
 
-fn ended(outcome: Outcome, before: usize) -> Next {
+fn end_of_records(outcome: StreamOutcome, before: usize) -> NextRecord {
     match outcome {
-        Outcome::End(left) => Next::End(left + before),
-        Outcome::Whole | Outcome::Broken => Next::Broken,
+        StreamOutcome::End(left) => NextRecord::End(left + before),
+        StreamOutcome::Whole | StreamOutcome::Broken => NextRecord::Broken,
     }
 }
 
-fn length(bytes: &[u8]) -> u32 {
+fn length_prefix(bytes: &[u8]) -> u32 {
     bytes.first_chunk().map_or(0, |bytes| u32::from_le_bytes(*bytes))
 }
 
 /// Values of variable length, accessed by offset. They have the same order as the records that use them.
 #[derive(Debug, Clone)]
-pub(super) enum Values {
+pub(super) enum VariableValues {
     /// No such values.
     None,
     /// Consecutive values in separate blocks.
-    Blocks(Stream, Last),
+    Blocks(DataStream, LastVariableValue),
     /// Records of a group, whose offsets are those that the values would have in blocks.
-    Records(Records, u64, Last),
+    Records(RecordReader, u64, LastVariableValue),
 }
 
 /// The last value read, and its offset.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Last {
+pub(super) struct LastVariableValue {
     offset: Option<u64>,
     bytes: Vec<u8>,
 }
 
-impl Values {
+impl VariableValues {
     /// The value at an offset; `None` if no value begins there, or if reading has passed it.
     pub(super) fn get(&mut self, file: &[u8], offset: u64) -> Option<&[u8]> {
         match self {
@@ -160,7 +167,7 @@ impl Values {
                 while last.offset != Some(offset) {
                     if *at > offset
                         || offset - *at > AHEAD
-                        || records.next(file, &mut last.bytes) != Next::Record
+                        || records.next(file, &mut last.bytes) != NextRecord::Record
                     {
                         return None;
                     }
@@ -173,7 +180,7 @@ impl Values {
     }
 
     /// Takes the damage found in the blocks of values, if any.
-    pub(super) fn damage(&mut self) -> Option<super::stream::Damage> {
+    pub(super) fn take_damage(&mut self) -> Option<super::stream::Damage> {
         match self {
             Self::Blocks(stream, _) => stream.damage.take(),
             Self::None | Self::Records(..) => None,
@@ -182,14 +189,14 @@ impl Values {
 }
 
 /// Reads the value at an offset; invalid offsets must not advance the stream far.
-fn in_blocks(stream: &mut Stream, file: &[u8], offset: u64, bytes: &mut Vec<u8>) -> Option<()> {
+fn in_blocks(stream: &mut DataStream, file: &[u8], offset: u64, bytes: &mut Vec<u8>) -> Option<()> {
     let ahead = offset.checked_sub(stream.position).filter(|_| offset < stream.length)?;
-    whole(stream.skip(ahead))?;
-    whole(stream.read(file, 4, bytes))?;
-    let length = usize::try_from(length(bytes)).ok().filter(|length| *length <= LONGEST_VALUE)?;
-    whole(stream.read(file, length, bytes))
+    complete_only(stream.skip(ahead))?;
+    complete_only(stream.read(file, 4, bytes))?;
+    let length = usize::try_from(length_prefix(bytes)).ok().filter(|length| *length <= LONGEST_VALUE)?;
+    complete_only(stream.read(file, length, bytes))
 }
 
-fn whole(outcome: Outcome) -> Option<()> {
-    (outcome == Outcome::Whole).then_some(())
+fn complete_only(outcome: StreamOutcome) -> Option<()> {
+    (outcome == StreamOutcome::Whole).then_some(())
 }

@@ -15,7 +15,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use super::block::Block;
+use super::block::MdfBlock;
 use super::transposed::to_rows;
 use crate::capture::inflate::{Codec, Decompression};
 
@@ -35,41 +35,41 @@ pub(super) type Damage = (u64, String);
 
 /// One block of data.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Segment {
+pub(super) struct DataSegment {
     /// Byte offset of the block.
     pub(super) at: u64,
     /// Byte offset and size of the stored data.
     pub(super) start: usize,
     pub(super) stored: usize,
-    packing: Packing,
+    packing: SegmentCompression,
     /// Size of the content in bytes.
     length: usize,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Packing {
+enum SegmentCompression {
     Stored,
     /// Compressed; transposed if the row size in bytes is above 1.
     Packed(Codec, usize),
     Unknown(u8),
 }
 
-impl Segment {
+impl DataSegment {
     /// Extends an uncompressed block to the end of the capture.
-    pub(super) fn extend(&mut self, file: &[u8]) {
-        if self.packing == Packing::Stored {
+    pub(super) fn extend_to_end(&mut self, file: &[u8]) {
+        if self.packing == SegmentCompression::Stored {
             self.stored = file.len().saturating_sub(self.start);
             self.length = self.stored;
         }
     }
 
-    fn new(file: &[u8], block: &Block<'_>) -> Option<Self> {
+    fn new(file: &[u8], block: &MdfBlock<'_>) -> Option<Self> {
         let start = usize::try_from(block.data_at()).ok()?.min(file.len());
         let stored = block.data.len();
         let at = block.at;
         match &block.kind {
             b"DT" | b"DV" | b"SD" | b"RD" => {
-                Some(Self { at, start, stored, packing: Packing::Stored, length: stored })
+                Some(Self { at, start, stored, packing: SegmentCompression::Stored, length: stored })
             }
             b"DZ" => {
                 let row = usize::try_from(block.u32(4)?).ok()?;
@@ -77,8 +77,9 @@ impl Segment {
                 let number = block.u8(2)?;
                 let codec = CODECS.iter().find(|(known, _)| *known == number & !TRANSPOSED);
                 let row = if number & TRANSPOSED == 0 { 0 } else { row };
-                let packing =
-                    codec.map_or(Packing::Unknown(number), |(_, codec)| Packing::Packed(*codec, row));
+                let packing = codec.map_or(SegmentCompression::Unknown(number), |(_, codec)| {
+                    SegmentCompression::Packed(*codec, row)
+                });
                 let stored = stored.checked_sub(ZIP_HEADER)?;
                 let start = start.checked_add(ZIP_HEADER)?;
                 (length <= LARGEST_CONTENT).then_some(Self { at, start, stored, packing, length })
@@ -88,17 +89,17 @@ impl Segment {
     }
 
     /// Replaces the content of `bytes`; returns the damage. `columns` is memory for transposed data.
-    fn unpack(&self, file: &[u8], bytes: &mut Vec<u8>, columns: &mut Vec<u8>) -> Option<String> {
+    fn unpack_segment(&self, file: &[u8], bytes: &mut Vec<u8>, columns: &mut Vec<u8>) -> Option<String> {
         let data = file.get(self.start..).unwrap_or_default();
         let data = data.get(..self.stored).unwrap_or(data);
         let (codec, row) = match self.packing {
-            Packing::Unknown(number) => {
+            SegmentCompression::Unknown(number) => {
                 bytes.clear();
                 let known = "expected 0 to 5 (zlib, zstd, LZ4)";
                 return Some(format!("block compression {number}; {known}"));
             }
-            Packing::Packed(codec, row) => (codec, row),
-            Packing::Stored => (Codec::Zlib, 0),
+            SegmentCompression::Packed(codec, row) => (codec, row),
+            SegmentCompression::Stored => (Codec::Zlib, 0),
         };
         let content = if row > 1 { &mut *columns } else { &mut *bytes };
         content.clear();
@@ -111,7 +112,7 @@ impl Segment {
             Decompression::Damaged => Some("compressed block damaged".into()),
             Decompression::Unavailable => Some(format!(
                 "compressed block: this build lacks the feature `{}`; use a build with it",
-                codec.feature()
+                codec.required_feature()
             )),
         };
         // Incomplete transposed data cannot be converted to rows.
@@ -125,7 +126,11 @@ impl Segment {
 }
 
 /// Data blocks of a link in order, each at most once.
-pub(super) fn segments(file: &[u8], link: Option<u64>, damages: &mut Vec<Damage>) -> Vec<Segment> {
+pub(super) fn collect_segments(
+    file: &[u8],
+    link: Option<u64>,
+    damages: &mut Vec<Damage>,
+) -> Vec<DataSegment> {
     let mut found = Vec::new();
     let mut seen = BTreeSet::new();
     let mut next = link;
@@ -134,44 +139,45 @@ pub(super) fn segments(file: &[u8], link: Option<u64>, damages: &mut Vec<Damage>
             damages.push((at, "loop in the list of data blocks".into()));
             break;
         }
-        let Some(block) = Block::at(file, at) else {
+        let Some(block) = MdfBlock::parse_at(file, at) else {
             damages.push((at, "data block missing".into()));
             break;
         };
         match &block.kind {
-            b"HL" => next = block.link(0),
+            b"HL" => next = block.link_target(0),
             b"DL" | b"LD" => {
-                for link in (1..=data_links(&block)).filter_map(|index| block.link(index)) {
+                for link in (1..=data_links(&block)).filter_map(|index| block.link_target(index)) {
                     if seen.insert(link) {
-                        add(file, link, &mut found, damages);
+                        add_segment(file, link, &mut found, damages);
                     } else {
                         damages.push((link, "data block linked twice".into()));
                     }
                 }
-                next = block.link(0);
+                next = block.link_target(0);
             }
-            _ => add(file, at, &mut found, damages),
+            _ => add_segment(file, at, &mut found, damages),
         }
     }
     found
 }
 
 /// Number of links to data blocks in a list.
-fn data_links(list: &Block<'_>) -> usize {
-    let links = list.links().saturating_sub(1);
+fn data_links(list: &MdfBlock<'_>) -> usize {
+    let links = list.link_count().saturating_sub(1);
     let stated = (list.kind == *b"LD").then(|| list.u32(4)).flatten();
     stated.and_then(|count| usize::try_from(count).ok()).map_or(links, |count| count.min(links))
 }
 
 /// Whether the invalidation bits of records are in blocks of their own (MDF 4.2, LD block, flag bit 31).
 pub(super) fn has_separate_validity(file: &[u8], link: Option<u64>) -> bool {
-    let list = link.and_then(|at| Block::of(file, at, *b"LD"));
+    let list = link.and_then(|at| MdfBlock::parse_kind_at(file, at, *b"LD"));
     list.and_then(|list| list.u32(0)).is_some_and(|flags| flags & SEPARATE_VALIDITY != 0)
 }
 
-fn add(file: &[u8], at: u64, found: &mut Vec<Segment>, damages: &mut Vec<Damage>) {
-    let block = Block::at(file, at);
-    let Some((block, segment)) = block.and_then(|block| Some((block, Segment::new(file, &block)?))) else {
+fn add_segment(file: &[u8], at: u64, found: &mut Vec<DataSegment>, damages: &mut Vec<Damage>) {
+    let block = MdfBlock::parse_at(file, at);
+    let Some((block, segment)) = block.and_then(|block| Some((block, DataSegment::new(file, &block)?)))
+    else {
         damages.push((at, "invalid data block".into()));
         return;
     };
@@ -185,7 +191,7 @@ fn add(file: &[u8], at: u64, found: &mut Vec<Segment>, damages: &mut Vec<Damage>
 
 /// Result of reading from a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Outcome {
+pub(super) enum StreamOutcome {
     /// All requested bytes were read.
     Whole,
     /// The stream ended; number of bytes read.
@@ -196,8 +202,8 @@ pub(super) enum Outcome {
 
 /// A position in the data.
 #[derive(Debug, Clone)]
-pub(super) struct Stream {
-    segments: Arc<[Segment]>,
+pub(super) struct DataStream {
+    segments: Arc<[DataSegment]>,
     index: usize,
     /// Bytes used of the current segment.
     taken: usize,
@@ -226,9 +232,9 @@ impl Clone for OpenSegment {
     }
 }
 
-impl Stream {
+impl DataStream {
     /// Starts at the first byte.
-    pub(super) fn new(segments: Arc<[Segment]>) -> Self {
+    pub(super) fn new(segments: Arc<[DataSegment]>) -> Self {
         let length = segments.iter().map(|segment| segment.length as u64).fold(0, u64::saturating_add);
         Self {
             segments,
@@ -243,7 +249,7 @@ impl Stream {
     }
 
     /// Byte offset of the current or last block.
-    pub(super) fn at(&self) -> u64 {
+    pub(super) fn block_offset(&self) -> u64 {
         let segment = self.segments.get(self.index).or_else(|| self.segments.last());
         segment.map_or(0, |segment| segment.at)
     }
@@ -255,13 +261,13 @@ impl Stream {
     }
 
     /// Replaces the content of `bytes` with the next `count` bytes.
-    pub(super) fn read(&mut self, file: &[u8], count: usize, bytes: &mut Vec<u8>) -> Outcome {
+    pub(super) fn read(&mut self, file: &[u8], count: usize, bytes: &mut Vec<u8>) -> StreamOutcome {
         bytes.clear();
         while bytes.len() < count {
             let Some(segment) = self.segments.get(self.index).copied() else {
-                return Outcome::End(bytes.len());
+                return StreamOutcome::End(bytes.len());
             };
-            self.unpack(file, &segment);
+            self.unpack_segment(file, &segment);
             let content = if self.open.is_unpacked {
                 self.open.content.as_slice()
             } else {
@@ -271,32 +277,32 @@ impl Stream {
             let part = rest.get(..count - bytes.len()).unwrap_or(rest);
             bytes.extend_from_slice(part);
             let part = part.len();
-            self.advance(part);
+            self.advance_by(part);
             if bytes.len() < count {
                 if self.taken < segment.length {
-                    self.advance(segment.length - self.taken);
+                    self.advance_by(segment.length - self.taken);
                     self.next_segment();
-                    return Outcome::Broken;
+                    return StreamOutcome::Broken;
                 }
                 self.next_segment();
             }
         }
-        Outcome::Whole
+        StreamOutcome::Whole
     }
 
     /// Skips `count` bytes.
-    pub(super) fn skip(&mut self, mut count: u64) -> Outcome {
+    pub(super) fn skip(&mut self, mut count: u64) -> StreamOutcome {
         while count > 0 {
-            let Some(segment) = self.segments.get(self.index) else { return Outcome::End(0) };
+            let Some(segment) = self.segments.get(self.index) else { return StreamOutcome::End(0) };
             let left = segment.length.saturating_sub(self.taken);
             let part = usize::try_from(count).unwrap_or(usize::MAX).min(left);
-            self.advance(part);
+            self.advance_by(part);
             count -= part as u64;
             if count > 0 {
                 self.next_segment();
             }
         }
-        Outcome::Whole
+        StreamOutcome::Whole
     }
 
     /// Returns to an earlier position within the same block, so that no block is decompressed again.
@@ -308,7 +314,7 @@ impl Stream {
         }
     }
 
-    fn advance(&mut self, count: usize) {
+    fn advance_by(&mut self, count: usize) {
         self.taken = self.taken.saturating_add(count);
         self.position = self.position.saturating_add(count as u64);
     }
@@ -319,13 +325,13 @@ impl Stream {
         self.open.is_unpacked = false;
     }
 
-    fn unpack(&mut self, file: &[u8], segment: &Segment) {
-        if segment.packing == Packing::Stored || self.open.is_unpacked {
+    fn unpack_segment(&mut self, file: &[u8], segment: &DataSegment) {
+        if segment.packing == SegmentCompression::Stored || self.open.is_unpacked {
             return;
         }
         let OpenSegment { is_unpacked, content, columns } = &mut self.open;
         *is_unpacked = true;
-        if let Some(damage) = segment.unpack(file, content, columns)
+        if let Some(damage) = segment.unpack_segment(file, content, columns)
             && self.told <= self.index
         {
             self.told = self.index + 1;
@@ -338,13 +344,13 @@ impl Stream {
 mod tests {
     use super::*;
 
-    fn stored(file: &[u8], parts: &[(usize, usize)]) -> Arc<[Segment]> {
+    fn stored(file: &[u8], parts: &[(usize, usize)]) -> Arc<[DataSegment]> {
         assert!(parts.iter().all(|(start, count)| start + count <= file.len()));
-        let segment = |(start, stored): &(usize, usize)| Segment {
+        let segment = |(start, stored): &(usize, usize)| DataSegment {
             at: *start as u64,
             start: *start,
             stored: *stored,
-            packing: Packing::Stored,
+            packing: SegmentCompression::Stored,
             length: *stored,
         };
         parts.iter().map(segment).collect()
@@ -353,24 +359,27 @@ mod tests {
     #[test]
     fn bytes_go_on_in_the_next_segment() {
         let file = b"abcdefgh";
-        let mut stream = Stream::new(stored(file, &[(4, 3), (0, 0), (1, 2)]));
+        let mut stream = DataStream::new(stored(file, &[(4, 3), (0, 0), (1, 2)]));
         let mut bytes = Vec::new();
-        assert_eq!((stream.read(file, 2, &mut bytes), &bytes[..]), (Outcome::Whole, &b"ef"[..]));
-        assert_eq!((stream.read(file, 2, &mut bytes), &bytes[..]), (Outcome::Whole, &b"gb"[..]));
-        assert_eq!((stream.read(file, 2, &mut bytes), &bytes[..]), (Outcome::End(1), &b"c"[..]));
-        let mut stream = Stream::new(stored(file, &[(4, 3), (1, 2)]));
-        assert_eq!((stream.skip(4), stream.position), (Outcome::Whole, 4));
-        assert_eq!((stream.read(file, 1, &mut bytes), &bytes[..]), (Outcome::Whole, &b"c"[..]));
-        assert_eq!(stream.skip(1), Outcome::End(0));
+        assert_eq!((stream.read(file, 2, &mut bytes), &bytes[..]), (StreamOutcome::Whole, &b"ef"[..]));
+        assert_eq!((stream.read(file, 2, &mut bytes), &bytes[..]), (StreamOutcome::Whole, &b"gb"[..]));
+        assert_eq!((stream.read(file, 2, &mut bytes), &bytes[..]), (StreamOutcome::End(1), &b"c"[..]));
+        let mut stream = DataStream::new(stored(file, &[(4, 3), (1, 2)]));
+        assert_eq!((stream.skip(4), stream.position), (StreamOutcome::Whole, 4));
+        assert_eq!((stream.read(file, 1, &mut bytes), &bytes[..]), (StreamOutcome::Whole, &b"c"[..]));
+        assert_eq!(stream.skip(1), StreamOutcome::End(0));
     }
 
     #[test]
     fn a_damaged_block_has_no_content_of_an_earlier_one() {
-        for packing in [Packing::Unknown(7), Packing::Packed(Codec::Zlib, 0), Packing::Packed(Codec::Zlib, 2)]
-        {
-            let segment = Segment { at: 0, start: 0, stored: 4, packing, length: 4 };
+        for packing in [
+            SegmentCompression::Unknown(7),
+            SegmentCompression::Packed(Codec::Zlib, 0),
+            SegmentCompression::Packed(Codec::Zlib, 2),
+        ] {
+            let segment = DataSegment { at: 0, start: 0, stored: 4, packing, length: 4 };
             let (mut bytes, mut columns) = (b"earlier".to_vec(), b"earlier".to_vec());
-            assert!(segment.unpack(b"none", &mut bytes, &mut columns).is_some());
+            assert!(segment.unpack_segment(b"none", &mut bytes, &mut columns).is_some());
             assert_eq!(bytes, b"", "{packing:?}");
         }
     }

@@ -1,8 +1,8 @@
 //! Tests with captures built block by block.
 
 use super::*;
-use crate::capture::testing::{read, read_in_pieces};
-use crate::capture::{ReadOptions, Reader};
+use crate::capture::testing::{read_capture, read_in_pieces};
+use crate::capture::{CaptureReader, ReadOptions};
 use crate::frame::{CanId, FrameFlags};
 
 const START: u64 = 1_700_000_000_000_000_000;
@@ -116,17 +116,17 @@ fn sorted(kind: &str, records: &[Vec<u8>]) -> Vec<u8> {
 }
 
 fn ids(capture: &[u8]) -> Vec<u32> {
-    read(capture).frames.iter().map(|frame| frame.id.number()).collect()
+    read_capture(capture).frames.iter().map(|frame| frame.id.number()).collect()
 }
 
 fn notices(capture: &[u8]) -> Vec<String> {
-    read(capture).items.into_iter().filter(|item| !item.starts_with('{')).collect()
+    read_capture(capture).items.into_iter().filter(|item| !item.starts_with('{')).collect()
 }
 
 #[test]
 fn a_frame_of_a_sorted_group() {
     let capture = sorted("CAN_DataFrame", &[record(1_500, 0x181, 3), record(1_501, 0x900, 8)]);
-    let content = read(&capture);
+    let content = read_capture(&capture);
     let [first, second] = content.frames.as_slice() else { panic!("{content:?}") };
     assert_eq!((first.id, first.data()), (CanId::Standard(0x181), &[1, 2, 3][..]));
     assert_eq!(first.time, Some(Timestamp(1_700_000_001_500_000_000)));
@@ -138,11 +138,11 @@ fn a_frame_of_a_sorted_group() {
 
 #[test]
 fn remote_frames_have_no_data_and_error_frames_a_class() {
-    let remote = read(&sorted("CAN_RemoteFrame", &[record(1, 0x701, 1)]));
+    let remote = read_capture(&sorted("CAN_RemoteFrame", &[record(1, 0x701, 1)]));
     assert_eq!((remote.frames[0].flags, remote.frames[0].length), (FrameFlags::REMOTE, 1));
-    let error = read(&sorted("CAN_ErrorFrame", &[record(1, 0x701, 1)]));
+    let error = read_capture(&sorted("CAN_ErrorFrame", &[record(1, 0x701, 1)]));
     assert_eq!((error.frames[0].flags, error.frames[0].id), (FrameFlags::ERROR, CanId::Extended(0x088)));
-    let overload = read(&sorted("CAN_OverloadFrame", &[record(1, 0x701, 1)]));
+    let overload = read_capture(&sorted("CAN_OverloadFrame", &[record(1, 0x701, 1)]));
     assert_eq!(overload.frames[0].data()[2], 0x20);
 }
 
@@ -187,14 +187,14 @@ fn reading_resumes_from_any_position() {
     let records: Vec<_> = (0..2_000).map(|n| record(n, n % 0x700, 2)).collect();
     let capture = sorted("CAN_DataFrame", &records);
     let whole = ids(&capture);
-    let mut reader = Reader::open(&capture[..], &ReadOptions::default()).unwrap();
+    let mut reader = CaptureReader::open(&capture[..], &ReadOptions::default()).unwrap();
     let mut batch = Batch::new();
     let mut taken = 0;
     while reader.read(&mut batch).unwrap() {
         taken += batch.frames().len();
         let position = reader.position();
         let rest = &capture[usize::try_from(position.offset).unwrap()..];
-        let mut resumed = Reader::resume(rest, &position);
+        let mut resumed = CaptureReader::resume(rest, &position);
         let (mut found, mut own) = (Vec::new(), Batch::new());
         while resumed.read(&mut own).unwrap() {
             found.extend(own.frames().iter().map(|frame| frame.id.number()));
@@ -227,11 +227,11 @@ fn with_values(offsets: [u64; 3]) -> Vec<u8> {
 
 #[test]
 fn values_of_variable_length_in_blocks() {
-    let content = read(&with_values([0, 0, 6]));
+    let content = read_capture(&with_values([0, 0, 6]));
     let data: Vec<&[u8]> = content.frames.iter().map(Frame::data).collect();
     assert_eq!(data, [&[0xAA, 0xBB][..], &[0xAA, 0xBB], &[1, 2, 3]]);
     for wrong in [u64::MAX, 13, 14] {
-        assert_eq!(read(&with_values([0, wrong, 6])).frames.len(), 2, "{wrong} is after the end");
+        assert_eq!(read_capture(&with_values([0, wrong, 6])).frames.len(), 2, "{wrong} is after the end");
     }
     assert_eq!(notices(&with_values([6, 0, 6])).len(), 2, "skipped values");
 }
@@ -332,7 +332,7 @@ fn an_unfinished_capture_is_read_to_the_end() {
 #[test]
 fn older_versions_and_captures_without_a_header_are_refused() {
     let open = |capture: &[u8]| {
-        let mut reader = Reader::open(capture, &ReadOptions::default()).unwrap();
+        let mut reader = CaptureReader::open(capture, &ReadOptions::default()).unwrap();
         reader.read(&mut Batch::new()).unwrap_err().to_string()
     };
     let old = open(&CaptureFile::new(b"MDF     ", 330, 0).0);

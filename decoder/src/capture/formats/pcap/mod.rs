@@ -15,8 +15,10 @@
 use pcap_file::pcap::{PcapHeader, PcapParseError, PcapTsResolution};
 
 use crate::capture::byte_order::ByteOrder;
-use crate::capture::link::{Channel, Head, Link, Output, common};
-use crate::capture::{Batch, BusNames, CaptureError, CapturePlace, Format, LARGEST_RECORD, Notice, Parser};
+use crate::capture::link::{CaptureInterface, LinkType, PacketHeader, PacketOutput, parse_common};
+use crate::capture::{
+    Batch, BusNames, CaptureError, CaptureFormat, CapturePlace, FormatParser, LARGEST_RECORD, Notice,
+};
 use crate::frame::{FrameFlags, Timestamp};
 
 const TITLE: &str = "pcap";
@@ -27,7 +29,7 @@ const COMMON: usize = 16;
 /// Maximum size of a packet in bytes.
 const LARGEST_PACKET: usize = LARGEST_RECORD - PACKET_HEADER;
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     name: "pcap",
     title: TITLE,
     is_text: false,
@@ -38,12 +40,12 @@ pub(super) const FORMAT: Format = Format {
             Some(0xA1B2_C3D4 | 0xD4C3_B2A1 | 0xA1B2_3C4D | 0x4D3C_B2A1)
         )
     },
-    parser: |_| Box::new(Pcap::default()),
+    parser: |_| Box::new(PcapParser::default()),
 };
 
 /// Properties from the file header.
 #[derive(Debug, Clone, Copy)]
-struct Header {
+struct PcapProperties {
     order: ByteOrder,
     /// 1 or 1,000.
     nanoseconds_per_tick: u16,
@@ -51,8 +53,8 @@ struct Header {
 
 /// Parser of pcap.
 #[derive(Clone, Default)]
-struct Pcap {
-    header: Option<(Header, Channel)>,
+struct PcapParser {
+    header: Option<(PcapProperties, CaptureInterface)>,
     /// Bytes used so far.
     offset: u64,
     /// Bytes left to skip.
@@ -62,21 +64,21 @@ struct Pcap {
     has_ended: bool,
 }
 
-impl Header {
+impl PcapProperties {
     #[inline]
-    fn time(self, seconds: u32, fraction: u32) -> Timestamp {
+    fn to_time(self, seconds: u32, fraction: u32) -> Timestamp {
         let fraction = u64::from(fraction) * u64::from(self.nanoseconds_per_tick);
         // Less than 2^62 + 2^48.
         Timestamp((u64::from(seconds) * 1_000_000_000 + fraction).cast_signed())
     }
 }
 
-impl Pcap {
+impl PcapParser {
     /// Parses consecutive common packets; returns the number of bytes used.
     #[inline]
-    fn run<const BIG: bool>(&mut self, input: &[u8], batch: &mut Batch) -> usize {
+    fn parse_run<const BIG: bool>(&mut self, input: &[u8], batch: &mut Batch) -> usize {
         let Some((header, channel)) = &self.header else { return 0 };
-        let Some((bus, order)) = channel.usual() else { return 0 };
+        let Some((bus, order)) = channel.fast_path() else { return 0 };
         let number =
             |bytes: &[u8; 4]| if BIG { u32::from_be_bytes(*bytes) } else { u32::from_le_bytes(*bytes) };
         let mut rest = input;
@@ -86,14 +88,14 @@ impl Pcap {
             let ([seconds, fraction, captured, _, ..], []) = window.as_chunks::<4>() else { break };
             let captured = number(captured);
             let Some(packet) = window.last_chunk() else { break };
-            if !common(packet, captured, order, slot) {
+            if !parse_common(packet, captured, order, slot) {
                 break;
             }
             // Up to eight data bytes: not more than the window.
             rest = rest.get(PACKET_HEADER + captured as usize..).unwrap_or_default();
             last += 1;
             slot.number = last;
-            slot.time = Some(header.time(number(seconds), number(fraction)));
+            slot.time = Some(header.to_time(number(seconds), number(fraction)));
             slot.bus = bus;
         }
         batch.commit_all(last.saturating_sub(self.frames));
@@ -102,14 +104,14 @@ impl Pcap {
     }
 
     /// Parses the file header; returns the number of bytes used.
-    fn header(&mut self, input: &[u8], at_end: bool) -> Result<usize, CaptureError> {
+    fn parse_header(&mut self, input: &[u8], at_end: bool) -> Result<usize, CaptureError> {
         match PcapHeader::from_slice(input) {
             Ok((_, header)) => {
                 let order = if header.endianness.is_big() { ByteOrder::Big } else { ByteOrder::Little };
                 let is_nano = header.ts_resolution == PcapTsResolution::NanoSecond;
                 let header_of_packets =
-                    Header { order, nanoseconds_per_tick: if is_nano { 1 } else { 1_000 } };
-                let channel = Channel::new(Link::new(header.datalink.into()), order, None, 0);
+                    PcapProperties { order, nanoseconds_per_tick: if is_nano { 1 } else { 1_000 } };
+                let channel = CaptureInterface::new(LinkType::new(header.datalink.into()), order, None, 0);
                 self.header = Some((header_of_packets, channel));
                 Ok(HEADER)
             }
@@ -124,7 +126,7 @@ impl Pcap {
     }
 
     /// Parses one packet of any type; returns the number of bytes used.
-    fn packet(&mut self, offset: u64, rest: &[u8], at_end: bool, batch: &mut Batch) -> usize {
+    fn parse_packet(&mut self, offset: u64, rest: &[u8], at_end: bool, batch: &mut Batch) -> usize {
         let Some((header, channel)) = &mut self.header else { return 0 };
         let place = CapturePlace::Offset(offset);
         let order = header.order;
@@ -137,9 +139,9 @@ impl Pcap {
         if length > LARGEST_PACKET {
             if channel.may_hold_can() {
                 let reason = format!("packet of {captured} bytes: too long for a CAN frame");
-                batch.notice(Notice::Unreadable { place, reason });
+                batch.add_notice(Notice::Unreadable { place, reason });
             } else {
-                channel.skip();
+                channel.count_skipped();
             }
             self.skip = u64::from(captured);
             return PACKET_HEADER;
@@ -147,22 +149,26 @@ impl Pcap {
         let Some(packet) = rest.get(PACKET_HEADER..).and_then(|data| data.get(..length)) else {
             return cut_off(rest, whole, place, at_end, batch);
         };
-        let head = Head { time: Some(header.time(seconds, fraction)), flags: FrameFlags::default(), place };
-        let mut out = Output { batch, frames: &mut self.frames, buses: &mut self.buses };
-        channel.packet(packet, head, &mut out);
+        let head = PacketHeader {
+            time: Some(header.to_time(seconds, fraction)),
+            flags: FrameFlags::default(),
+            place,
+        };
+        let mut out = PacketOutput { batch, frames: &mut self.frames, buses: &mut self.buses };
+        channel.on_packet(packet, head, &mut out);
         PACKET_HEADER.saturating_add(length)
     }
 
-    fn end(&mut self, batch: &mut Batch) {
+    fn end_capture(&mut self, batch: &mut Batch) {
         if std::mem::replace(&mut self.has_ended, true) {
             return;
         }
         if self.skip > 0 {
             let reason = format!("the capture ends inside a packet: {} bytes are missing", self.skip);
-            batch.notice(Notice::CutOff { place: CapturePlace::Offset(self.offset), reason });
+            batch.add_notice(Notice::CutOff { place: CapturePlace::Offset(self.offset), reason });
         }
-        if let Some(notice) = self.header.as_ref().and_then(|(_, channel)| channel.summary()) {
-            batch.notice(notice);
+        if let Some(notice) = self.header.as_ref().and_then(|(_, channel)| channel.skipped_notice()) {
+            batch.add_notice(notice);
         }
     }
 }
@@ -174,35 +180,39 @@ fn cut_off(rest: &[u8], whole: u64, place: CapturePlace, at_end: bool, batch: &m
         return 0;
     }
     let reason = format!("the capture ends inside a packet: found {} of {whole} bytes", rest.len());
-    batch.notice(Notice::CutOff { place, reason });
+    batch.add_notice(Notice::CutOff { place, reason });
     rest.len()
 }
 
-impl Parser for Pcap {
+impl FormatParser for PcapParser {
     fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError> {
         let mut taken = usize::try_from(self.skip).unwrap_or(usize::MAX).min(input.len());
         self.skip -= taken as u64;
         let start = self.offset;
         if self.header.is_none() {
-            taken = self.header(input, at_end)?;
+            taken = self.parse_header(input, at_end)?;
         }
         while self.skip == 0 && !batch.is_full() {
             let rest = input.get(taken..).unwrap_or_default();
             let is_big = self.header.as_ref().is_some_and(|(header, _)| header.order == ByteOrder::Big);
-            let common = if is_big { self.run::<true>(rest, batch) } else { self.run::<false>(rest, batch) };
+            let common = if is_big {
+                self.parse_run::<true>(rest, batch)
+            } else {
+                self.parse_run::<false>(rest, batch)
+            };
             taken += common;
             if batch.is_full() {
                 break;
             }
             let rest = rest.get(common..).unwrap_or_default();
-            match self.packet(start.saturating_add(taken as u64), rest, at_end, batch) {
+            match self.parse_packet(start.saturating_add(taken as u64), rest, at_end, batch) {
                 0 => break,
                 length => taken += length,
             }
         }
         self.offset = self.offset.saturating_add(taken as u64);
         if at_end && taken == input.len() && !batch.is_full() {
-            self.end(batch);
+            self.end_capture(batch);
         }
         Ok(taken)
     }
@@ -211,7 +221,7 @@ impl Parser for Pcap {
         &self.buses
     }
 
-    fn clone_box(&self) -> Box<dyn Parser> {
+    fn clone_box(&self) -> Box<dyn FormatParser> {
         Box::new(self.clone())
     }
 }

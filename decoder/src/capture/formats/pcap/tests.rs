@@ -5,7 +5,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::capture::testing::{read, read_in_pieces};
+use crate::capture::testing::{read_capture, read_in_pieces};
 
 const SYNC: &[u8] = b"\0\0\0\x80\0\0\0\0\0\0\0\0\0\0\0\0";
 const HEARTBEAT: &[u8] = b"\0\0\x07\x05\x01\0\0\0\x7F";
@@ -40,7 +40,7 @@ fn usual(packets: &[&[u8]]) -> Vec<u8> {
 fn both_byte_orders_and_both_resolutions() {
     for order in [ByteOrder::Big, ByteOrder::Little] {
         for (magic, fraction) in [(0xA1B2_C3D4, "123456000"), (0xA1B2_3C4D, "000123456")] {
-            let content = read(&capture(order, magic, 227, &[SYNC, HEARTBEAT, SYNC]));
+            let content = read_capture(&capture(order, magic, 227, &[SYNC, HEARTBEAT, SYNC]));
             let expected = [
                 format!("{{1}} (1700000000.{fraction}) bus0 080# flags=00 dlc=0"),
                 format!("{{2}} (1700000001.{fraction}) bus0 705#7F flags=00 dlc=0"),
@@ -56,7 +56,7 @@ fn both_byte_orders_and_both_resolutions() {
 fn cooked_packets_of_both_versions() {
     let mut first = b"\0\x04\x01\x18\0\0\0\0\0\0\0\0\0\0\0\x0C".to_vec();
     first.extend(HEARTBEAT);
-    let content = read(&capture(ByteOrder::Big, 0xA1B2_C3D4, 113, &[&first]));
+    let content = read_capture(&capture(ByteOrder::Big, 0xA1B2_C3D4, 113, &[&first]));
     assert_eq!(content.items, ["{1} (1700000000.123456000) bus0 705#7F flags=20 dlc=0"]);
     let second = |index: u8| {
         let mut packet = vec![0, 0x0C, 0, 0, 0, 0, 0, index, 1, 0x18, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0];
@@ -65,7 +65,7 @@ fn cooked_packets_of_both_versions() {
     };
     let packets = [second(3), second(9), second(3)];
     let packets: Vec<&[u8]> = packets.iter().map(Vec::as_slice).collect();
-    let content = read(&capture(ByteOrder::Little, 0xA1B2_C3D4, 276, &packets));
+    let content = read_capture(&capture(ByteOrder::Little, 0xA1B2_C3D4, 276, &packets));
     assert_eq!(content.items[0], "{1} (1700000000.123456000) bus0 705#7F flags=00 dlc=0");
     assert_eq!(content.buses, ["if3", "if9"]);
     assert_eq!(content.frames.iter().map(|frame| frame.bus.0).collect::<Vec<_>>(), [0, 1, 0]);
@@ -75,7 +75,7 @@ fn cooked_packets_of_both_versions() {
 fn all_kinds_of_frame() {
     let mut fd = vec![0x98, 0xFE, 0xF1, 0x80, 12, 0x05, 0, 0];
     fd.extend([0xAB; 12]);
-    let content = read(&capture(
+    let content = read_capture(&capture(
         ByteOrder::Little,
         0xA1B2_C3D4,
         0x1400_00E3,
@@ -105,8 +105,11 @@ fn all_kinds_of_frame() {
 
 #[test]
 fn identifiers_in_the_writers_order_are_detected_and_reported_once() {
-    let content =
-        read(&usual(&[b"\x01\x02\0\0\x01\0\0\0A", b"\x80\0\0\0\x01\0\0\0B", b"\x05\x07\0\0\x01\0\0\0C"]));
+    let content = read_capture(&usual(&[
+        b"\x01\x02\0\0\x01\0\0\0A",
+        b"\x80\0\0\0\x01\0\0\0B",
+        b"\x05\x07\0\0\x01\0\0\0C",
+    ]));
     assert_eq!(
         content.items,
         [
@@ -120,33 +123,33 @@ fn identifiers_in_the_writers_order_are_detected_and_reported_once() {
 
 #[test]
 fn a_capture_of_something_else_says_so_at_its_end() {
-    let content = read(&capture(ByteOrder::Little, 0xA1B2_C3D4, 1, &[SYNC, b"", HEARTBEAT]));
+    let content = read_capture(&capture(ByteOrder::Little, 0xA1B2_C3D4, 1, &[SYNC, b"", HEARTBEAT]));
     assert_eq!(content.items, ["interface \"can0\" is not CAN (link type 1): 3 packets skipped"]);
     assert_eq!(content.buses, [] as [&str; 0]);
     let arp = b"\0\x01\0\x01\0\x06\0\0\0\0\0\0\0\0\x08\x06who has";
-    let content = read(&capture(ByteOrder::Little, 0xA1B2_C3D4, 113, &[arp]));
+    let content = read_capture(&capture(ByteOrder::Little, 0xA1B2_C3D4, 113, &[arp]));
     assert_eq!(
         content.items,
         ["interface \"can0\": 1 packet other than CAN skipped (first protocol 0x0806)"]
     );
-    assert_eq!(read(&usual(&[])).items, [] as [&str; 0]);
+    assert_eq!(read_capture(&usual(&[])).items, [] as [&str; 0]);
 }
 
 #[test]
 fn a_capture_that_ends_too_early_says_where() {
     let whole = usual(&[SYNC, HEARTBEAT]);
     for missing in 1..9 + 16 {
-        let content = read(&whole[..whole.len() - missing]);
+        let content = read_capture(&whole[..whole.len() - missing]);
         let found = 25 - missing;
         let of = if found < 16 { 16 } else { 25 };
         assert_eq!(content.frames.len(), 1);
         let expected = format!("byte 56: the capture ends inside a packet: found {found} of {of} bytes");
         assert_eq!(content.items[1..], [expected]);
     }
-    assert_eq!(read(&whole[..56]).items.len(), 1);
-    assert_eq!(read(&whole[..24]).items.len(), 0);
+    assert_eq!(read_capture(&whole[..56]).items.len(), 1);
+    assert_eq!(read_capture(&whole[..24]).items.len(), 0);
     let options = crate::capture::ReadOptions::default();
-    let mut reader = crate::capture::Reader::open(&whole[..20], &options).unwrap();
+    let mut reader = crate::capture::CaptureReader::open(&whole[..20], &options).unwrap();
     let error = reader.read(&mut Batch::new()).unwrap_err();
     assert!(error.to_string().starts_with("pcap: byte 0: found 20 bytes"), "{error}");
 }
@@ -158,7 +161,7 @@ fn a_length_no_packet_has_is_passed_over_without_memory_for_it() {
     header[8..12].copy_from_slice(&u32::MAX.to_le_bytes());
     bytes.extend(header);
     bytes.extend(vec![0; 600_000]);
-    let content = read(&bytes);
+    let content = read_capture(&bytes);
     assert_eq!(
         content.items[1..],
         [
@@ -168,9 +171,9 @@ fn a_length_no_packet_has_is_passed_over_without_memory_for_it() {
     );
     let long = vec![0; LARGEST_PACKET + 1];
     let longest = vec![0; LARGEST_PACKET];
-    let content = read(&usual(&[&long, SYNC, &longest, SYNC]));
+    let content = read_capture(&usual(&[&long, SYNC, &longest, SYNC]));
     assert_eq!(content.frames.len(), 3, "the longest is read, and has length 0");
-    let content = read(&capture(ByteOrder::Big, 0xA1B2_C3D4, 1, &[&long, SYNC]));
+    let content = read_capture(&capture(ByteOrder::Big, 0xA1B2_C3D4, 1, &[&long, SYNC]));
     assert_eq!(content.items, ["interface \"can0\" is not CAN (link type 1): 2 packets skipped"]);
 }
 
@@ -179,7 +182,7 @@ fn odd_headers_of_packets_are_read_all_the_same() {
     let mut bytes = usual(&[HEARTBEAT, HEARTBEAT]);
     bytes[28..32].copy_from_slice(&3_000_001u32.to_le_bytes());
     bytes[36..40].copy_from_slice(&0u32.to_le_bytes());
-    let content = read(&bytes);
+    let content = read_capture(&bytes);
     assert_eq!(content.items[0], "{1} (1700000003.000001000) bus0 705#7F flags=00 dlc=0");
     assert_eq!(content.frames.len(), 2);
 }
@@ -207,7 +210,7 @@ fn packets() -> impl Strategy<Value = Vec<u8>> {
 proptest! {
     #[test]
     fn pieces_of_any_size_give_the_same(bytes in packets(), sizes in proptest::collection::vec(1usize..60, 1..8)) {
-        prop_assert_eq!(read_in_pieces(&bytes, &sizes), read(&bytes));
+        prop_assert_eq!(read_in_pieces(&bytes, &sizes), read_capture(&bytes));
     }
 
     #[test]
@@ -221,13 +224,13 @@ proptest! {
                 *target = byte;
             }
         }
-        prop_assert_eq!(read_in_pieces(&bytes, &sizes), read(&bytes));
+        prop_assert_eq!(read_in_pieces(&bytes, &sizes), read_capture(&bytes));
     }
 
     #[test]
     fn any_bytes_behind_a_header_are_survived(bytes in proptest::collection::vec(any::<u8>(), 0..2_000), link in 0u32..300) {
         let mut whole = capture(ByteOrder::Little, 0xA1B2_C3D4, link, &[]);
         whole.extend(bytes);
-        read(&whole);
+        read_capture(&whole);
     }
 }

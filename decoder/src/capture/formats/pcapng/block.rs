@@ -25,7 +25,7 @@ const MAGIC: u32 = 0x1A2B_3C4D;
 
 /// Type of a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum BlockType {
     Section,
     Interface,
     Packet,
@@ -37,13 +37,13 @@ pub(super) enum Kind {
     Unknown,
 }
 
-impl Kind {
+impl BlockType {
     /// Type of the block at the start of `rest`; `None` if `rest` is too short.
-    pub(super) fn at(rest: &[u8], order: ByteOrder) -> Option<Self> {
-        order.u32(rest, 0).map(Self::of)
+    pub(super) fn kind_at(rest: &[u8], order: ByteOrder) -> Option<Self> {
+        order.u32(rest, 0).map(Self::from_number)
     }
 
-    fn of(number: u32) -> Self {
+    fn from_number(number: u32) -> Self {
         match number {
             SECTION_HEADER_BLOCK => Self::Section,
             INTERFACE_DESCRIPTION_BLOCK => Self::Interface,
@@ -63,8 +63,8 @@ impl Kind {
 
 /// One block, or the start of a block that is too long.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Block<'a> {
-    pub(super) kind: Kind,
+pub(super) struct PcapngBlock<'a> {
+    pub(super) kind: BlockType,
     /// Byte order of the section; of a section header the order that it declares.
     pub(super) order: ByteOrder,
     /// Available part of the body between the two lengths.
@@ -77,9 +77,9 @@ pub(super) struct Block<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(super) enum BlockContent<'a> {
     /// A complete block with two equal lengths.
-    Block(Block<'a>),
+    Block(PcapngBlock<'a>),
     /// The start of a block of more than [`LARGEST_RECORD`] bytes.
-    Large(Block<'a>),
+    Large(PcapngBlock<'a>),
     /// More input is needed to decide.
     More,
     /// Not a block; contains the reason.
@@ -90,15 +90,15 @@ pub(super) enum BlockContent<'a> {
 pub(super) const CUT_OFF: &str = "the capture ends inside a block";
 
 /// Content at the start of `rest`, in a section of the given byte order.
-pub(super) fn find(rest: &[u8], section: ByteOrder, at_end: bool) -> BlockContent<'_> {
+pub(super) fn find_block(rest: &[u8], section: ByteOrder, at_end: bool) -> BlockContent<'_> {
     let more = |why| if at_end { BlockContent::Nothing(why) } else { BlockContent::More };
-    let Some(kind) = Kind::at(rest, section) else {
+    let Some(kind) = BlockType::kind_at(rest, section) else {
         return more(CUT_OFF);
     };
     let order = match (kind, ByteOrder::Big.u32(rest, START)) {
-        (Kind::Section, Some(MAGIC)) => ByteOrder::Big,
-        (Kind::Section, Some(magic)) if magic == MAGIC.swap_bytes() => ByteOrder::Little,
-        (Kind::Section, Some(_)) => return BlockContent::Nothing("section header without magic"),
+        (BlockType::Section, Some(MAGIC)) => ByteOrder::Big,
+        (BlockType::Section, Some(magic)) if magic == MAGIC.swap_bytes() => ByteOrder::Little,
+        (BlockType::Section, Some(_)) => return BlockContent::Nothing("section header without magic"),
         (_, None) => return more(CUT_OFF),
         _ => section,
     };
@@ -112,7 +112,7 @@ pub(super) fn find(rest: &[u8], section: ByteOrder, at_end: bool) -> BlockConten
         let Some(body) = rest.get(START..LARGEST_RECORD) else {
             return more(CUT_OFF);
         };
-        return BlockContent::Large(Block { kind, order, body, length: u64::from(length) });
+        return BlockContent::Large(PcapngBlock { kind, order, body, length: u64::from(length) });
     }
     let (Some(body), Some(again)) =
         (rest.get(START..).and_then(|body| body.get(..body_size)), order.u32(rest, START + body_size))
@@ -122,7 +122,7 @@ pub(super) fn find(rest: &[u8], section: ByteOrder, at_end: bool) -> BlockConten
     if again != length {
         return BlockContent::Nothing("block with two different lengths");
     }
-    BlockContent::Block(Block { kind, order, body, length: u64::from(length) })
+    BlockContent::Block(PcapngBlock { kind, order, body, length: u64::from(length) })
 }
 
 #[cfg(test)]
@@ -130,7 +130,7 @@ mod tests {
     use super::*;
 
     fn found(rest: &[u8], at_end: bool) -> String {
-        match find(rest, ByteOrder::Little, at_end) {
+        match find_block(rest, ByteOrder::Little, at_end) {
             BlockContent::Block(block) => format!("{:?} {:?} {:?}", block.kind, block.order, block.body),
             BlockContent::Large(block) => format!("large {:?} {}", block.kind, block.length),
             BlockContent::More => "more".into(),

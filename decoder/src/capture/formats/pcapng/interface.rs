@@ -6,7 +6,7 @@
 //! ```
 
 use crate::capture::byte_order::ByteOrder;
-use crate::capture::link::{Channel, IdOrder, Link};
+use crate::capture::link::{CaptureInterface, IdOrder, LinkType};
 use crate::frame::{BusIndex, Timestamp};
 
 const IF_NAME: u16 = 2;
@@ -15,26 +15,26 @@ const IF_TSOFFSET: u16 = 14;
 
 /// One interface of the current section.
 #[derive(Debug, Clone)]
-pub(super) struct Interface {
-    pub(super) channel: Channel,
-    pub(super) clock: Clock,
+pub(super) struct PcapngInterface {
+    pub(super) channel: CaptureInterface,
+    pub(super) clock: InterfaceClock,
     /// Maximum packet size in bytes; 0 means no limit. Needed by simple packets.
     pub(super) longest: u32,
     /// Number of lost packets reported so far.
     pub(super) lost: u64,
 }
 
-impl Interface {
+impl PcapngInterface {
     /// Size of a description before its options, in bytes.
     pub(super) const SHORTEST: usize = 8;
 
     /// Parses the interface with this number in its section. A description that is too short still counts,
     /// because packets refer to interfaces by number; an invalid option ends only the options.
-    pub(super) fn read(body: &[u8], order: ByteOrder, number: usize) -> Self {
-        let link = Link::new(u32::from(order.u16(body, 0).unwrap_or(u16::MAX)));
+    pub(super) fn parse_interface(body: &[u8], order: ByteOrder, number: usize) -> Self {
+        let link = LinkType::new(u32::from(order.u16(body, 0).unwrap_or(u16::MAX)));
         let longest = order.u32(body, 4).unwrap_or(0);
         let (mut name, mut resolution, mut offset) = (None, None, None);
-        for (code, value) in Options::new(body.get(Self::SHORTEST..).unwrap_or_default(), order) {
+        for (code, value) in BlockOptions::new(body.get(Self::SHORTEST..).unwrap_or_default(), order) {
             match code {
                 IF_NAME => name = name.or(Some(value)),
                 IF_TSRESOL => resolution = resolution.or(value.first().copied()),
@@ -44,32 +44,32 @@ impl Interface {
         }
         // Some writers include a final zero in the name.
         let name = name.and_then(|name| name.split(|byte| *byte == 0).next()).filter(|name| !name.is_empty());
-        let channel = Channel::new(link, order, name, number);
-        let clock = Clock::new(resolution.unwrap_or(6), offset.unwrap_or(0).cast_signed());
+        let channel = CaptureInterface::new(link, order, name, number);
+        let clock = InterfaceClock::new(resolution.unwrap_or(6), offset.unwrap_or(0).cast_signed());
         Self { channel, clock, longest, lost: 0 }
     }
 
     /// Data for the fast path; `None` if the fast path must not read the packets.
     #[inline]
-    pub(super) fn usual(&self) -> Option<(BusIndex, IdOrder, Clock)> {
-        self.channel.usual().map(|(bus, order)| (bus, order, self.clock))
+    pub(super) fn fast_path(&self) -> Option<(BusIndex, IdOrder, InterfaceClock)> {
+        self.channel.fast_path().map(|(bus, order)| (bus, order, self.clock))
     }
 }
 
 /// Iterator over the options of a block, up to the end mark, the end of the block or the first invalid
 /// option.
-pub(super) struct Options<'a> {
+pub(super) struct BlockOptions<'a> {
     rest: &'a [u8],
     order: ByteOrder,
 }
 
-impl<'a> Options<'a> {
+impl<'a> BlockOptions<'a> {
     pub(super) fn new(rest: &'a [u8], order: ByteOrder) -> Self {
         Self { rest, order }
     }
 }
 
-impl<'a> Iterator for Options<'a> {
+impl<'a> Iterator for BlockOptions<'a> {
     type Item = (u16, &'a [u8]);
 
     fn next(&mut self) -> Option<Self::Item> {
@@ -83,15 +83,15 @@ impl<'a> Iterator for Options<'a> {
 
 /// Clock of an interface.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Clock {
-    resolution: Resolution,
+pub(super) struct InterfaceClock {
+    resolution: TickResolution,
     /// Nanoseconds added to each time.
     offset: i64,
 }
 
 /// Duration of a tick.
 #[derive(Debug, Clone, Copy)]
-enum Resolution {
+enum TickResolution {
     /// Nanoseconds per tick.
     Whole(u64),
     /// Ticks per nanosecond; `None` if out of range, which makes all times 0.
@@ -102,30 +102,32 @@ enum Resolution {
 
 const POWER_OF_TWO: u8 = 0x80;
 
-impl Clock {
+impl InterfaceClock {
     /// Creates a clock from the value of the resolution option and the offset in seconds.
     fn new(resolution: u8, offset: i64) -> Self {
         let exponent = u32::from(resolution & !POWER_OF_TWO);
         let resolution = if resolution & POWER_OF_TWO != 0 {
-            Resolution::Halved(exponent)
+            TickResolution::Halved(exponent)
         } else if let Some(missing) = 9u32.checked_sub(exponent) {
-            Resolution::Whole(10u64.pow(missing))
+            TickResolution::Whole(10u64.pow(missing))
         } else {
-            Resolution::Part(10u64.checked_pow(exponent - 9))
+            TickResolution::Part(10u64.checked_pow(exponent - 9))
         };
         Self { resolution, offset: offset.saturating_mul(1_000_000_000) }
     }
 
     /// Time of a tick, rounded down and limited to the range of [`Timestamp`].
     #[inline]
-    pub(super) fn time(self, high: u32, low: u32) -> Timestamp {
+    pub(super) fn tick_time(self, high: u32, low: u32) -> Timestamp {
         let ticks = u64::from(high) << 32 | u64::from(low);
         let nanoseconds = match self.resolution {
-            Resolution::Whole(worth) => ticks.checked_mul(worth).and_then(|time| i64::try_from(time).ok()),
-            Resolution::Part(count) => {
+            TickResolution::Whole(worth) => {
+                ticks.checked_mul(worth).and_then(|time| i64::try_from(time).ok())
+            }
+            TickResolution::Part(count) => {
                 i64::try_from(count.and_then(|count| ticks.checked_div(count)).unwrap_or(0)).ok()
             }
-            Resolution::Halved(times) => {
+            TickResolution::Halved(times) => {
                 i64::try_from(u128::from(ticks).saturating_mul(1_000_000_000).checked_shr(times).unwrap_or(0))
                     .ok()
             }
@@ -141,7 +143,7 @@ mod tests {
     #[test]
     fn every_resolution_gives_nanoseconds() {
         let time = |resolution: u8, ticks: u64| {
-            Clock::new(resolution, 0).time((ticks >> 32) as u32, (ticks & 0xFFFF_FFFF) as u32).0
+            InterfaceClock::new(resolution, 0).tick_time((ticks >> 32) as u32, (ticks & 0xFFFF_FFFF) as u32).0
         };
         assert_eq!(time(6, 1_700_000_000_123_456), 1_700_000_000_123_456_000);
         assert_eq!(time(9, 1_700_000_000_123_456_789), 1_700_000_000_123_456_789);
@@ -157,19 +159,23 @@ mod tests {
 
     #[test]
     fn times_out_of_range_end_at_its_ends() {
-        assert_eq!(Clock::new(0, 0).time(u32::MAX, u32::MAX).0, i64::MAX);
-        assert_eq!(Clock::new(0x80, 0).time(u32::MAX, u32::MAX).0, i64::MAX);
-        assert_eq!(Clock::new(6, i64::MIN).time(0, 0).0, i64::MIN);
-        assert_eq!(Clock::new(6, -2).time(0, 1_000_000).0, -1_000_000_000);
-        assert_eq!(Clock::new(9, i64::MAX).time(u32::MAX, 0).0, i64::MAX);
+        assert_eq!(InterfaceClock::new(0, 0).tick_time(u32::MAX, u32::MAX).0, i64::MAX);
+        assert_eq!(InterfaceClock::new(0x80, 0).tick_time(u32::MAX, u32::MAX).0, i64::MAX);
+        assert_eq!(InterfaceClock::new(6, i64::MIN).tick_time(0, 0).0, i64::MIN);
+        assert_eq!(InterfaceClock::new(6, -2).tick_time(0, 1_000_000).0, -1_000_000_000);
+        assert_eq!(InterfaceClock::new(9, i64::MAX).tick_time(u32::MAX, 0).0, i64::MAX);
     }
 
     #[test]
     fn options_end_at_their_mark_and_at_the_first_that_does_not_fit() {
         let bytes = b"\x02\0\x03\0abc\0\x09\0\x01\0\x09\0\0\0\0\0\0\0\x02\0\x01\0x\0\0\0";
-        let found: Vec<_> = Options::new(bytes, ByteOrder::Little).collect();
+        let found: Vec<_> = BlockOptions::new(bytes, ByteOrder::Little).collect();
         assert_eq!(found, [(2, &b"abc"[..]), (9, &b"\x09"[..])]);
-        assert_eq!(Options::new(b"\x02\0\xFF\xFFabc", ByteOrder::Little).count(), 0);
-        assert_eq!(Options::new(b"\x02\0\x03\0abc", ByteOrder::Little).count(), 1, "filling may be missing");
+        assert_eq!(BlockOptions::new(b"\x02\0\xFF\xFFabc", ByteOrder::Little).count(), 0);
+        assert_eq!(
+            BlockOptions::new(b"\x02\0\x03\0abc", ByteOrder::Little).count(),
+            1,
+            "filling may be missing"
+        );
     }
 }

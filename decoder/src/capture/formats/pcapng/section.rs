@@ -9,11 +9,11 @@
 //! ```
 
 use super::block::COMMENT;
-use super::block::{Block, Kind, START};
-use super::interface::{Interface, Options};
+use super::block::{BlockType, PcapngBlock, START};
+use super::interface::{BlockOptions, PcapngInterface};
 use crate::capture::byte_order::ByteOrder;
-use crate::capture::link::{Head, Output, common};
-use crate::capture::remark::Remark;
+use crate::capture::link::{PacketHeader, PacketOutput, parse_common};
+use crate::capture::remark::CommentRemark;
 use crate::capture::{Batch, BusNames, CapturePlace, Notice};
 use crate::frame::{BusIndex, FrameFlags};
 
@@ -36,23 +36,23 @@ const LOSS_UNKNOWN: u16 = 0xFFFF;
 
 /// The current section, and counters over all sections.
 #[derive(Clone)]
-pub(super) struct Section {
+pub(super) struct PcapngSection {
     pub(super) order: ByteOrder,
-    interfaces: Vec<Interface>,
+    interfaces: Vec<PcapngInterface>,
     frames: u64,
     pub(super) buses: BusNames,
 }
 
-impl Default for Section {
+impl Default for PcapngSection {
     fn default() -> Self {
         Self { order: ByteOrder::Little, interfaces: Vec::new(), frames: 0, buses: BusNames::default() }
     }
 }
 
-impl Section {
+impl PcapngSection {
     /// Parses consecutive common packets; returns the number of bytes used.
     #[inline]
-    pub(super) fn run<const BIG: bool>(&mut self, input: &[u8], batch: &mut Batch) -> usize {
+    pub(super) fn parse_run<const BIG: bool>(&mut self, input: &[u8], batch: &mut Batch) -> usize {
         let number =
             |bytes: &[u8; 4]| if BIG { u32::from_be_bytes(*bytes) } else { u32::from_le_bytes(*bytes) };
         let mut taken = 0;
@@ -67,7 +67,8 @@ impl Section {
             let (bus, order, clock) = match last {
                 Some((number, known)) if number == interface => known,
                 _ => {
-                    let Some(known) = self.interfaces.get(interface as usize).and_then(Interface::usual)
+                    let Some(known) =
+                        self.interfaces.get(interface as usize).and_then(PcapngInterface::fast_path)
                     else {
                         break;
                     };
@@ -76,11 +77,11 @@ impl Section {
                 }
             };
             let (Some(packet), Some(slot)) =
-                (window.get(START + DATA..).and_then(<[u8]>::first_chunk), batch.slot())
+                (window.get(START + DATA..).and_then(<[u8]>::first_chunk), batch.free_slot())
             else {
                 break;
             };
-            if number(kind) != ENHANCED_PACKET || !common(packet, captured, order, slot) {
+            if number(kind) != ENHANCED_PACKET || !parse_common(packet, captured, order, slot) {
                 break;
             }
             let size = total as usize;
@@ -91,28 +92,28 @@ impl Section {
             }
             self.frames += 1;
             slot.number = self.frames;
-            slot.time = Some(clock.time(number(high), number(low)));
+            slot.time = Some(clock.tick_time(number(high), number(low)));
             slot.bus = bus;
-            batch.commit();
+            batch.commit_slot();
             taken += size;
         }
         taken
     }
 
     /// Whether a block is plausible in this section; distinguishes blocks from invalid bytes.
-    pub(super) fn is_plausible(&self, block: &Block<'_>) -> bool {
-        let Block { body, order, .. } = *block;
+    pub(super) fn is_plausible(&self, block: &PcapngBlock<'_>) -> bool {
+        let PcapngBlock { body, order, .. } = *block;
         let interface = match block.kind {
-            Kind::Packet | Kind::Statistics => order.u32(body, 0),
-            Kind::ObsoletePacket => order.u16(body, 0).map(u32::from),
-            Kind::SimplePacket => Some(0),
-            Kind::Interface => return body.len() >= Interface::SHORTEST,
-            Kind::Section | Kind::Unread | Kind::Unknown => return true,
+            BlockType::Packet | BlockType::Statistics => order.u32(body, 0),
+            BlockType::ObsoletePacket => order.u16(body, 0).map(u32::from),
+            BlockType::SimplePacket => Some(0),
+            BlockType::Interface => return body.len() >= PcapngInterface::SHORTEST,
+            BlockType::Section | BlockType::Unread | BlockType::Unknown => return true,
         };
         let Some(interface) = interface.and_then(|number| self.interfaces.get(number as usize)) else {
             return false;
         };
-        if matches!(block.kind, Kind::Statistics | Kind::SimplePacket) {
+        if matches!(block.kind, BlockType::Statistics | BlockType::SimplePacket) {
             return true;
         }
         let captured = u64::from(order.u32(body, 12).unwrap_or(u32::MAX));
@@ -120,46 +121,56 @@ impl Section {
         captured.saturating_add(u64::from(AROUND_PACKET)) <= block.length && !is_too_large
     }
 
-    pub(super) fn take(&mut self, block: &Block<'_>, place: CapturePlace, batch: &mut Batch) {
+    pub(super) fn take_block(&mut self, block: &PcapngBlock<'_>, place: CapturePlace, batch: &mut Batch) {
         match block.kind {
-            Kind::Section => {
+            BlockType::Section => {
                 self.order = block.order;
-                self.summarise(batch);
+                self.report_other_packets(batch);
                 self.interfaces.clear();
             }
-            Kind::Interface => self.interface(block, place, batch),
-            Kind::Packet => {
+            BlockType::Interface => self.on_interface(block, place, batch),
+            BlockType::Packet => {
                 let number = block.order.u32(block.body, 0);
-                self.packet(number, block, place, batch);
+                self.on_packet(number, block, place, batch);
             }
-            Kind::ObsoletePacket => {
+            BlockType::ObsoletePacket => {
                 let lost = block.order.u16(block.body, 2).filter(|lost| *lost != LOSS_UNKNOWN);
                 let number = block.order.u16(block.body, 0).map(u32::from);
                 if let Some(lost) = lost.filter(|lost| *lost > 0) {
                     let bus = self.bus_of(number);
                     report_lost(u64::from(lost), bus, place, batch);
                 }
-                self.packet(number, block, place, batch);
+                self.on_packet(number, block, place, batch);
             }
-            Kind::SimplePacket => self.simple_packet(block, place, batch),
-            Kind::Statistics => self.statistics(block, place, batch),
-            Kind::Unread | Kind::Unknown => {}
+            BlockType::SimplePacket => self.simple_packet(block, place, batch),
+            BlockType::Statistics => self.on_statistics(block, place, batch),
+            BlockType::Unread | BlockType::Unknown => {}
         }
     }
 
-    fn interface(&mut self, block: &Block<'_>, place: CapturePlace, batch: &mut Batch) {
-        if block.body.len() < Interface::SHORTEST {
+    fn on_interface(&mut self, block: &PcapngBlock<'_>, place: CapturePlace, batch: &mut Batch) {
+        if block.body.len() < PcapngInterface::SHORTEST {
             let reason = "interface description: too short".to_owned();
-            batch.notice(Notice::Unreadable { place, reason });
+            batch.add_notice(Notice::Unreadable { place, reason });
         }
         if self.interfaces.len() < MAX_INTERFACES {
-            self.interfaces.push(Interface::read(block.body, block.order, self.interfaces.len()));
+            self.interfaces.push(PcapngInterface::parse_interface(
+                block.body,
+                block.order,
+                self.interfaces.len(),
+            ));
         }
     }
 
     /// Handles an enhanced or obsolete packet: their bodies differ only before the time.
-    fn packet(&mut self, number: Option<u32>, block: &Block<'_>, place: CapturePlace, batch: &mut Batch) {
-        let Block { body, order, .. } = *block;
+    fn on_packet(
+        &mut self,
+        number: Option<u32>,
+        block: &PcapngBlock<'_>,
+        place: CapturePlace,
+        batch: &mut Batch,
+    ) {
+        let PcapngBlock { body, order, .. } = *block;
         let fields =
             (number, order.u32(body, 4), order.u32(body, 8), order.u32(body, 12), order.u32(body, 16));
         let (Some(number), Some(high), Some(low), Some(captured), Some(_)) = fields else {
@@ -171,7 +182,7 @@ impl Section {
             return;
         };
         if !interface.channel.may_hold_can() {
-            interface.channel.skip();
+            interface.channel.count_skipped();
             return;
         }
         let data = body.get(DATA..).unwrap_or_default();
@@ -181,7 +192,7 @@ impl Section {
             return;
         };
         let mut flags = FrameFlags::default();
-        if block.kind == Kind::Packet {
+        if block.kind == BlockType::Packet {
             let options = data.get((captured as usize).next_multiple_of(4)..).unwrap_or_default();
             let lost;
             (flags, lost) = packet_options(options, order);
@@ -190,12 +201,12 @@ impl Section {
                 report_lost(lost, bus, place, batch);
             }
         }
-        let head = Head { time: Some(interface.clock.time(high, low)), flags, place };
-        let mut out = Output { batch, frames: &mut self.frames, buses: &mut self.buses };
-        interface.channel.packet(packet, head, &mut out);
+        let head = PacketHeader { time: Some(interface.clock.tick_time(high, low)), flags, place };
+        let mut out = PacketOutput { batch, frames: &mut self.frames, buses: &mut self.buses };
+        interface.channel.on_packet(packet, head, &mut out);
     }
 
-    fn simple_packet(&mut self, block: &Block<'_>, place: CapturePlace, batch: &mut Batch) {
+    fn simple_packet(&mut self, block: &PcapngBlock<'_>, place: CapturePlace, batch: &mut Batch) {
         let Some(interface) = self.interfaces.first_mut() else {
             batch.push_unreadable(place, "packet of undefined interface 0".into());
             return;
@@ -208,16 +219,16 @@ impl Section {
         let data = block.body.get(4..).unwrap_or_default();
         // The data are padded; only these fields state their length.
         let packet = data.get(..on_the_wire.min(longest) as usize).unwrap_or(data);
-        let head = Head { time: None, flags: FrameFlags::default(), place };
-        let mut out = Output { batch, frames: &mut self.frames, buses: &mut self.buses };
-        interface.channel.packet(packet, head, &mut out);
+        let head = PacketHeader { time: None, flags: FrameFlags::default(), place };
+        let mut out = PacketOutput { batch, frames: &mut self.frames, buses: &mut self.buses };
+        interface.channel.on_packet(packet, head, &mut out);
     }
 
     /// Reports new losses: loss counters of an interface are cumulative.
-    fn statistics(&mut self, block: &Block<'_>, place: CapturePlace, batch: &mut Batch) {
+    fn on_statistics(&mut self, block: &PcapngBlock<'_>, place: CapturePlace, batch: &mut Batch) {
         let number = block.order.u32(block.body, 0).unwrap_or(u32::MAX);
         let Some(interface) = self.interfaces.get_mut(number as usize) else { return };
-        let options = || Options::new(block.body.get(12..).unwrap_or_default(), block.order);
+        let options = || BlockOptions::new(block.body.get(12..).unwrap_or_default(), block.order);
         let lost = options()
             .filter(|(code, _)| matches!(*code, ISB_IFDROP | ISB_OSDROP))
             .filter_map(|(_, value)| block.order.u64(value, 0))
@@ -227,7 +238,8 @@ impl Section {
         }
         let newly = lost.saturating_sub(interface.lost);
         interface.lost = interface.lost.max(lost);
-        let comment = options().find(|(code, _)| *code == COMMENT).and_then(|(_, text)| Remark::parse(text));
+        let comment =
+            options().find(|(code, _)| *code == COMMENT).and_then(|(_, text)| CommentRemark::parse(text));
         if newly == 0 && comment.is_none() {
             return;
         }
@@ -236,14 +248,14 @@ impl Section {
             return;
         };
         report_lost(newly, bus, place, batch);
-        let time = interface.clock.time(high, low);
+        let time = interface.clock.tick_time(high, low);
         match comment {
-            Some(Remark::Link(state, bit_rate)) => {
-                batch.notice(Notice::Link { bus, time, state, bit_rate });
+            Some(CommentRemark::Link(state, bit_rate)) => {
+                batch.add_notice(Notice::Link { bus, time, state, bit_rate });
             }
-            Some(Remark::Quiet) => batch.notice(Notice::Quiet(time)),
-            Some(Remark::ClockSet(step)) => batch.notice(Notice::ClockSet { bus, time, step }),
-            Some(Remark::Lost(count)) => batch.notice(Notice::LostFrames { place, bus, count }),
+            Some(CommentRemark::Quiet) => batch.add_notice(Notice::Quiet(time)),
+            Some(CommentRemark::ClockSet(step)) => batch.add_notice(Notice::ClockSet { bus, time, step }),
+            Some(CommentRemark::Lost(count)) => batch.add_notice(Notice::LostFrames { place, bus, count }),
             None => {}
         }
     }
@@ -254,9 +266,9 @@ impl Section {
     }
 
     /// Reports the packets of the section that are not CAN.
-    pub(super) fn summarise(&self, batch: &mut Batch) {
-        for notice in self.interfaces.iter().filter_map(|interface| interface.channel.summary()) {
-            batch.notice(notice);
+    pub(super) fn report_other_packets(&self, batch: &mut Batch) {
+        for notice in self.interfaces.iter().filter_map(|interface| interface.channel.skipped_notice()) {
+            batch.add_notice(notice);
         }
     }
 }
@@ -264,7 +276,7 @@ impl Section {
 /// Direction of a packet, and number of packets lost before it.
 fn packet_options(options: &[u8], order: ByteOrder) -> (FrameFlags, u64) {
     let (mut flags, mut lost) = (FrameFlags::default(), 0u64);
-    for (code, value) in Options::new(options, order) {
+    for (code, value) in BlockOptions::new(options, order) {
         match (code, order.u32(value, 0).map(|bits| bits & 3), order.u64(value, 0)) {
             (EPB_FLAGS, Some(1), _) => flags = flags.with(FrameFlags::RECEIVED),
             (EPB_FLAGS, Some(2), _) => flags = flags.with(FrameFlags::TRANSMITTED),
@@ -277,6 +289,6 @@ fn packet_options(options: &[u8], order: ByteOrder) -> (FrameFlags, u64) {
 
 fn report_lost(lost: u64, bus: BusIndex, place: CapturePlace, batch: &mut Batch) {
     if lost > 0 {
-        batch.notice(Notice::LostFrames { place, bus, count: Some(lost) });
+        batch.add_notice(Notice::LostFrames { place, bus, count: Some(lost) });
     }
 }

@@ -5,7 +5,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::capture::testing::{read, read_in_pieces};
+use crate::capture::testing::{read_capture, read_in_pieces};
 
 const SYNC: &[u8] = b"\0\0\0\x80\0\0\0\0\0\0\0\0\0\0\0\0";
 const HEARTBEAT: &[u8] = b"\0\0\x07\x05\x01\0\0\0\x7F";
@@ -84,7 +84,7 @@ impl Writer {
     }
 
     fn items(&self) -> Vec<String> {
-        read(&self.bytes).items
+        read_capture(&self.bytes).items
     }
 }
 
@@ -100,7 +100,7 @@ fn both_byte_orders_and_several_sections() {
         SYNC,
         &[],
     );
-    let content = read(&writer.bytes);
+    let content = read_capture(&writer.bytes);
     assert_eq!(
         content.items,
         [
@@ -120,7 +120,7 @@ fn every_interface_has_its_own_clock_and_name() {
     for interface in [2, 0, 1, 0] {
         writer.packet(interface, 5_120, SYNC, &[]);
     }
-    let content = read(&writer.bytes);
+    let content = read_capture(&writer.bytes);
     assert_eq!(
         content.items,
         [
@@ -162,7 +162,7 @@ fn packets_state_their_interface_only_on_the_device_any() {
     let mut packet = vec![0, 0x0C, 0, 0, 0, 0, 0, 5, 1, 0x18, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0];
     packet.extend(HEARTBEAT);
     writer.packet(0, 1, &packet, &[]).packet(1, 2, &packet, &[]).packet(2, 3, &packet, &[]);
-    let content = read(&writer.bytes);
+    let content = read_capture(&writer.bytes);
     assert_eq!(content.buses, ["if5", "can7"]);
     assert_eq!(content.items[2], "{3} (0.000003000) bus0 705#7F flags=20 dlc=0");
 }
@@ -196,7 +196,7 @@ fn packets_that_are_no_can_are_counted_for_each_section() {
     writer.interface(1, &[(2, b"eth\x1B0")]);
     writer.packet(1, 0, b"ethernet", &[]).packet(0, 0, SYNC, &[]).packet(1, 0, b"ethernet", &[]);
     writer.section().interface(212, &[(2, b"lin0")]).packet(0, 0, b"lin", &[]).interface(212, &[]);
-    let content = read(&writer.bytes);
+    let content = read_capture(&writer.bytes);
     assert_eq!(
         content.items,
         [
@@ -219,7 +219,7 @@ fn unknown_blocks_of_any_length_are_passed_over() {
     writer.section();
     let body = [&b"\xE3\0\0\0\0\0\0\0\x02\0\x03\0can\0"[..], &vec![1; 300_000]].concat();
     writer.block(1, &body).packet(0, 0, HEARTBEAT, &[]);
-    let content = read(&writer.bytes);
+    let content = read_capture(&writer.bytes);
     assert_eq!(content.items.len(), 8, "{:?}", content.items);
     assert_eq!(content.frames.len(), 8);
     assert_eq!(content.buses, ["can0", "can"]);
@@ -243,7 +243,7 @@ fn bytes_that_are_no_block_are_passed_over_and_reported() {
         for _ in 0..4_000 {
             writer.packet(0, 0, HEARTBEAT, &[]);
         }
-        let content = read(&writer.bytes);
+        let content = read_capture(&writer.bytes);
         assert_eq!(content.items[1], format!("byte 96: {expected} skipped"));
         assert_eq!((content.frames.len(), content.items.len()), (4_001, 4_002));
     }
@@ -267,7 +267,7 @@ fn a_capture_that_ends_too_early_says_where() {
     let start = writer.bytes.len();
     writer.packet(0, 0, HEARTBEAT, &[]);
     for end in start + 1..writer.bytes.len() {
-        let items = read(&writer.bytes[..end]).items;
+        let items = read_capture(&writer.bytes[..end]).items;
         let bytes = if end == start + 1 { "byte" } else { "bytes" };
         let count = end - start;
         assert_eq!(
@@ -278,7 +278,7 @@ fn a_capture_that_ends_too_early_says_where() {
     let mut writer = Writer::usual();
     writer.block(0x1234, &vec![6; 200_000]);
     for end in [150_000, 200_058, 200_059] {
-        let items = read(&writer.bytes[..end]).items;
+        let items = read_capture(&writer.bytes[..end]).items;
         assert_eq!(items, ["byte 48: the capture ends inside a block of 200012 bytes"]);
     }
 }
@@ -340,7 +340,7 @@ fn more_buses_than_a_capture_may_name() {
     for interface in 0..65 {
         writer.packet(interface, 0, SYNC, &[]);
     }
-    let content = read(&writer.bytes);
+    let content = read_capture(&writer.bytes);
     assert_eq!(content.frames.len(), 64);
     assert!(content.items[64].ends_with("more than 64 interfaces"), "{:?}", content.items[64]);
 }
@@ -369,7 +369,7 @@ fn blocks() -> impl Strategy<Value = Vec<u8>> {
 proptest! {
     #[test]
     fn pieces_of_any_size_give_the_same(bytes in blocks(), sizes in proptest::collection::vec(1usize..90, 1..8)) {
-        prop_assert_eq!(read_in_pieces(&bytes, &sizes), read(&bytes));
+        prop_assert_eq!(read_in_pieces(&bytes, &sizes), read_capture(&bytes));
     }
 
     #[test]
@@ -383,13 +383,13 @@ proptest! {
                 *target = byte;
             }
         }
-        prop_assert_eq!(read_in_pieces(&bytes, &sizes), read(&bytes));
+        prop_assert_eq!(read_in_pieces(&bytes, &sizes), read_capture(&bytes));
     }
 
     #[test]
     fn any_bytes_behind_a_header_are_survived(bytes in proptest::collection::vec(any::<u8>(), 0..3_000)) {
         let mut whole = Writer::usual().bytes;
         whole.extend(bytes);
-        read(&whole);
+        read_capture(&whole);
     }
 }

@@ -15,8 +15,8 @@ use bytemuck::must_cast;
 use super::block::COMMENT;
 use crate::ascii::push_part;
 use crate::capture::Notice;
-use crate::capture::remark::Remark;
-use crate::capture::text::print::cut;
+use crate::capture::remark::CommentRemark;
+use crate::capture::text::print::cut_text;
 use crate::capture::writer::FrameWriter;
 use crate::frame::{CanId, Frame, FrameFlags, Timestamp};
 
@@ -89,17 +89,17 @@ impl<W: Write> PcapngWriter<W> {
     }
 
     /// Starts a block; `close` sets its length.
-    fn open(&mut self, kind: u32) {
+    fn open_block(&mut self, kind: u32) {
         self.block.clear();
         self.block.extend_from_slice([kind, 0].map(u32::to_le_bytes).as_flattened());
     }
 
-    fn put(&mut self, bytes: &[u8]) {
+    fn append_bytes(&mut self, bytes: &[u8]) {
         self.block.extend_from_slice(bytes);
     }
 
     /// Pads the block to four bytes and writes it.
-    fn close(&mut self) -> io::Result<()> {
+    fn close_block(&mut self) -> io::Result<()> {
         let length = u32::try_from(self.block.len().saturating_add(4)).unwrap_or(u32::MAX).to_le_bytes();
         if let Some(place) = self.block.get_mut(4..8) {
             place.copy_from_slice(&length);
@@ -108,25 +108,25 @@ impl<W: Write> PcapngWriter<W> {
         self.output.write_all(&self.block)
     }
 
-    fn begin(&mut self) -> io::Result<()> {
+    fn begin_section(&mut self) -> io::Result<()> {
         if self.has_begun {
             return Ok(());
         }
         self.has_begun = true;
-        self.open(SECTION_HEADER);
-        self.put(&BYTE_ORDER.to_le_bytes());
-        self.put(&[1, 0, 0, 0]);
+        self.open_block(SECTION_HEADER);
+        self.append_bytes(&BYTE_ORDER.to_le_bytes());
+        self.append_bytes(&[1, 0, 0, 0]);
         // The length of the section is unknown.
-        self.put(&u64::MAX.to_le_bytes());
+        self.append_bytes(&u64::MAX.to_le_bytes());
         if !self.comment.is_empty() {
-            option(&mut self.block, COMMENT, cut(self.comment, LONGEST_OPTION).as_bytes());
-            option(&mut self.block, END, &[]);
+            append_option(&mut self.block, COMMENT, cut_text(self.comment, LONGEST_OPTION).as_bytes());
+            append_option(&mut self.block, END, &[]);
         }
-        self.close()
+        self.close_block()
     }
 
     #[inline]
-    fn interface(&mut self, bus: &str) -> io::Result<u32> {
+    fn write_interface(&mut self, bus: &str) -> io::Result<u32> {
         if self.buses.get(self.last).is_none_or(|(name, _)| name != bus) {
             self.turn_to(bus)?;
         }
@@ -135,43 +135,48 @@ impl<W: Write> PcapngWriter<W> {
 
     /// Selects the interface of a bus; describes it if it is new.
     fn turn_to(&mut self, bus: &str) -> io::Result<()> {
-        self.begin()?;
+        self.begin_section()?;
         if let Some(known) = self.buses.iter().position(|(name, _)| name == bus) {
             self.last = known;
             return Ok(());
         }
         self.last = self.buses.len();
         self.buses.push((bus.to_owned(), 0));
-        self.open(INTERFACE);
-        self.put(&CAN_SOCKETCAN.to_le_bytes());
-        self.put(&[0; 6]);
-        option(&mut self.block, NAME, bus.as_bytes());
-        option(&mut self.block, RESOLUTION, &[9]);
-        option(&mut self.block, END, &[]);
-        self.close()
+        self.open_block(INTERFACE);
+        self.append_bytes(&CAN_SOCKETCAN.to_le_bytes());
+        self.append_bytes(&[0; 6]);
+        append_option(&mut self.block, NAME, bus.as_bytes());
+        append_option(&mut self.block, RESOLUTION, &[9]);
+        append_option(&mut self.block, END, &[]);
+        self.close_block()
     }
 
     /// Writes statistics of an interface: frames lost so far, and an optional remark.
-    fn statistics(&mut self, bus: &str, time: Timestamp, remark: Option<Remark>) -> io::Result<()> {
-        let interface = self.interface(bus)?;
+    fn write_statistics(
+        &mut self,
+        bus: &str,
+        time: Timestamp,
+        remark: Option<CommentRemark>,
+    ) -> io::Result<()> {
+        let interface = self.write_interface(bus)?;
         let lost = self.buses.get(self.last).map_or(0, |(_, lost)| *lost);
-        let [high, low] = halves(time);
-        self.open(STATISTICS);
-        self.put([interface, high, low].map(u32::to_le_bytes).as_flattened());
+        let [high, low] = timestamp_halves(time);
+        self.open_block(STATISTICS);
+        self.append_bytes([interface, high, low].map(u32::to_le_bytes).as_flattened());
         if let Some(remark) = remark {
-            option(&mut self.block, COMMENT, remark.text().as_bytes());
+            append_option(&mut self.block, COMMENT, remark.comment_text().as_bytes());
         }
         if lost > 0 {
-            option(&mut self.block, LOST, &lost.to_le_bytes());
+            append_option(&mut self.block, LOST, &lost.to_le_bytes());
         }
-        option(&mut self.block, END, &[]);
-        self.close()
+        append_option(&mut self.block, END, &[]);
+        self.close_block()
     }
 
-    fn packet(&mut self, frame: &Frame, bus: &str, comment: Option<&str>) -> io::Result<()> {
-        let interface = self.interface(bus)?;
+    fn write_packet(&mut self, frame: &Frame, bus: &str, comment: Option<&str>) -> io::Result<()> {
+        let interface = self.write_interface(bus)?;
         self.time = frame.time.unwrap_or(self.time);
-        let [high, low] = halves(self.time);
+        let [high, low] = timestamp_halves(self.time);
         let data = frame.data().len();
         let captured = u32::try_from(data + PACKET_HEADER).unwrap_or(u32::MAX);
         self.block.clear();
@@ -192,7 +197,7 @@ impl<W: Write> PcapngWriter<W> {
         }
         push_part(&mut self.block, [0; 3], data.next_multiple_of(4) - data);
         if let Some(comment) = comment {
-            option(&mut self.block, COMMENT, cut(comment, LONGEST_OPTION).as_bytes());
+            append_option(&mut self.block, COMMENT, cut_text(comment, LONGEST_OPTION).as_bytes());
         }
         let direction = match frame.flags {
             flags if flags.contains(FrameFlags::TRANSMITTED) => Some(OUTBOUND),
@@ -200,24 +205,24 @@ impl<W: Write> PcapngWriter<W> {
             _ => None,
         };
         if let Some(direction) = direction {
-            option(&mut self.block, PACKET_FLAGS, &direction.to_le_bytes());
+            append_option(&mut self.block, PACKET_FLAGS, &direction.to_le_bytes());
         }
         if comment.is_some() || direction.is_some() {
-            option(&mut self.block, END, &[]);
+            append_option(&mut self.block, END, &[]);
         }
-        self.close()
+        self.close_block()
     }
 }
 
 /// Upper and lower half of a timestamp in nanoseconds.
 #[inline]
-fn halves(time: Timestamp) -> [u32; 2] {
+fn timestamp_halves(time: Timestamp) -> [u32; 2] {
     let [low, high]: [u32; 2] = must_cast(u64::try_from(time.0).unwrap_or(0).to_le());
     [u32::from_le(high), u32::from_le(low)]
 }
 
 /// Appends an option, padded to four bytes; a value over the maximum size is cut.
-fn option(body: &mut Vec<u8>, code: u16, value: &[u8]) {
+fn append_option(body: &mut Vec<u8>, code: u16, value: &[u8]) {
     let value = value.get(..LONGEST_OPTION).unwrap_or(value);
     body.extend_from_slice(&code.to_le_bytes());
     body.extend_from_slice(&u16::try_from(value.len()).unwrap_or(u16::MAX).to_le_bytes());
@@ -250,34 +255,34 @@ fn start_of_packet(frame: &Frame) -> [u8; PACKET_HEADER] {
 
 impl<W: Write + Send> FrameWriter for PcapngWriter<W> {
     fn write(&mut self, frame: &Frame, bus: &str) -> io::Result<()> {
-        self.packet(frame, bus, None)
+        self.write_packet(frame, bus, None)
     }
 
     fn write_commented(&mut self, frame: &Frame, bus: &str, comment: &str) -> io::Result<()> {
-        self.packet(frame, bus, Some(comment))
+        self.write_packet(frame, bus, Some(comment))
     }
 
     fn notice(&mut self, notice: &Notice, bus: &str) -> io::Result<bool> {
         let (time, remark) = match *notice {
             Notice::LostFrames { count: Some(count), .. } => {
-                self.interface(bus)?;
+                self.write_interface(bus)?;
                 if let Some((_, lost)) = self.buses.get_mut(self.last) {
                     *lost = lost.saturating_add(count);
                 }
                 (self.time, None)
             }
-            Notice::Link { time, state, bit_rate, .. } => (time, Some(Remark::Link(state, bit_rate))),
-            Notice::Quiet(time) => (time, Some(Remark::Quiet)),
-            Notice::ClockSet { time, step, .. } => (time, Some(Remark::ClockSet(step))),
-            Notice::LostFrames { count: None, .. } => (self.time, Some(Remark::Lost(None))),
+            Notice::Link { time, state, bit_rate, .. } => (time, Some(CommentRemark::Link(state, bit_rate))),
+            Notice::Quiet(time) => (time, Some(CommentRemark::Quiet)),
+            Notice::ClockSet { time, step, .. } => (time, Some(CommentRemark::ClockSet(step))),
+            Notice::LostFrames { count: None, .. } => (self.time, Some(CommentRemark::Lost(None))),
             Notice::Unreadable { .. } | Notice::CutOff { .. } | Notice::Assumption(_) => return Ok(false),
         };
-        self.statistics(bus, time, remark)?;
+        self.write_statistics(bus, time, remark)?;
         Ok(true)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.begin()?;
+        self.begin_section()?;
         self.output.flush()
     }
 }
@@ -292,7 +297,7 @@ mod tests {
         let frame = Frame {
             time: Some(Timestamp(0x0102_0304_0506_0708)),
             flags: FrameFlags::RECEIVED,
-            ..Frame::data_frame(CanId::standard(0x181), &[0xAA, 0xBB, 0xCC])
+            ..Frame::data_frame(CanId::from_standard(0x181), &[0xAA, 0xBB, 0xCC])
         };
         writer.write(&Frame::EMPTY, "can0").unwrap();
         let before = writer.output.len();
@@ -330,7 +335,7 @@ mod tests {
         // 65,535 is odd, so the last two-byte character does not fit.
         assert_eq!(writer.output[before + 36..before + 40], [1, 0, 0xFE, 0xFF]);
         assert_eq!(writer.output.len() - before, 32 + 8 + 4 + 65_536 + 4);
-        let read = crate::capture::testing::read(&writer.output);
+        let read = crate::capture::testing::read_capture(&writer.output);
         assert_eq!(read.frames.len(), 2);
     }
 
@@ -341,7 +346,7 @@ mod tests {
         for frame in [Frame::EMPTY, later, Frame::EMPTY] {
             writer.write(&frame, "can0").unwrap();
         }
-        let read = crate::capture::testing::read(&writer.output);
+        let read = crate::capture::testing::read_capture(&writer.output);
         let times: Vec<_> = read.frames.iter().filter_map(|frame| frame.time).collect();
         assert_eq!(times, [0, 5, 5].map(Timestamp));
     }

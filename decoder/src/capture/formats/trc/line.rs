@@ -8,7 +8,7 @@
 //! ```
 
 use crate::capture::bus_error::{self, ControllerState, Counters, Violation};
-use crate::capture::text::columns::{Base, ColumnWords, data, identifier, time};
+use crate::capture::text::columns::{ColumnWords, NumberBase, parse_data, parse_identifier, parse_time};
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
 
 /// Unit of time offsets in nanoseconds.
@@ -58,16 +58,16 @@ const OVERRUN: u32 = 0x0000_0042;
 
 /// Content of a line.
 #[derive(Debug, PartialEq, Eq)]
-pub(in crate::capture::formats) enum Line<'a> {
+pub(in crate::capture::formats) enum TrcLine<'a> {
     /// A frame, or a bus report converted to an error frame.
-    Frame(FrameLine<'a>),
+    Frame(TrcFrameLine<'a>),
     /// An event that the user entered.
     Nothing,
 }
 
 /// A frame, without the properties that depend on its position in the capture.
 #[derive(Debug, PartialEq, Eq)]
-pub(in crate::capture::formats) struct FrameLine<'a> {
+pub(in crate::capture::formats) struct TrcFrameLine<'a> {
     /// Nanoseconds since the start of the capture.
     pub(in crate::capture::formats) offset: i64,
     /// Bus name.
@@ -80,7 +80,7 @@ pub(in crate::capture::formats) struct FrameLine<'a> {
 
 /// The columns of one line; missing columns are empty.
 #[derive(Debug, Default)]
-struct Columns<'a> {
+struct TrcColumns<'a> {
     offset: &'a [u8],
     kind: &'a [u8],
     bus: &'a [u8],
@@ -91,8 +91,8 @@ struct Columns<'a> {
     data: ColumnWords<'a>,
 }
 
-impl<'a> Columns<'a> {
-    fn split(layout: &[u8], line: &'a [u8]) -> Self {
+impl<'a> TrcColumns<'a> {
+    fn split_columns(layout: &[u8], line: &'a [u8]) -> Self {
         let mut words = ColumnWords::new(line);
         let mut columns = Self::default();
         for column in layout {
@@ -118,65 +118,67 @@ impl<'a> Columns<'a> {
 }
 
 /// Parses a line other than a comment; the error contains the expected content.
-pub(in crate::capture::formats) fn parse<'a>(
+pub(in crate::capture::formats) fn parse_line<'a>(
     layout: &[u8],
     line: &'a [u8],
-) -> Result<Line<'a>, &'static str> {
-    let columns = Columns::split(layout, line);
-    let offset =
-        time(columns.offset, MILLISECOND).ok_or("time offset: expected milliseconds, such as 12.345")?;
-    let Some((frame, lost)) = content(&columns, line)? else { return Ok(Line::Nothing) };
+) -> Result<TrcLine<'a>, &'static str> {
+    let columns = TrcColumns::split_columns(layout, line);
+    let offset = parse_time(columns.offset, MILLISECOND)
+        .ok_or("time offset: expected milliseconds, such as 12.345")?;
+    let Some((frame, lost)) = parse_content(&columns, line)? else { return Ok(TrcLine::Nothing) };
     let bus = if columns.bus.is_empty() { b"1" } else { columns.bus };
-    Ok(Line::Frame(FrameLine { offset, bus, frame, lost }))
+    Ok(TrcLine::Frame(TrcFrameLine { offset, bus, frame, lost }))
 }
 
 /// Parses the frame of a line, and whether the line reports lost frames.
-fn content(columns: &Columns<'_>, line: &[u8]) -> Result<Option<(Frame, bool)>, &'static str> {
+fn parse_content(columns: &TrcColumns<'_>, line: &[u8]) -> Result<Option<(Frame, bool)>, &'static str> {
     let has_type = !columns.kind.is_empty();
     let words = columns.data.clone();
     let report = match columns.kind {
         b"EV" => return Ok(None),
-        b"ER" => last_bytes::<5>(line).and_then(|[kind, rest @ ..]| error(kind.into(), rest)).map(plain),
+        b"ER" => last_bytes::<5>(line)
+            .and_then(|[kind, rest @ ..]| error_frame(kind.into(), rest))
+            .map(plain_frame),
         b"EC" => last_bytes(line)
             .map(|[receive, transmit]| Counters { receive, transmit })
-            .map(|counters| plain(bus_error::counters(counters))),
-        b"ST" => last_bytes(line).map(status),
-        b"Warng" => first_bytes(words).map(status),
+            .map(|counters| plain_frame(bus_error::counter_frame(counters))),
+        b"ST" => last_bytes(line).map(parse_status),
+        b"Warng" => first_bytes(words).map(parse_status),
         b"Error" => old_error(columns.id, words),
-        _ if !has_type && columns.id == STATUS_ID => first_bytes(words).map(status),
+        _ if !has_type && columns.id == STATUS_ID => first_bytes(words).map(parse_status),
         _ if !has_type && columns.data.peek() == Some(b"ERROR") => old_error(columns.id, words.skip(1)),
-        _ => return frame(columns).map(|frame| Some((frame, false))),
+        _ => return parse_frame(columns).map(|frame| Some((frame, false))),
     };
     report.map(Some).ok_or("error or status: expected 2, 4 or 5 data bytes")
 }
 
-fn plain(frame: Frame) -> (Frame, bool) {
+fn plain_frame(frame: Frame) -> (Frame, bool) {
     (frame, false)
 }
 
 /// Parses an error line up to version 1.3, whose identifier is the error type.
 fn old_error<'a>(id: &[u8], words: impl Iterator<Item = &'a [u8]>) -> Option<(Frame, bool)> {
-    error(Base::Hex.number(id)?, first_bytes(words)?).map(plain)
+    error_frame(NumberBase::Hex.parse_number(id)?, first_bytes(words)?).map(plain_frame)
 }
 
 /// Error frame from an error type, direction (0 = transmitting), segment code of the SJA1000, and both
 /// counters.
-fn error(kind: u32, [direction, place, receive, transmit]: [u8; 4]) -> Option<Frame> {
+fn error_frame(kind: u32, [direction, place, receive, transmit]: [u8; 4]) -> Option<Frame> {
     let (_, kind) = VIOLATIONS.iter().find(|(code, _)| *code == kind)?;
     let counters = Counters { receive, transmit }.of_error();
-    Some(bus_error::violation(*kind, direction == 0, place & 0x1F, counters))
+    Some(bus_error::violation_frame(*kind, direction == 0, place & 0x1F, counters))
 }
 
 /// Parses a status of four bytes, most significant first. Without a known bit the state is error active.
-fn status(bytes: [u8; 4]) -> (Frame, bool) {
+fn parse_status(bytes: [u8; 4]) -> (Frame, bool) {
     let status = u32::from_be_bytes(bytes);
     let state = STATES.iter().find(|(bits, _)| status & bits != 0);
     let state = state.map_or(ControllerState::Active, |(_, state)| *state);
-    (bus_error::controller(state), status & OVERRUN != 0)
+    (bus_error::controller_frame(state), status & OVERRUN != 0)
 }
 
 fn first_bytes<'a, const N: usize>(words: impl Iterator<Item = &'a [u8]>) -> Option<[u8; N]> {
-    data(words, N, Base::Hex)?.first_chunk().copied()
+    parse_data(words, N, NumberBase::Hex)?.first_chunk().copied()
 }
 
 /// The last words of a line as bytes. Lines of errors and states leave columns empty, so only the end of the
@@ -186,7 +188,7 @@ fn last_bytes<const N: usize>(line: &[u8]) -> Option<[u8; N]> {
     first_bytes(ColumnWords::new(line).skip(skipped))
 }
 
-fn frame(columns: &Columns<'_>) -> Result<Frame, &'static str> {
+fn parse_frame(columns: &TrcColumns<'_>) -> Result<Frame, &'static str> {
     const SHORT: &str = "data: fewer bytes than the length";
     let mut flags = match FRAME_TYPES.iter().find(|(kind, _)| *kind == columns.kind) {
         Some((_, flags)) => *flags,
@@ -202,20 +204,20 @@ fn frame(columns: &Columns<'_>) -> Result<Frame, &'static str> {
         flags = flags.with(FrameFlags::REMOTE);
     }
     let (length, raw_dlc) =
-        length(columns, flags).ok_or("length: expected a valid length of the frame type")?;
+        parse_length(columns, flags).ok_or("length: expected a valid length of the frame type")?;
     let count = if flags.contains(FrameFlags::REMOTE) { 0 } else { usize::from(length) };
-    let bytes = data(columns.data.clone(), count, Base::Hex).ok_or(SHORT)?;
+    let bytes = parse_data(columns.data.clone(), count, NumberBase::Hex).ok_or(SHORT)?;
     Ok(Frame { id, flags, length, raw_dlc, bytes, ..Frame::EMPTY })
 }
 
 /// Four digits are a base identifier, eight an extended one; the length is the only difference.
 fn can_id(digits: &[u8]) -> Option<CanId> {
-    identifier(Base::Hex.number(digits)?, digits.len() > 4)
+    parse_identifier(NumberBase::Hex.parse_number(digits)?, digits.len() > 4)
 }
 
 /// Length in bytes, and the DLC of a classic frame if above 8.
-fn length(columns: &Columns<'_>, flags: FrameFlags) -> Option<(u8, u8)> {
-    let number = Base::Decimal.byte(columns.length)?;
+fn parse_length(columns: &TrcColumns<'_>, flags: FrameFlags) -> Option<(u8, u8)> {
+    let number = NumberBase::Decimal.parse_byte(columns.length)?;
     let is_fd = flags.contains(FrameFlags::FD);
     match number {
         0..=8 => Some((number, 0)),
@@ -234,9 +236,9 @@ mod tests {
         LAYOUTS.iter().find(|(known, _)| *known == version).unwrap().1
     }
 
-    fn read(version: &str, line: &'static str) -> FrameLine<'static> {
-        match parse(layout(version), line.as_bytes()) {
-            Ok(Line::Frame(found)) => found,
+    fn read(version: &str, line: &'static str) -> TrcFrameLine<'static> {
+        match parse_line(layout(version), line.as_bytes()) {
+            Ok(TrcLine::Frame(found)) => found,
             other => panic!("{line}: {other:?}"),
         }
     }
@@ -263,8 +265,8 @@ mod tests {
     fn four_digits_are_standard_and_eight_extended() {
         assert_eq!(read("1.0", "1) 1 00000100 0").frame.id, CanId::Extended(0x100));
         assert_eq!(read("1.0", "1) 1 0100 0").frame.id, CanId::Standard(0x100));
-        assert!(parse(layout("1.0"), b"1) 1 0800 0").is_err());
-        assert!(parse(layout("1.0"), b"1) 1 20000000 0").is_err());
+        assert!(parse_line(layout("1.0"), b"1) 1 0800 0").is_err());
+        assert!(parse_line(layout("1.0"), b"1) 1 20000000 0").is_err());
     }
 
     #[test]
@@ -327,7 +329,7 @@ mod tests {
     #[test]
     fn events_of_the_user_are_nothing() {
         let line = b"      8      1334.225 EV -  User-defined event for all busses";
-        assert_eq!(parse(layout("2.1"), line), Ok(Line::Nothing));
+        assert_eq!(parse_line(layout("2.1"), line), Ok(TrcLine::Nothing));
     }
 
     #[test]
@@ -342,7 +344,7 @@ mod tests {
             ("1) 1.0 Error 0003 4 00 19 08 08", "error"),
             ("1) 1.0 Warng FFFFFFFF 4 00 00", "error or status"),
         ] {
-            let reason = parse(layout("1.1"), line.as_bytes()).unwrap_err();
+            let reason = parse_line(layout("1.1"), line.as_bytes()).unwrap_err();
             assert!(reason.starts_with(part), "{line}: {reason}");
         }
     }

@@ -14,13 +14,13 @@
 pub(super) mod line;
 mod write;
 
-use line::{FrameLine, LAYOUTS, Line};
+use line::{LAYOUTS, TrcFrameLine, TrcLine};
 
 use crate::capture::text::bus_labels::BusLabels;
 use crate::capture::text::columns::{ColumnWords, windows_date};
-use crate::capture::text::line_format::{Assumptions, Fault, LineFormat, LineParser, ParsedLine};
-use crate::capture::text::lines::excerpt;
-use crate::capture::{Directions, ErrorFrames, Format, FormatCapabilities, WritableFormat};
+use crate::capture::text::line_format::{CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine};
+use crate::capture::text::lines::line_excerpt;
+use crate::capture::{CaptureFormat, DirectionSupport, ErrorFrames, FormatCapabilities, WritableFormat};
 
 /// Maximum number of comment lines before the first frame.
 const DETECTING_LINES: usize = 200;
@@ -28,13 +28,13 @@ const DETECTING_LINES: usize = 200;
 /// Maximum number of columns; version 2.1 has nine.
 const MOST_COLUMNS: usize = 16;
 
-pub(super) const FORMAT: Format = Format {
+pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     name: "trc",
-    title: Trc::TITLE,
+    title: TrcFormat::TITLE,
     is_text: true,
     is_packed: false,
-    detect,
-    parser: |_| Box::new(LineParser::new(Trc::new())),
+    detect: detect_trc,
+    parser: |_| Box::new(LineParser::new(TrcFormat::new())),
 };
 
 pub(super) const WRITABLE: WritableFormat = WritableFormat {
@@ -46,7 +46,7 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
         untimed: false,
         backwards: false,
         errors: ErrorFrames::Reports,
-        directions: Directions::Assumed,
+        directions: DirectionSupport::Assumed,
         bus_names: false,
         notices: false,
         ..FormatCapabilities::ALL
@@ -56,14 +56,14 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
 
 /// Detects a version line, or comments followed by a line of version 1.0. PEAK's LIN captures have the same
 /// start, but a checksum column.
-fn detect(head: &[u8]) -> bool {
+fn detect_trc(head: &[u8]) -> bool {
     let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
     let lines = head.split(|byte| *byte == b'\n').take(DETECTING_LINES).map(<[u8]>::trim_ascii);
     let (mut commented, mut versioned) = (false, false);
     for text in lines.filter(|text| !text.is_empty()) {
         if !text.starts_with(b";") {
             let numbered = ColumnWords::new(text).next().is_some_and(|word| word.ends_with(b")"));
-            let oldest = || commented && numbered && line::parse(oldest_layout(), text).is_ok();
+            let oldest = || commented && numbered && line::parse_line(oldest_layout(), text).is_ok();
             return versioned || oldest();
         }
         if memchr::memmem::find(text, b"Checksum Type").is_some() {
@@ -81,44 +81,44 @@ fn oldest_layout() -> &'static [u8] {
 
 /// State that affects later lines.
 #[derive(Clone)]
-struct Trc {
+struct TrcFormat {
     layout: Vec<u8>,
     start: i64,
     buses: BusLabels,
 }
 
-impl Trc {
+impl TrcFormat {
     fn new() -> Self {
         Self { layout: oldest_layout().to_vec(), start: 0, buses: BusLabels::default() }
     }
 
     /// Handles a comment: free text, except for three keywords and the names of buses.
-    fn comment(&mut self, comment: &[u8], assumptions: &mut Assumptions) -> Result<(), Fault> {
+    fn on_comment(&mut self, comment: &[u8], assumptions: &mut CaptureAssumptions) -> Result<(), LineFault> {
         if let Some(version) = comment.strip_prefix(b"$FILEVERSION=") {
-            return self.version(version.trim_ascii());
+            return self.set_version(version.trim_ascii());
         }
         if let Some(columns) = comment.strip_prefix(b"$COLUMNS=") {
             let columns = columns.split(|byte| *byte == b',').take(MOST_COLUMNS);
             self.layout = columns.filter_map(|column| column.trim_ascii().first().copied()).collect();
         }
         if let Some(label) = comment.strip_prefix(b"   Bus ") {
-            self.buses.learn(label);
+            self.buses.learn_label(label);
         }
         if let Some(days) = comment.strip_prefix(b"$STARTTIME=") {
             self.start = windows_date(days.trim_ascii_end())
                 .ok_or("start time: expected days since 1899-12-30, such as 44548.6028595139")?;
-            assumptions.report("start time without time zone: times read as UTC");
+            assumptions.add_assumption("start time without time zone: times read as UTC");
         }
         Ok(())
     }
 
-    fn version(&mut self, version: &[u8]) -> Result<(), Fault> {
+    fn set_version(&mut self, version: &[u8]) -> Result<(), LineFault> {
         let known = LAYOUTS.iter().find(|(known, _)| known.as_bytes() == version);
         // From 2.0 on the columns are named, so later versions can be read too.
         let later = || LAYOUTS.last().filter(|_| version.starts_with(b"2."));
         let Some((_, layout)) = known.or_else(later) else {
-            return Err(Fault::Header {
-                found: format!("file version {}", excerpt(version)),
+            return Err(LineFault::Header {
+                found: format!("file version {}", line_excerpt(version)),
                 expected: "1.0, 1.1, 1.2, 1.3 or 2.x",
             });
         };
@@ -127,21 +127,21 @@ impl Trc {
     }
 }
 
-impl LineFormat for Trc {
+impl LineFormat for TrcFormat {
     const TITLE: &'static str = "PEAK TRC";
 
-    fn line<'a>(
+    fn parse_line<'a>(
         &'a mut self,
         text: &'a [u8],
-        assumptions: &mut Assumptions,
-    ) -> Result<Option<ParsedLine<'a>>, Fault> {
+        assumptions: &mut CaptureAssumptions,
+    ) -> Result<Option<ParsedLine<'a>>, LineFault> {
         let text = text.trim_ascii();
         if let Some(comment) = text.strip_prefix(b";") {
-            return self.comment(comment, assumptions).map(|()| None);
+            return self.on_comment(comment, assumptions).map(|()| None);
         }
-        let FrameLine { offset, bus, frame, lost } = match line::parse(&self.layout, text)? {
-            Line::Nothing => return Ok(None),
-            Line::Frame(found) => found,
+        let TrcFrameLine { offset, bus, frame, lost } = match line::parse_line(&self.layout, text)? {
+            TrcLine::Nothing => return Ok(None),
+            TrcLine::Frame(found) => found,
         };
         let bus = self.buses.name(bus);
         Ok(Some(ParsedLine { time: Some(self.start.saturating_add(offset)), bus, frame, lost }))
@@ -151,12 +151,12 @@ impl LineFormat for Trc {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::{Batch, CaptureError, Notice, Parser};
+    use crate::capture::{Batch, CaptureError, FormatParser, Notice};
     use crate::frame::Timestamp;
 
     fn read(text: &str) -> Result<Batch, CaptureError> {
         let mut batch = Batch::new();
-        assert_eq!(LineParser::new(Trc::new()).parse(text.as_bytes(), true, &mut batch)?, text.len());
+        assert_eq!(LineParser::new(TrcFormat::new()).parse(text.as_bytes(), true, &mut batch)?, text.len());
         Ok(batch)
     }
 
@@ -205,8 +205,8 @@ mod tests {
 
     #[test]
     fn peak_traces_are_recognised_and_others_are_not() {
-        assert!(detect(b"\xEF\xBB\xBF;$FILEVERSION=1.1\r\n"));
-        assert!(detect(b";###\r\n;  C:\\x.trc\r\n;\r\n     1)      1841      0001  1  00\r\n"));
+        assert!(detect_trc(b"\xEF\xBB\xBF;$FILEVERSION=1.1\r\n"));
+        assert!(detect_trc(b";###\r\n;  C:\\x.trc\r\n;\r\n     1)      1841      0001  1  00\r\n"));
         for other in [
             &b";$FILEVERSION=1.1\n;  |  +Checksum Type\n 1) 756186 Sub 02 2 -- -- 00 EH SR/TO\n"[..],
             b"@ TEXT @ 2 @ 64 @ 0 @ 55 @ 10078 @ 00:00:10.078 @\n46,016\t1\t0004\t45A\t8\t5A",
@@ -214,7 +214,7 @@ mod tests {
             b"     1)      1841      0001  1  00\r\n",
             b"",
         ] {
-            assert!(!detect(other), "{}", other.escape_ascii());
+            assert!(!detect_trc(other), "{}", other.escape_ascii());
         }
     }
 }

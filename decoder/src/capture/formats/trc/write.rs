@@ -14,11 +14,11 @@ use std::io::{self, Write};
 use crate::ascii::{push_blanks, push_code, push_decimal, push_digits, push_padded};
 use crate::capture::Notice;
 use crate::capture::bus_error::{ControllerState, Counters, ProtocolViolation, Violation};
-use crate::capture::calendar::date;
+use crate::capture::calendar::to_date;
 use crate::capture::elapsed::Elapsed;
-use crate::capture::holds::Report;
+use crate::capture::holds::ErrorReportContent;
 use crate::capture::text::columns::{DAY, DAYS_BEFORE_1970};
-use crate::capture::text::print::{Numbering, push_lines, push_spaced_data};
+use crate::capture::text::print::{BusNumbering, push_lines, push_spaced_data};
 use crate::capture::writer::FrameWriter;
 use crate::frame::{CanId, Frame, FrameFlags, fd_length};
 
@@ -65,7 +65,7 @@ pub(super) struct TrcWriter<W> {
     output: W,
     line: Vec<u8>,
     elapsed: Elapsed,
-    buses: Numbering,
+    buses: BusNumbering,
     lines: u64,
     has_begun: bool,
 }
@@ -77,13 +77,13 @@ impl<W: Write> TrcWriter<W> {
             output,
             line: Vec::with_capacity(2_048),
             elapsed: Elapsed::new(MICROSECOND, earliest),
-            buses: Numbering::default(),
+            buses: BusNumbering::default(),
             lines: 0,
             has_begun: false,
         }
     }
 
-    fn begin(&mut self, start: i64) {
+    fn begin_capture(&mut self, start: i64) {
         let line = &mut self.line;
         line.extend_from_slice(b";$FILEVERSION=2.1\r\n;$STARTTIME=");
         let nanoseconds = i128::from(start) + DAYS_BEFORE_1970 * DAY;
@@ -95,7 +95,7 @@ impl<W: Write> TrcWriter<W> {
         push_digits(line, whole(parts / DAY_PART), DAY_DIGITS);
         push_digits(line, whole(parts % DAY_PART), 8);
         line.extend_from_slice(b"\r\n;$COLUMNS=N,O,T,B,I,d,R,L,D\r\n;\r\n");
-        let date = date(start).strftime(";   Start time: %d.%m.%Y %H:%M:%S");
+        let date = to_date(start).strftime(";   Start time: %d.%m.%Y %H:%M:%S");
         let fraction = start.rem_euclid(1_000_000_000) / MICROSECOND;
         line.extend_from_slice(
             format!("{date}.{:03}.{:03}\r\n", fraction / 1_000, fraction % 1_000).as_bytes(),
@@ -107,50 +107,50 @@ impl<W: Write> TrcWriter<W> {
         self.has_begun = true;
     }
 
-    fn frame(&mut self, frame: &Frame, bus: &str, comment: Option<&str>) -> io::Result<()> {
+    fn write_frame(&mut self, frame: &Frame, bus: &str, comment: Option<&str>) -> io::Result<()> {
         self.line.clear();
-        if let Some(start) = self.elapsed.start(frame.time) {
-            self.begin(start);
+        if let Some(start) = self.elapsed.start_time(frame.time) {
+            self.begin_capture(start);
         }
-        let (number, is_new) = self.buses.number(bus);
+        let (number, is_new) = self.buses.bus_number(bus);
         if is_new {
-            self.comment(&format!(";   Bus {number}: "), bus);
+            self.write_comment(&format!(";   Bus {number}: "), bus);
         }
         if let Some(comment) = comment {
-            self.comment("; ", comment);
+            self.write_comment("; ", comment);
         }
         self.lines = self.lines.saturating_add(1);
         push_padded(&mut self.line, self.lines, 7);
-        let time = self.elapsed.nanoseconds(frame.time) / MICROSECOND.unsigned_abs();
+        let time = self.elapsed.elapsed_since_start(frame.time) / MICROSECOND.unsigned_abs();
         self.line.push(b' ');
         push_padded(&mut self.line, time / 1_000, 9);
         self.line.push(b'.');
         push_digits(&mut self.line, time % 1_000, 3);
         let number = u64::try_from(number).unwrap_or(u64::MAX);
         if frame.flags.contains(FrameFlags::ERROR) {
-            self.report(Report::of(frame), number);
+            self.append_report(ErrorReportContent::report_of(frame), number);
         } else {
-            self.data(frame, number);
+            self.append_data(frame, number);
         }
         self.line.extend_from_slice(b"\r\n");
         self.output.write_all(&self.line)
     }
 
-    fn comment(&mut self, mark: &str, text: &str) {
+    fn write_comment(&mut self, mark: &str, text: &str) {
         push_lines(&mut self.line, mark, &text.replace(OF_LIN.0, OF_LIN.1), "\r\n");
     }
 
     /// Appends the bus number and the space up to the identifier.
-    fn bus(&mut self, number: u64) {
+    fn append_bus(&mut self, number: u64) {
         push_decimal(&mut self.line, number);
         self.line.extend_from_slice(if number < 10 { b"  " } else { b" " });
     }
 
-    fn data(&mut self, frame: &Frame, number: u64) {
+    fn append_data(&mut self, frame: &Frame, number: u64) {
         let kind = TYPES.iter().find(|(flags, _)| frame.flags.contains(*flags));
         let (_, kind) = kind.copied().unwrap_or((FrameFlags(0), b" DT "));
         self.line.extend_from_slice(kind);
-        self.bus(number);
+        self.append_bus(number);
         match frame.id {
             CanId::Standard(id) => {
                 self.line.extend_from_slice(b"    0");
@@ -161,7 +161,7 @@ impl<W: Write> TrcWriter<W> {
         let sent = frame.flags.contains(FrameFlags::TRANSMITTED);
         self.line.extend_from_slice(if sent { b" Tx -  " } else { b" Rx -  " });
         let dlc = frame.dlc();
-        self.length(dlc);
+        self.append_length(dlc);
         push_spaced_data(&mut self.line, frame);
         // Data must have the length of the DLC; frames with an invalid length are padded.
         let is_fd = frame.flags.contains(FrameFlags::FD);
@@ -171,43 +171,43 @@ impl<W: Write> TrcWriter<W> {
     }
 
     /// Appends the DLC in a column of four characters.
-    fn length(&mut self, dlc: u8) {
+    fn append_length(&mut self, dlc: u8) {
         push_decimal(&mut self.line, dlc.into());
         push_blanks(&mut self.line, 4, if dlc > 9 { 2 } else { 1 });
     }
 
     /// Appends a bus report, whose data are the end of the line.
-    fn report(&mut self, report: Report, number: u64) {
+    fn append_report(&mut self, report: ErrorReportContent, number: u64) {
         let error;
         let counts;
         let status;
         let (kind, bytes): (&[u8; 4], &[u8]) = match report {
-            Report::Broken(ProtocolViolation { kind, sending, place }, counters) => {
+            ErrorReportContent::Broken(ProtocolViolation { kind, sending, place }, counters) => {
                 // The format has no value for unknown counters.
                 let Counters { receive, transmit } = counters.unwrap_or(Counters { receive: 0, transmit: 0 });
-                error = [violation(kind), u8::from(!sending), place & 0x1F, receive, transmit];
+                error = [violation_code(kind), u8::from(!sending), place & 0x1F, receive, transmit];
                 (b" ER ", &error)
             }
-            Report::Counters(Counters { receive, transmit }) => {
+            ErrorReportContent::Counters(Counters { receive, transmit }) => {
                 counts = [receive, transmit];
                 (b" EC ", &counts)
             }
-            Report::State(state) => {
-                status = self::status(state).to_be_bytes();
+            ErrorReportContent::State(state) => {
+                status = self::state_code(state).to_be_bytes();
                 (b" ST ", &status)
             }
         };
         self.line.extend_from_slice(kind);
-        self.bus(number);
+        self.append_bus(number);
         self.line.extend_from_slice(b"       - Rx -  ");
         let data = Frame::data_frame(CanId::Standard(0), bytes);
-        self.length(data.length);
+        self.append_length(data.length);
         push_spaced_data(&mut self.line, &data);
     }
 }
 
 /// Error type in the numbering of PEAK's drivers.
-fn violation(kind: Violation) -> u8 {
+fn violation_code(kind: Violation) -> u8 {
     match kind {
         Violation::Bit => 1,
         Violation::Form => 2,
@@ -217,7 +217,7 @@ fn violation(kind: Violation) -> u8 {
 }
 
 /// Bus state in the coding of PEAK's drivers.
-fn status(state: ControllerState) -> u32 {
+fn state_code(state: ControllerState) -> u32 {
     match state {
         ControllerState::Active => 0,
         ControllerState::Overrun => 0x0000_0002,
@@ -229,11 +229,11 @@ fn status(state: ControllerState) -> u32 {
 
 impl<W: Write + Send> FrameWriter for TrcWriter<W> {
     fn write(&mut self, frame: &Frame, bus: &str) -> io::Result<()> {
-        self.frame(frame, bus, None)
+        self.write_frame(frame, bus, None)
     }
 
     fn write_commented(&mut self, frame: &Frame, bus: &str, comment: &str) -> io::Result<()> {
-        self.frame(frame, bus, Some(comment))
+        self.write_frame(frame, bus, Some(comment))
     }
 
     /// Stores nothing: the format has no lines with the number of lost frames or the bit rate.
@@ -248,7 +248,7 @@ impl<W: Write + Send> FrameWriter for TrcWriter<W> {
     fn finish(&mut self) -> io::Result<()> {
         if !self.has_begun {
             self.line.clear();
-            self.begin(0);
+            self.begin_capture(0);
             self.output.write_all(&self.line)?;
         }
         self.output.flush()
@@ -275,17 +275,20 @@ mod tests {
 
     #[test]
     fn a_trace_line_by_line() {
-        let data = Frame::data_frame(CanId::standard(0xC8), &[9, 8, 7, 6, 5, 4, 3, 2]);
+        let data = Frame::data_frame(CanId::from_standard(0xC8), &[9, 8, 7, 6, 5, 4, 3, 2]);
         let sent = Frame { flags: FrameFlags::TRANSMITTED, ..data };
-        let remote =
-            Frame { flags: FrameFlags::REMOTE, length: 4, ..Frame::data_frame(CanId::extended(0x100), &[]) };
+        let remote = Frame {
+            flags: FrameFlags::REMOTE,
+            length: 4,
+            ..Frame::data_frame(CanId::from_extended(0x100), &[])
+        };
         let fd = |flags: FrameFlags| Frame {
             flags: FrameFlags::FD.with(flags),
-            ..Frame::data_frame(CanId::standard(0x601), &[1; 12])
+            ..Frame::data_frame(CanId::from_standard(0x601), &[1; 12])
         };
         let error = |class: u32, bytes: [u8; 8]| Frame {
             flags: FrameFlags::ERROR,
-            ..Frame::data_frame(CanId::extended(class), &bytes)
+            ..Frame::data_frame(CanId::from_extended(class), &bytes)
         };
         let text = written(&[
             at(0, sent),
@@ -329,7 +332,7 @@ mod tests {
         let midnight = 1_506_729_600_000_000_000;
         for start in [0, 1, 86_399_999_999, 43_200_000_000, 12_345_678_901, 1].map(|time| time * 1_000) {
             let frame = Frame { time: Some(Timestamp(midnight + start)), ..Frame::EMPTY };
-            let read = crate::capture::testing::read(written(&[frame]).as_bytes());
+            let read = crate::capture::testing::read_capture(written(&[frame]).as_bytes());
             assert_eq!(read.frames[0].time, frame.time);
         }
     }
@@ -339,7 +342,7 @@ mod tests {
         let mut writer = TrcWriter::new(Vec::new());
         let frame = at(0, Frame::EMPTY);
         writer.write_commented(&frame, "$COLUMNS=N", "$FILEVERSION=9.9\nChecksum Type\r\x1b").unwrap();
-        let content = crate::capture::testing::read(&writer.output);
+        let content = crate::capture::testing::read_capture(&writer.output);
         assert_eq!((content.frames.len(), content.frames[0].time), (1, frame.time));
         let text = String::from_utf8(writer.output).unwrap();
         assert!(text.contains("; $FILEVERSION=9.9\r\n; Checksum type\\r\\u{1b}\r\n"), "{text}");
@@ -347,9 +350,9 @@ mod tests {
 
     #[test]
     fn made_up_lengths_are_filled_and_a_trace_without_frames_is_one() {
-        let odd = Frame { flags: FrameFlags::FD, ..Frame::data_frame(CanId::standard(1), &[1; 9]) };
-        let read = crate::capture::testing::read(written(&[at(0, odd)]).as_bytes());
+        let odd = Frame { flags: FrameFlags::FD, ..Frame::data_frame(CanId::from_standard(1), &[1; 9]) };
+        let read = crate::capture::testing::read_capture(written(&[at(0, odd)]).as_bytes());
         assert_eq!(read.frames[0].data(), [1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0]);
-        assert_eq!(crate::capture::detect(written(&[]).as_bytes(), true).unwrap().name, "trc");
+        assert_eq!(crate::capture::detect_format(written(&[]).as_bytes(), true).unwrap().name, "trc");
     }
 }

@@ -1,7 +1,7 @@
 //! Evaluation of conditions, and the facts it requires.
 
-use crate::profile::device::condition::{Condition, Conditions};
-use crate::profile::resolve::Number;
+use crate::profile::device::condition::{DeviceCondition, DeviceConditions};
+use crate::profile::resolve::DecidingNumber;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
 /// Max age of the last SYNC for it to count as present, in ns.
@@ -31,13 +31,13 @@ impl GateStatus {
         }
     }
 
-    const fn of(holds: bool) -> Self {
+    const fn from_truth(holds: bool) -> Self {
         if holds { Self::Open } else { Self::Closed }
     }
 
     /// An assumed value can open a gate, but not close one.
-    const fn of_number(holds: bool, number: Number) -> Self {
-        if number.assumed && !holds { Self::Unknown } else { Self::of(holds) }
+    const fn of_number(holds: bool, number: DecidingNumber) -> Self {
+        if number.assumed && !holds { Self::Unknown } else { Self::from_truth(holds) }
     }
 
     /// Result of two conditions that must both hold.
@@ -57,7 +57,7 @@ pub(crate) trait DeviceFacts: Sized {
     fn nmt_state(&self) -> Option<NmtState>;
 
     /// Raw number of an object.
-    fn number(&self, object: ObjectAddress) -> Option<Number>;
+    fn object_number(&self, object: ObjectAddress) -> Option<DecidingNumber>;
 
     /// State reported by the machine of a channel.
     fn reported_state(&self, channel: Option<u8>) -> Option<&str>;
@@ -79,13 +79,13 @@ pub(crate) trait DeviceFacts: Sized {
     fn is_overdue(&self) -> bool;
 
     /// Other nodes with the same profile; `None` if only one node is evaluated.
-    fn others(&self) -> Option<impl Iterator<Item = Self>>;
+    fn other_nodes(&self) -> Option<impl Iterator<Item = Self>>;
 
     /// Whether the node is the only CANopen node on its bus.
     fn is_alone(&self) -> Option<bool>;
 }
 
-impl Condition {
+impl DeviceCondition {
     /// Object that the condition depends on.
     pub(crate) fn object(&self) -> Option<ObjectAddress> {
         match self {
@@ -103,19 +103,19 @@ impl Condition {
     }
 
     /// Evaluates the condition for an output of the device: `Open` if it holds.
-    pub(crate) fn evaluate(&self, facts: &impl DeviceFacts, channel: Option<u8>) -> GateStatus {
+    pub(crate) fn evaluate_condition(&self, facts: &impl DeviceFacts, channel: Option<u8>) -> GateStatus {
         match self {
-            Self::Nmt(wanted) => {
-                facts.nmt_state().map_or(GateStatus::Unknown, |state| GateStatus::of(state == wanted.state()))
-            }
+            Self::Nmt(wanted) => facts
+                .nmt_state()
+                .map_or(GateStatus::Unknown, |state| GateStatus::from_truth(state == wanted.state())),
             Self::Object { object, mask, values, negated } => {
-                facts.number(object.object).map_or(GateStatus::Unknown, |number| {
-                    let holds = values.contains(masked(number.raw, *mask)) != *negated;
+                facts.object_number(object.object).map_or(GateStatus::Unknown, |number| {
+                    let holds = values.contains(mask_number(number.raw, *mask)) != *negated;
                     GateStatus::of_number(holds, number)
                 })
             }
             Self::Inside { object, range: [least, most] } => {
-                facts.number(object.object).map_or(GateStatus::Unknown, |number| {
+                facts.object_number(object.object).map_or(GateStatus::Unknown, |number| {
                     GateStatus::of_number((*least..=*most).contains(&number.raw), number)
                 })
             }
@@ -125,27 +125,27 @@ impl Condition {
                 Some(_) if facts.is_commanded(channel, states) => GateStatus::Unknown,
                 Some(_) => GateStatus::Closed,
             },
-            Self::Sync => GateStatus::of(facts.sync_age().is_some_and(|age| age <= SYNC_AGE)),
-            Self::NoError => GateStatus::of(!facts.has_error()),
-            Self::NoProcedure => GateStatus::of(!facts.is_taken_over()),
+            Self::Sync => GateStatus::from_truth(facts.sync_age().is_some_and(|age| age <= SYNC_AGE)),
+            Self::NoError => GateStatus::from_truth(!facts.has_error()),
+            Self::NoProcedure => GateStatus::from_truth(!facts.is_taken_over()),
             // A PDO is evaluated when it arrives; for messages, the session tracks the overdue ones.
-            Self::Younger(_) => GateStatus::of(!facts.is_overdue()),
+            Self::Younger(_) => GateStatus::from_truth(!facts.is_overdue()),
             Self::Invisible => GateStatus::Invisible,
-            Self::Other(conditions) => other(conditions, facts),
-            Self::Alone => facts.is_alone().map_or(GateStatus::Unknown, GateStatus::of),
+            Self::Other(conditions) => is_met_by_other(conditions, facts),
+            Self::Alone => facts.is_alone().map_or(GateStatus::Unknown, GateStatus::from_truth),
         }
     }
 }
 
 /// Evaluates conditions that must all hold for an output of the device: `Open` if there are none.
 pub(crate) fn evaluate_all<'c>(
-    conditions: impl IntoIterator<Item = &'c Condition>,
+    conditions: impl IntoIterator<Item = &'c DeviceCondition>,
     facts: &impl DeviceFacts,
     channel: Option<u8>,
 ) -> GateStatus {
     let mut all = GateStatus::Open;
     for condition in conditions {
-        all = all.and(condition.evaluate(facts, channel));
+        all = all.and(condition.evaluate_condition(facts, channel));
         if all == GateStatus::Closed {
             break;
         }
@@ -154,13 +154,13 @@ pub(crate) fn evaluate_all<'c>(
 }
 
 /// Raw number reduced by a mask.
-pub(super) fn masked(raw: i64, mask: u64) -> i64 {
+pub(super) fn mask_number(raw: i64, mask: u64) -> i64 {
     (raw.cast_unsigned() & mask).cast_signed()
 }
 
 /// Whether at least one other node meets all conditions.
-fn other(conditions: &Conditions, facts: &impl DeviceFacts) -> GateStatus {
-    let Some(others) = facts.others() else { return GateStatus::Unknown };
+fn is_met_by_other(conditions: &DeviceConditions, facts: &impl DeviceFacts) -> GateStatus {
+    let Some(others) = facts.other_nodes() else { return GateStatus::Unknown };
     let mut any = GateStatus::Closed;
     for node in others {
         match evaluate_all(&conditions.0, &node, None) {
@@ -198,9 +198,9 @@ mod tests {
             self.nmt_state
         }
 
-        fn number(&self, object: ObjectAddress) -> Option<Number> {
+        fn object_number(&self, object: ObjectAddress) -> Option<DecidingNumber> {
             let known = self.numbers.iter().find(|(name, ..)| object.to_string() == *name);
-            known.map(|(_, raw, assumed)| Number { raw: *raw, assumed: *assumed })
+            known.map(|(_, raw, assumed)| DecidingNumber { raw: *raw, assumed: *assumed })
         }
 
         fn reported_state(&self, channel: Option<u8>) -> Option<&str> {
@@ -228,7 +228,7 @@ mod tests {
             self.is_overdue
         }
 
-        fn others(&self) -> Option<impl Iterator<Item = Self>> {
+        fn other_nodes(&self) -> Option<impl Iterator<Item = Self>> {
             self.others.clone().map(Vec::into_iter)
         }
 
@@ -237,12 +237,12 @@ mod tests {
         }
     }
 
-    fn condition(text: &str) -> Condition {
+    fn condition(text: &str) -> DeviceCondition {
         toml::from_str(text).unwrap()
     }
 
-    fn evaluate(text: &str, facts: &TestFacts) -> GateStatus {
-        condition(text).evaluate(facts, Some(1))
+    fn evaluate_condition(text: &str, facts: &TestFacts) -> GateStatus {
+        condition(text).evaluate_condition(facts, Some(1))
     }
 
     /// Facts with a raw number in object 2000:00.
@@ -254,51 +254,54 @@ mod tests {
     fn nmt_compares_the_state() {
         let in_state = |nmt_state| TestFacts { nmt_state, ..TestFacts::default() };
         let wanted = "nmt = \"operational\"";
-        assert_eq!(evaluate(wanted, &in_state(Some(NmtState::Operational))), Open);
-        assert_eq!(evaluate(wanted, &in_state(Some(NmtState::PreOperational))), Closed);
-        assert_eq!(evaluate(wanted, &in_state(None)), Unknown);
+        assert_eq!(evaluate_condition(wanted, &in_state(Some(NmtState::Operational))), Open);
+        assert_eq!(evaluate_condition(wanted, &in_state(Some(NmtState::PreOperational))), Closed);
+        assert_eq!(evaluate_condition(wanted, &in_state(None)), Unknown);
     }
 
     #[test]
     fn equals_is_met_by_any_of_its_values() {
         let wanted = "object = \"2000:00\"\nequals = [1, -3]";
-        assert_eq!(evaluate(wanted, &holding(1, false)), Open);
-        assert_eq!(evaluate(wanted, &holding(-3, false)), Open);
-        assert_eq!(evaluate(wanted, &holding(2, false)), Closed);
-        assert_eq!(evaluate(wanted, &TestFacts::default()), Unknown);
+        assert_eq!(evaluate_condition(wanted, &holding(1, false)), Open);
+        assert_eq!(evaluate_condition(wanted, &holding(-3, false)), Open);
+        assert_eq!(evaluate_condition(wanted, &holding(2, false)), Closed);
+        assert_eq!(evaluate_condition(wanted, &TestFacts::default()), Unknown);
     }
 
     #[test]
     fn not_is_met_by_all_other_values() {
         let wanted = "object = \"2000:00\"\nnot = [1, -3]";
-        assert_eq!(evaluate(wanted, &holding(2, false)), Open);
-        assert_eq!(evaluate(wanted, &holding(-3, false)), Closed);
-        assert_eq!(evaluate(wanted, &TestFacts::default()), Unknown);
+        assert_eq!(evaluate_condition(wanted, &holding(2, false)), Open);
+        assert_eq!(evaluate_condition(wanted, &holding(-3, false)), Closed);
+        assert_eq!(evaluate_condition(wanted, &TestFacts::default()), Unknown);
     }
 
     #[test]
     fn mask_selects_the_bits_that_are_compared() {
         let wanted = "object = \"2000:00\"\nmask = 0x0C\nequals = 0x08";
-        assert_eq!(evaluate(wanted, &holding(0x1B, false)), Open);
-        assert_eq!(evaluate(wanted, &holding(0x0C, false)), Closed);
+        assert_eq!(evaluate_condition(wanted, &holding(0x1B, false)), Open);
+        assert_eq!(evaluate_condition(wanted, &holding(0x0C, false)), Closed);
         // The mask also applies to the sign bit.
-        assert_eq!(evaluate("object = \"2000:00\"\nmask = 0x80\nnot = 0", &holding(-1, false)), Open);
+        assert_eq!(
+            evaluate_condition("object = \"2000:00\"\nmask = 0x80\nnot = 0", &holding(-1, false)),
+            Open
+        );
     }
 
     #[test]
     fn range_includes_both_ends() {
         let wanted = "object = \"2000:00\"\nrange = [-2, 5]";
-        let at = |raw| evaluate(wanted, &holding(raw, false));
+        let at = |raw| evaluate_condition(wanted, &holding(raw, false));
         assert_eq!([-3, -2, 0, 5, 6].map(at), [Closed, Open, Open, Open, Closed]);
-        assert_eq!(evaluate(wanted, &TestFacts::default()), Unknown);
+        assert_eq!(evaluate_condition(wanted, &TestFacts::default()), Unknown);
     }
 
     #[test]
     fn an_assumed_value_opens_but_never_closes() {
         for wanted in ["equals = 1", "not = 2", "range = [0, 1]"] {
             let wanted = format!("object = \"2000:00\"\n{wanted}");
-            assert_eq!(evaluate(&wanted, &holding(1, true)), Open, "{wanted}");
-            assert_eq!(evaluate(&wanted, &holding(2, true)), Unknown, "{wanted}");
+            assert_eq!(evaluate_condition(&wanted, &holding(1, true)), Open, "{wanted}");
+            assert_eq!(evaluate_condition(&wanted, &holding(2, true)), Unknown, "{wanted}");
         }
     }
 
@@ -306,18 +309,19 @@ mod tests {
     fn state_is_that_of_the_channel_and_unknown_on_its_way() {
         let mut facts = TestFacts { states: vec![(1, "HOLD"), (2, "ACTIVE")], ..TestFacts::default() };
         let wanted = condition("state = [\"ACTIVE\", \"READY\"]");
-        assert_eq!(wanted.evaluate(&facts, Some(1)), Closed);
-        assert_eq!(wanted.evaluate(&facts, Some(2)), Open);
-        assert_eq!(wanted.evaluate(&facts, Some(3)), Unknown);
+        assert_eq!(wanted.evaluate_condition(&facts, Some(1)), Closed);
+        assert_eq!(wanted.evaluate_condition(&facts, Some(2)), Open);
+        assert_eq!(wanted.evaluate_condition(&facts, Some(3)), Unknown);
         facts.commanded = vec![(1, "READY")];
-        assert_eq!(wanted.evaluate(&facts, Some(1)), Unknown);
+        assert_eq!(wanted.evaluate_condition(&facts, Some(1)), Unknown);
         facts.commanded = vec![(1, "OFF")];
-        assert_eq!(wanted.evaluate(&facts, Some(1)), Closed);
+        assert_eq!(wanted.evaluate_condition(&facts, Some(1)), Closed);
     }
 
     #[test]
     fn sync_is_present_for_one_second() {
-        let after = |sync_age| evaluate("sync = true", &TestFacts { sync_age, ..TestFacts::default() });
+        let after =
+            |sync_age| evaluate_condition("sync = true", &TestFacts { sync_age, ..TestFacts::default() });
         assert_eq!(after(Some(1_000_000_000)), Open);
         assert_eq!(after(Some(1_000_000_001)), Closed);
         assert_eq!(after(None), Closed);
@@ -327,33 +331,33 @@ mod tests {
     fn errors_procedures_and_overdue_messages_close() {
         let idle = TestFacts::default();
         for wanted in ["no_error = true", "no_procedure = true", "younger = 100"] {
-            assert_eq!(evaluate(wanted, &idle), Open, "{wanted}");
+            assert_eq!(evaluate_condition(wanted, &idle), Open, "{wanted}");
         }
         let error = TestFacts { has_error: true, ..TestFacts::default() };
-        assert_eq!(evaluate("no_error = true", &error), Closed);
+        assert_eq!(evaluate_condition("no_error = true", &error), Closed);
         let procedure = TestFacts { is_taken_over: true, ..TestFacts::default() };
-        assert_eq!(evaluate("no_procedure = true", &procedure), Closed);
+        assert_eq!(evaluate_condition("no_procedure = true", &procedure), Closed);
         let overdue = TestFacts { is_overdue: true, ..TestFacts::default() };
-        assert_eq!(evaluate("younger = 100", &overdue), Closed);
+        assert_eq!(evaluate_condition("younger = 100", &overdue), Closed);
     }
 
     #[test]
     fn invisible_is_neither_open_nor_closed() {
-        assert_eq!(evaluate("visible = false", &TestFacts::default()), Invisible);
+        assert_eq!(evaluate_condition("visible = false", &TestFacts::default()), Invisible);
     }
 
     #[test]
     fn one_other_node_is_enough() {
         let wanted = "other = { object = \"2000:00\", equals = 1 }";
         let among = |others: &[TestFacts]| {
-            evaluate(wanted, &TestFacts { others: Some(others.to_vec()), ..TestFacts::default() })
+            evaluate_condition(wanted, &TestFacts { others: Some(others.to_vec()), ..TestFacts::default() })
         };
         let (met, unmet, unknown) = (holding(1, false), holding(2, false), TestFacts::default());
         assert_eq!(among(&[]), Closed);
         assert_eq!(among(std::slice::from_ref(&unmet)), Closed);
         assert_eq!(among(&[unknown.clone(), unmet.clone()]), Unknown);
         assert_eq!(among(&[unmet, unknown, met]), Open);
-        assert_eq!(evaluate(wanted, &TestFacts::default()), Unknown);
+        assert_eq!(evaluate_condition(wanted, &TestFacts::default()), Unknown);
     }
 
     #[test]
@@ -361,16 +365,16 @@ mod tests {
         let wanted = "other = [{ object = \"2000:00\", equals = 1 }, { no_error = true }]";
         let failed = TestFacts { has_error: true, ..holding(1, false) };
         let facts = |others: Vec<TestFacts>| TestFacts { others: Some(others), ..TestFacts::default() };
-        assert_eq!(evaluate(wanted, &facts(vec![failed.clone(), holding(2, false)])), Closed);
-        assert_eq!(evaluate(wanted, &facts(vec![failed, holding(1, false)])), Open);
+        assert_eq!(evaluate_condition(wanted, &facts(vec![failed.clone(), holding(2, false)])), Closed);
+        assert_eq!(evaluate_condition(wanted, &facts(vec![failed, holding(1, false)])), Open);
     }
 
     #[test]
     fn alone_is_a_fact() {
         let facts = |is_alone| TestFacts { is_alone, ..TestFacts::default() };
-        assert_eq!(evaluate("alone = true", &facts(Some(true))), Open);
-        assert_eq!(evaluate("alone = true", &facts(Some(false))), Closed);
-        assert_eq!(evaluate("alone = true", &facts(None)), Unknown);
+        assert_eq!(evaluate_condition("alone = true", &facts(Some(true))), Open);
+        assert_eq!(evaluate_condition("alone = true", &facts(Some(false))), Closed);
+        assert_eq!(evaluate_condition("alone = true", &facts(None)), Unknown);
     }
 
     #[test]
@@ -379,7 +383,7 @@ mod tests {
         let (unknown, invisible) = ("nmt = \"stopped\"", "visible = false");
         let facts = TestFacts { is_taken_over: true, ..TestFacts::default() };
         let all = |texts: &[&str]| {
-            let conditions: Vec<Condition> = texts.iter().map(|text| condition(text)).collect();
+            let conditions: Vec<DeviceCondition> = texts.iter().map(|text| condition(text)).collect();
             evaluate_all(&conditions, &facts, None)
         };
         assert_eq!(all(&[]), Open);

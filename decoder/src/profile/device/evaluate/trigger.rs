@@ -1,10 +1,10 @@
 //! Evaluation of triggers, and the events they are compared with.
 
-use super::condition::masked;
-use crate::profile::device::condition::{ExpectedValue, LssTrigger, SetTrigger, Trigger};
-use crate::profile::layout::{Carrier, PdoName};
-use crate::profile::meaning::Meaning;
-use crate::profile::object::Numbers;
+use super::condition::mask_number;
+use crate::profile::device::condition::{ExpectedValue, LssTrigger, ProfileTrigger, SetTrigger};
+use crate::profile::layout::{PdoName, ValueCarrier};
+use crate::profile::meaning::ObjectMeaning;
+use crate::profile::object::NumberList;
 use crate::wire::canopen::ObjectAddress;
 
 /// Event at a device, in the categories of triggers.
@@ -50,7 +50,7 @@ pub(crate) struct ValueUpdate<'a> {
     pub(crate) before: Option<i64>,
     /// Bytes of a transfer.
     pub(crate) bytes: &'a [u8],
-    pub(crate) meaning: Option<&'a Meaning>,
+    pub(crate) meaning: Option<&'a ObjectMeaning>,
     /// Whether all bits count as clear before, if the number before is unknown.
     pub(crate) is_fresh: bool,
 }
@@ -97,27 +97,27 @@ pub(crate) struct LssEvent<'a> {
     pub(crate) value: Option<u8>,
 }
 
-impl<'a> From<&'a Carrier> for TriggerEvent<'a> {
-    fn from(carrier: &'a Carrier) -> Self {
+impl<'a> From<&'a ValueCarrier> for TriggerEvent<'a> {
+    fn from(carrier: &'a ValueCarrier) -> Self {
         match carrier {
-            Carrier::Pdo(name) => Self::Pdo(*name),
-            Carrier::Message(name) => Self::Message(name),
+            ValueCarrier::Pdo(name) => Self::Pdo(*name),
+            ValueCarrier::Message(name) => Self::Message(name),
         }
     }
 }
 
-impl Trigger {
+impl ProfileTrigger {
     /// Whether the event matches. An aborted write has no effect and does not match.
     pub(crate) fn is_met_by(&self, event: &TriggerEvent<'_>) -> bool {
-        self.matches(event, false)
+        self.matches_event(event, false)
     }
 
     /// Like [`Self::is_met_by`], but an aborted write also matches.
     pub(crate) fn is_attempted_by(&self, event: &TriggerEvent<'_>) -> bool {
-        self.matches(event, true)
+        self.matches_event(event, true)
     }
 
-    fn matches(&self, event: &TriggerEvent<'_>, attempts: bool) -> bool {
+    fn matches_event(&self, event: &TriggerEvent<'_>, attempts: bool) -> bool {
         match self {
             Self::Write(..)
             | Self::Read(..)
@@ -193,7 +193,7 @@ fn is_wanted(update: &ValueUpdate<'_>, wanted: Option<&ExpectedValue>) -> bool {
 }
 
 fn is_set(update: &ValueUpdate<'_>, set: &SetTrigger) -> bool {
-    let through = |raw: i64| masked(raw, set.mask);
+    let through = |raw: i64| mask_number(raw, set.mask);
     let Some(raw) = update.raw.map(through) else { return set.values.is_none() && !set.changed };
     let is_meant = set.values.as_ref().is_none_or(|values| values.contains(raw) != set.negated);
     is_meant && (!set.changed || update.before.is_some_and(|before| through(before) != raw))
@@ -206,7 +206,7 @@ fn is_change_of_bit(update: &ValueUpdate<'_>, bit: u8, becomes: bool) -> bool {
 }
 
 fn is_service(message: &LssEvent<'_>, wanted: &LssTrigger) -> bool {
-    let is_value = |values: &Numbers| message.value.is_some_and(|value| values.contains(i64::from(value)));
+    let is_value = |values: &NumberList| message.value.is_some_and(|value| values.contains(i64::from(value)));
     message.service == wanted.service
         && message.is_answer == wanted.answer
         && wanted.values.as_ref().is_none_or(is_value)
@@ -218,7 +218,7 @@ mod tests {
 
     use super::*;
 
-    fn trigger(text: &str) -> Trigger {
+    fn trigger(text: &str) -> ProfileTrigger {
         toml::from_str(text).unwrap()
     }
 
@@ -340,8 +340,8 @@ mod tests {
 
     #[test]
     fn carriers_are_compared_by_name() {
-        let pdo = Carrier::Pdo("RPDO2".parse().unwrap());
-        let message = Carrier::Message("TSC1".into());
+        let pdo = ValueCarrier::Pdo("RPDO2".parse().unwrap());
+        let message = ValueCarrier::Message("TSC1".into());
         assert!(is_met("pdo = \"RPDO2\"", &TriggerEvent::from(&pdo)));
         assert!(!is_met("pdo = \"TPDO2\"", &TriggerEvent::from(&pdo)));
         assert!(is_met("message = { name = \"TSC1\" }", &TriggerEvent::from(&message)));
@@ -387,7 +387,7 @@ mod tests {
             assert_eq!(is_met("boot = \"power-on\"", &event), !is_commanded);
         }
         for wrong in ["boot = false", "boot = \"reset\""] {
-            assert!(toml::from_str::<Trigger>(wrong).is_err(), "{wrong}");
+            assert!(toml::from_str::<ProfileTrigger>(wrong).is_err(), "{wrong}");
         }
     }
 

@@ -1,8 +1,10 @@
 //! `max-count`: number of events.
 
 use crate::event::FrameRange;
-use crate::profile::device::{CountWindow, DeviceRule, RuleKind, Trigger, TriggerEvent, VariableWindow};
-use crate::rules::Context;
+use crate::profile::device::{
+    CountWindow, DeviceRule, ProfileTrigger, RuleKind, TriggerEvent, VariableWindow,
+};
+use crate::rules::RuleContext;
 use crate::rules::device::case::{RuleCase, counted_object, waits_for_pdo};
 use crate::rules::device::describe::{about_first, show_event, with_details};
 use crate::rules::device::progress::{FrameTime, RuleProgress};
@@ -21,7 +23,7 @@ pub(super) fn judge_count(
     case: &RuleCase<'_>,
     progress: &mut RuleProgress,
     event: &TriggerEvent<'_>,
-    context: &mut Context<'_>,
+    context: &mut RuleContext<'_>,
 ) {
     match case.rule.per {
         Some(SYNC) => judge_per_sync(case, progress, event, context),
@@ -31,7 +33,7 @@ pub(super) fn judge_count(
     }
 }
 
-fn most(rule: &DeviceRule) -> u32 {
+fn max_count(rule: &DeviceRule) -> u32 {
     rule.count.unwrap_or(u32::MAX)
 }
 
@@ -39,32 +41,32 @@ fn judge_per_sync(
     case: &RuleCase<'_>,
     progress: &mut RuleProgress,
     event: &TriggerEvent<'_>,
-    context: &mut Context<'_>,
+    context: &mut RuleContext<'_>,
 ) {
     let is_heard = || !waits_for_pdo(&case.rule.on.0) || case.facts.is_operational();
-    if progress.is_counting && case.on(event).is_some() && is_heard() && case.is_due() {
-        count(progress, FrameTime { time: context.now, frame: case.frames.last });
+    if progress.is_counting && case.matching_trigger(event).is_some() && is_heard() && case.is_due() {
+        count_moment(progress, FrameTime { time: context.now, frame: case.frames.last });
     }
     if !matches!(event, TriggerEvent::Sync) {
         return;
     }
-    let most = most(case.rule);
+    let most = max_count(case.rule);
     let (count, was_counting) = take_count(progress, context.now);
     if count == 0 || !was_counting {
         return;
     }
     if count <= most {
-        return context.pass();
+        return context.count_pass();
     }
     let last = progress.last.map_or(progress.first, |last| last.frame);
     let text = &case.rule.text;
-    let alarm = case.fail(event, context).about(about_first(&case.rule.on.0));
+    let alarm = case.start_finding(event, context).with_subject(about_first(&case.rule.on.0));
     let frames = FrameRange { first: progress.first, last };
-    let alarm = alarm.frames(frames).measure(f64::from(count));
-    alarm.report(|| with_details(text, &format!("count {count}, limit {most}")));
+    let alarm = alarm.with_frames(frames).with_measure(f64::from(count));
+    alarm.report_finding(|| with_details(text, &format!("count {count}, limit {most}")));
 }
 
-fn count(progress: &mut RuleProgress, moment: FrameTime) {
+fn count_moment(progress: &mut RuleProgress, moment: FrameTime) {
     progress.count = progress.count.saturating_add(1);
     if progress.count == 1 {
         progress.first = moment.frame;
@@ -76,7 +78,7 @@ fn count(progress: &mut RuleProgress, moment: FrameTime) {
 #[inline]
 pub(in crate::rules::device) fn count_pdo(progress: &mut RuleProgress, moment: FrameTime) {
     if progress.is_counting {
-        count(progress, moment);
+        count_moment(progress, moment);
     }
 }
 
@@ -104,7 +106,7 @@ pub(in crate::rules::device) fn end_count(
     now: i64,
 ) -> Option<bool> {
     let is_counted = rule.kind == RuleKind::MaxCount && is_per_sync(rule);
-    if !is_counted || progress.count > most(rule) || rule.on.0.contains(&Trigger::Sync) {
+    if !is_counted || progress.count > max_count(rule) || rule.on.0.contains(&ProfileTrigger::Sync) {
         return None;
     }
     let (count, was_counting) = take_count(progress, now);
@@ -115,19 +117,19 @@ fn judge_per_while(
     case: &RuleCase<'_>,
     progress: &mut RuleProgress,
     event: &TriggerEvent<'_>,
-    context: &mut Context<'_>,
+    context: &mut RuleContext<'_>,
 ) {
-    if case.on(event).is_none() || !case.is_due() {
+    if case.matching_trigger(event).is_none() || !case.is_due() {
         return;
     }
     if !std::mem::replace(&mut progress.holds, true) {
         progress.count = 0;
     }
     progress.count = progress.count.saturating_add(1);
-    let (count, most, text) = (progress.count, most(case.rule), &case.rule.text);
+    let (count, most, text) = (progress.count, max_count(case.rule), &case.rule.text);
     if count > most {
-        let alarm = case.fail(event, context).measure(f64::from(count));
-        alarm.report(|| {
+        let alarm = case.start_finding(event, context).with_measure(f64::from(count));
+        alarm.report_finding(|| {
             let event = show_event(event);
             with_details(text, &format!("{event}, count {count}, limit {most}"))
         });
@@ -135,10 +137,10 @@ fn judge_per_while(
 }
 
 /// Ends the counted interval.
-pub(super) fn end_stretch(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &mut Context<'_>) {
+pub(super) fn end_stretch(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &mut RuleContext<'_>) {
     let count = std::mem::take(&mut progress.count);
-    if (1..=most(case.rule)).contains(&count) {
-        context.pass();
+    if (1..=max_count(case.rule)).contains(&count) {
+        context.count_pass();
     }
 }
 
@@ -147,15 +149,15 @@ fn judge_per_seconds(
     progress: &mut RuleProgress,
     event: &TriggerEvent<'_>,
     seconds: f64,
-    context: &mut Context<'_>,
+    context: &mut RuleContext<'_>,
 ) {
-    let Some(trigger) = case.on(event) else { return };
+    let Some(trigger) = case.matching_trigger(event) else { return };
     if !context.has_time || !case.is_due() {
         return;
     }
-    let most = usize::try_from(most(case.rule)).unwrap_or(ROW_LIMIT).min(ROW_LIMIT);
+    let most = usize::try_from(max_count(case.rule)).unwrap_or(ROW_LIMIT).min(ROW_LIMIT);
     let moment = FrameTime { time: context.now, frame: case.frames.last };
-    let Some(recent) = progress.recent(counted_object(event, trigger)) else { return };
+    let Some(recent) = progress.recent_events(counted_object(event, trigger)) else { return };
     recent.push_back(moment);
     if recent.len() > most + 1 {
         recent.pop_front();
@@ -165,10 +167,10 @@ fn judge_per_seconds(
     #[expect(clippy::cast_precision_loss, reason = "a span of seconds")]
     let is_within = span as f64 / 1e9 <= seconds;
     if recent.len() <= most || !is_within {
-        return context.pass();
+        return context.count_pass();
     }
     let (count, text) = (recent.len(), &case.rule.text);
     let frames = FrameRange { first: oldest.frame, last: moment.frame };
-    let alarm = case.fail(event, context).frames(frames);
-    alarm.report(|| with_details(text, &format!("count {count} in {seconds} s, limit {most}")));
+    let alarm = case.start_finding(event, context).with_frames(frames);
+    alarm.report_finding(|| with_details(text, &format!("count {count} in {seconds} s, limit {most}")));
 }

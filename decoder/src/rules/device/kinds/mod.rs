@@ -11,26 +11,26 @@ mod times;
 mod values;
 
 pub(super) use self::counts::{count_pdo, end_count};
-pub(super) use self::times::answer;
+pub(super) use self::times::on_answer;
 use super::case::RuleCase;
 use super::progress::{PdoTask, RuleProgress};
 use crate::profile::PdoName;
-use crate::profile::device::{DeviceRule, RuleKind, Trigger, TriggerEvent, Triggers};
-use crate::rules::Context;
+use crate::profile::device::{DeviceRule, ProfileTrigger, ProfileTriggers, RuleKind, TriggerEvent};
+use crate::rules::RuleContext;
 
 /// Runs one rule on an event at a node.
 pub(super) fn judge_event(
     case: &RuleCase<'_>,
     progress: &mut RuleProgress,
     event: &TriggerEvent<'_>,
-    context: &mut Context<'_>,
+    context: &mut RuleContext<'_>,
 ) {
     if let (TriggerEvent::State(Some(channel), _), Some(own)) = (event, case.rule.channel)
         && *channel != own
     {
         return;
     }
-    progress.has_begun |= !progress.has_begun && case.on(event).is_some();
+    progress.has_begun |= !progress.has_begun && case.matching_trigger(event).is_some();
     if case.rule.is_scoped() && !order::follow_scope(case, progress, event, context) {
         return;
     }
@@ -64,7 +64,7 @@ pub(super) fn judge_event(
 
 /// What a PDO does to a rule about it; a count only if its `while` holds until a value changes.
 pub(super) fn task_of(rule: &DeviceRule, name: PdoName) -> PdoTask {
-    let has = |triggers: &Triggers| triggers.0.contains(&Trigger::Pdo(name));
+    let has = |triggers: &ProfileTriggers| triggers.0.contains(&ProfileTrigger::Pdo(name));
     match rule.kind {
         RuleKind::MaxCount if has(&rule.on) && counts::is_per_sync(rule) => PdoTask::Count,
         RuleKind::Follow if has(&rule.then) && !has(&rule.on) => PdoTask::Answer,
@@ -73,25 +73,25 @@ pub(super) fn task_of(rule: &DeviceRule, name: PdoName) -> PdoTask {
 }
 
 /// Updates `while`, which an event may start or end.
-pub(super) fn follow_while(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &mut Context<'_>) {
+pub(super) fn follow_while(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &mut RuleContext<'_>) {
     let held = std::mem::replace(&mut progress.holds, case.is_due());
     match case.rule.kind {
         RuleKind::MaxInterval => times::follow_stretch(case, progress, held, context),
         RuleKind::Follow if !progress.holds => (progress.last, progress.deadline) = (None, None),
         RuleKind::Precondition if !progress.holds => progress.last = None,
         // A forbidden event that has not occurred passes once per period of `while`.
-        RuleKind::Never if progress.holds && !held => context.pass(),
+        RuleKind::Never if progress.holds && !held => context.count_pass(),
         RuleKind::MaxCount if held && !progress.holds => counts::end_stretch(case, progress, context),
         _ => {}
     }
 }
 
 /// Handles a wake-up for the deadline of the rule.
-pub(super) fn on_deadline(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &mut Context<'_>) {
+pub(super) fn on_deadline(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &mut RuleContext<'_>) {
     progress.wake.take_if(|wake| *wake <= context.now);
     let Some(deadline) = progress.deadline else { return };
     if deadline > context.now {
-        return case.wait(progress, deadline, context);
+        return case.wait_until(progress, deadline, context);
     }
     progress.deadline = None;
     match case.rule.kind {
@@ -102,11 +102,11 @@ pub(super) fn on_deadline(case: &RuleCase<'_>, progress: &mut RuleProgress, cont
 }
 
 /// Handles the end of the capture.
-pub(super) fn on_end(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &mut Context<'_>) {
+pub(super) fn on_end(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &mut RuleContext<'_>) {
     if case.rule.kind == RuleKind::MaxInterval {
         times::judge_end(case, progress, context);
     }
     if progress.has_begun && !case.rule.during.0.is_empty() {
-        context.unexercised(format!("proof of {}", case.rule.during));
+        context.note_unexercised(format!("proof of {}", case.rule.during));
     }
 }

@@ -1,17 +1,17 @@
 //! Events that are forbidden, have a precondition, or require an earlier event.
 
 use crate::event::FrameRange;
-use crate::profile::device::{GateStatus, RuleKind, Trigger, TriggerEvent};
-use crate::rules::Context;
+use crate::profile::device::{GateStatus, ProfileTrigger, RuleKind, TriggerEvent};
+use crate::rules::RuleContext;
 use crate::rules::device::case::RuleCase;
 use crate::rules::device::describe::{is_value_of, show_event, with_details};
 use crate::rules::device::progress::{FrameTime, RuleProgress};
 
 /// `on` must not occur.
-pub(super) fn judge_never(case: &RuleCase<'_>, event: &TriggerEvent<'_>, context: &mut Context<'_>) {
-    if case.on(event).is_some() && !is_foreign(case, event) && case.is_due() {
+pub(super) fn judge_never(case: &RuleCase<'_>, event: &TriggerEvent<'_>, context: &mut RuleContext<'_>) {
+    if case.matching_trigger(event).is_some() && !is_foreign(case, event) && case.is_due() {
         let text = &case.rule.text;
-        case.fail(event, context).report(|| with_details(text, &show_event(event)));
+        case.start_finding(event, context).report_finding(|| with_details(text, &show_event(event)));
     }
 }
 
@@ -21,17 +21,17 @@ pub(super) fn follow_scope(
     case: &RuleCase<'_>,
     progress: &mut RuleProgress,
     event: &TriggerEvent<'_>,
-    context: &mut Context<'_>,
+    context: &mut RuleContext<'_>,
 ) -> bool {
     let was_open = progress.is_prepared == Some(true);
-    let meets = |triggers: &[Trigger]| triggers.iter().any(|trigger| trigger.is_met_by(event));
+    let meets = |triggers: &[ProfileTrigger]| triggers.iter().any(|trigger| trigger.is_met_by(event));
     if matches!(event, TriggerEvent::Boot { .. }) || meets(&case.rule.until.0) {
         progress.is_prepared = Some(false);
     } else if meets(&case.rule.since.0) {
         progress.is_prepared = Some(true);
         // A forbidden event that has not occurred passes once per interval.
         if !was_open && case.rule.kind == RuleKind::Never {
-            context.pass();
+            context.count_pass();
         }
     }
     was_open && progress.is_prepared == Some(true)
@@ -47,27 +47,28 @@ pub(super) fn judge_precondition(
     case: &RuleCase<'_>,
     progress: &mut RuleProgress,
     event: &TriggerEvent<'_>,
-    context: &mut Context<'_>,
+    context: &mut RuleContext<'_>,
 ) {
-    if case.on(event).is_none() || !case.is_due() {
+    if case.matching_trigger(event).is_none() || !case.is_due() {
         return;
     }
     let (needs, channel) = (&case.rule.needs.0, case.rule.channel);
-    let status = case.facts.needs(case.rule, case.number);
+    let status = case.facts.needs_status(case.rule, case.number);
     if status != GateStatus::Closed {
         progress.last = None;
     }
     match status {
-        GateStatus::Open => context.pass(),
+        GateStatus::Open => context.count_pass(),
         GateStatus::Unknown | GateStatus::Invisible => {}
         GateStatus::Closed => {
-            let frames = match lasting(case, progress, context) {
+            let frames = match lasting_violation(case, progress, context) {
                 Some(first) => FrameRange { first, last: case.frames.last },
                 None => return,
             };
             let (facts, text) = (case.facts, &case.rule.text);
-            case.fail(event, context).frames(frames).report(|| {
-                let instead = facts.unmet(needs, channel).filter(|(object, _)| !is_value_of(event, *object));
+            case.start_finding(event, context).with_frames(frames).report_finding(|| {
+                let instead =
+                    facts.first_unmet(needs, channel).filter(|(object, _)| !is_value_of(event, *object));
                 let instead = instead.map_or_else(String::new, |(_, instead)| format!(", {instead}"));
                 with_details(text, &format!("{}{instead}", show_event(event)))
             });
@@ -76,14 +77,18 @@ pub(super) fn judge_precondition(
 }
 
 /// First frame of the violation, if it lasts for `ms`.
-fn lasting(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &Context<'_>) -> Option<u64> {
+fn lasting_violation(
+    case: &RuleCase<'_>,
+    progress: &mut RuleProgress,
+    context: &RuleContext<'_>,
+) -> Option<u64> {
     if case.rule.ms.is_none() && case.rule.ms_of.is_none() {
         return Some(case.frames.first);
     }
     let now = FrameTime { time: context.now, frame: case.frames.first };
     let first = *progress.last.get_or_insert(now);
     let lasts = context.now.saturating_sub(first.time).saturating_sub(context.granularity);
-    (context.has_time && lasts >= case.limit()?).then_some(first.frame)
+    (context.has_time && lasts >= case.time_limit()?).then_some(first.frame)
 }
 
 /// The first occurrences of the steps must have the given order.
@@ -91,7 +96,7 @@ pub(super) fn judge_sequence(
     case: &RuleCase<'_>,
     progress: &mut RuleProgress,
     event: &TriggerEvent<'_>,
-    context: &mut Context<'_>,
+    context: &mut RuleContext<'_>,
 ) {
     if matches!(event, TriggerEvent::Boot { .. }) {
         (progress.is_prepared, progress.done) = (Some(true), 0);
@@ -107,9 +112,9 @@ pub(super) fn judge_sequence(
         }
         if before & (u64::MAX << place) != 0 {
             let text = &case.rule.text;
-            case.fail(event, context).report(|| with_details(text, &show_event(event)));
+            case.start_finding(event, context).report_finding(|| with_details(text, &show_event(event)));
         } else if before != 0 {
-            context.pass();
+            context.count_pass();
         }
     }
 }
@@ -119,17 +124,19 @@ pub(super) fn judge_order(
     case: &RuleCase<'_>,
     progress: &mut RuleProgress,
     event: &TriggerEvent<'_>,
-    context: &mut Context<'_>,
+    context: &mut RuleContext<'_>,
 ) {
-    if case.on(event).is_some() && case.is_due() {
+    if case.matching_trigger(event).is_some() && case.is_due() {
         let text = &case.rule.text;
-        let is_early = progress.voided.zip(case.limit()).is_some_and(|(since, grace)| {
+        let is_early = progress.voided.zip(case.time_limit()).is_some_and(|(since, grace)| {
             context.now.saturating_sub(since) < grace.saturating_add(context.granularity)
         });
         match progress.is_prepared {
-            Some(true) => context.pass(),
+            Some(true) => context.count_pass(),
             Some(false) if is_early => {}
-            Some(false) => case.fail(event, context).report(|| with_details(text, &show_event(event))),
+            Some(false) => {
+                case.start_finding(event, context).report_finding(|| with_details(text, &show_event(event)))
+            }
             None => {}
         }
     }

@@ -4,10 +4,10 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use crate::event::{Event, EventKind, FrameRange, Kind};
-use crate::finding::{About, Severity};
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule, Second};
-use crate::wire::error_frame::ErrorFrame;
+use crate::finding::{FindingSubject, Severity};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{BusSecond, Rule, RuleContext, RulePolicy};
+use crate::wire::error_frame::ErrorFrameFields;
 
 declare_rule! {
     /// # What it checks
@@ -33,10 +33,10 @@ declare_rule! {
     needs: "error frames or controller states of the interface, or a bit rate in the bus file",
     word: "BUS",
     tolerances: &[
-        tolerance("errors-percent", 0.1, "%", "share of error frames in all frames, a warning"),
-        tolerance("errors-per-second", 10.0, "", "error frames per second, a warning"),
-        tolerance("load-warning-percent", 60.0, "%", "bus load within a second, a warning"),
-        tolerance("load-error-percent", 80.0, "%", "bus load within a second, an error"),
+        define_tolerance("errors-percent", 0.1, "%", "share of error frames in all frames, a warning"),
+        define_tolerance("errors-per-second", 10.0, "", "error frames per second, a warning"),
+        define_tolerance("load-warning-percent", 60.0, "%", "bus load within a second, a warning"),
+        define_tolerance("load-error-percent", 80.0, "%", "bus load within a second, an error"),
     ],
 }
 
@@ -75,8 +75,8 @@ struct BusHealth {
     worst: (usize, FrameRange),
 }
 
-fn new(policy: &Policy) -> BusHealth {
-    let of = |key| policy.tolerance(&DECLARATION, key);
+fn new(policy: &RulePolicy) -> BusHealth {
+    let of = |key| policy.tolerance_value(&DECLARATION, key);
     BusHealth {
         share: of("errors-percent"),
         in_second: of("errors-per-second"),
@@ -91,19 +91,25 @@ fn new(policy: &Policy) -> BusHealth {
 }
 
 impl BusHealth {
-    fn controller(&self, event: &Event, error: ErrorFrame, context: &mut Context<'_>) {
+    fn on_controller_error(&self, event: &Event, error: ErrorFrameFields, context: &mut RuleContext<'_>) {
         let is_controller = error.classes & CONTROLLER != 0;
         if error.classes & RESTARTED != 0 || is_controller && error.controller & ACTIVE != 0 {
-            context.close(None, About::Name(Arc::clone(&self.off)));
-            context.close(None, About::Name(Arc::clone(&self.passive)));
+            context.close_condition(None, FindingSubject::Name(Arc::clone(&self.off)));
+            context.close_condition(None, FindingSubject::Name(Arc::clone(&self.passive)));
         }
         let (sent, received) = (error.transmit_errors, error.receive_errors);
         if error.classes & BUS_OFF != 0 {
-            let alarm = context.fail(event).about(About::Name(Arc::clone(&self.off))).ongoing();
-            alarm.certain().report(|| "CAN interface bus-off".to_owned());
+            let alarm = context
+                .start_finding(event)
+                .with_subject(FindingSubject::Name(Arc::clone(&self.off)))
+                .mark_ongoing();
+            alarm.mark_certain().report_finding(|| "CAN interface bus-off".to_owned());
         } else if is_controller && error.controller & PASSIVE != 0 {
-            let alarm = context.fail(event).about(About::Name(Arc::clone(&self.passive))).ongoing();
-            alarm.certain().report(|| {
+            let alarm = context
+                .start_finding(event)
+                .with_subject(FindingSubject::Name(Arc::clone(&self.passive)))
+                .mark_ongoing();
+            alarm.mark_certain().report_finding(|| {
                 format!(
                     "CAN interface error passive (transmit error counter {sent}, receive error counter {received}, \
                      limit 127)"
@@ -113,7 +119,7 @@ impl BusHealth {
     }
 
     /// Adds an error frame to the sliding second.
-    fn disturbed(&mut self, frame: u64, context: &Context<'_>) {
+    fn add_error_frame(&mut self, frame: u64, context: &RuleContext<'_>) {
         if !context.has_time {
             return;
         }
@@ -131,76 +137,81 @@ impl BusHealth {
     }
 
     /// Judges the sliding seconds that ended since the last verdict.
-    fn judge_errors(&mut self, second: &Second, context: &mut Context<'_>) {
+    fn judge_errors(&mut self, second: &BusSecond, context: &mut RuleContext<'_>) {
         let (count, frames) = std::mem::take(&mut self.worst);
         #[expect(clippy::cast_precision_loss, reason = "frames of a second")]
         let (errors, all) = (count as f64, second.errors as f64);
-        let about = About::Name(Arc::clone(&self.errors));
+        let about = FindingSubject::Name(Arc::clone(&self.errors));
         if second.count >= ONLY_ERRORS && second.errors == second.count {
-            let alarm = context.fail_at(context.now, None, second.frames).about(about).measure(all).certain();
-            alarm.report(|| format!("{all} error frames/s and no other frames (wrong bit rate?)"));
+            let alarm = context
+                .fail_at(context.now, None, second.frames)
+                .with_subject(about)
+                .with_measure(all)
+                .mark_certain();
+            alarm.report_finding(|| format!("{all} error frames/s and no other frames (wrong bit rate?)"));
         } else if errors > self.in_second {
             self.recent.clear();
-            let alarm = context.fail_at(context.now, None, frames).about(about);
+            let alarm = context.fail_at(context.now, None, frames).with_subject(about);
             let limit = self.in_second;
-            let alarm = alarm.severity(Severity::Warning).measure(errors).certain();
-            alarm.report(|| format!("{errors} error frames/s (limit {limit}/s)"));
+            let alarm = alarm.with_severity(Severity::Warning).with_measure(errors).mark_certain();
+            alarm.report_finding(|| format!("{errors} error frames/s (limit {limit}/s)"));
         } else {
-            context.pass();
+            context.count_pass();
         }
     }
 
-    fn load(&self, second: &Second, rate: u32, context: &mut Context<'_>) {
+    fn on_load(&self, second: &BusSecond, rate: u32, context: &mut RuleContext<'_>) {
         #[expect(clippy::cast_precision_loss, reason = "bits of a second")]
         let percent = |bits: u64| bits as f64 * 100.0 / f64::from(rate);
         let (warning, error) = self.load;
         if percent(second.most) <= warning {
-            return context.pass();
+            return context.count_pass();
         }
         // Without stuff bits, the real load is higher still.
         let least = percent(second.bits.unwrap_or(second.least));
         if least <= warning {
             if second.bits.is_some() {
-                context.pass();
+                context.count_pass();
             }
             return;
         }
         let (severity, limit) =
             if least > error { (Severity::Error, error) } else { (Severity::Warning, warning) };
-        let about = About::Name(Arc::clone(&self.busy));
-        let alarm = context.fail_at(context.now, None, second.frames).about(about).severity(severity);
+        let about = FindingSubject::Name(Arc::clone(&self.busy));
+        let alarm =
+            context.fail_at(context.now, None, second.frames).with_subject(about).with_severity(severity);
         let at_least = if second.bits.is_some() { "" } else { "at least " };
-        alarm.measure(least).certain().report(|| {
+        alarm.with_measure(least).mark_certain().report_finding(|| {
             format!("bus load {at_least}{least:.0} % of {} kbit/s (limit {limit} %)", rate / 1_000)
         });
     }
 }
 
 impl Rule for BusHealth {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         if let EventKind::CanError(error) = event.kind {
-            self.controller(event, error, context);
+            self.on_controller_error(event, error, context);
             if error.classes & DISTURBED != 0 {
-                self.disturbed(event.frames.last, context);
+                self.add_error_frame(event.frames.last, context);
             }
         }
     }
 
-    fn second(&mut self, context: &mut Context<'_>) {
+    fn on_second(&mut self, context: &mut RuleContext<'_>) {
         // With generated timestamps, a second is meaningless.
         if context.meter.has_varied {
             let second = context.meter.last;
             self.judge_errors(&second, context);
             if let Some(rate) = context.meter.bit_rate {
-                self.load(&second, rate, context);
+                self.on_load(&second, rate, context);
             }
         }
     }
 
-    fn finish(&mut self, context: &mut Context<'_>) {
+    fn on_end(&mut self, context: &mut RuleContext<'_>) {
         // Errors after the last complete second.
         if context.meter.has_varied && self.worst.0 > 0 {
-            self.judge_errors(&Second::default(), context);
+            self.judge_errors(&BusSecond::default(), context);
         }
         let (errors, frames) = (context.meter.errors, context.meter.frames);
         if frames < JUDGED {
@@ -209,14 +220,15 @@ impl Rule for BusHealth {
         #[expect(clippy::cast_precision_loss, reason = "a share")]
         let share = errors as f64 * 100.0 / frames as f64;
         if share <= self.share {
-            return context.pass();
+            return context.count_pass();
         }
-        let about = About::Name(Arc::clone(&self.errors));
+        let about = FindingSubject::Name(Arc::clone(&self.errors));
         let last = FrameRange::one(context.bus.last_frame());
-        let alarm = context.fail_at(context.now, None, last).about(about).severity(Severity::Warning);
+        let alarm =
+            context.fail_at(context.now, None, last).with_subject(about).with_severity(Severity::Warning);
         let limit = self.share;
         alarm
-            .certain()
-            .report(|| format!("{share:.2} % error frames (limit {limit} %): {errors} of {frames}"));
+            .mark_certain()
+            .report_finding(|| format!("{share:.2} % error frames (limit {limit} %): {errors} of {frames}"));
     }
 }

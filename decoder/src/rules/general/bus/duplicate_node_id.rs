@@ -2,8 +2,8 @@
 
 use crate::event::{BootCause, Event, EventKind, FrameRange, Kind};
 use crate::rules::general::facts::confirmed_number;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap};
 
@@ -31,7 +31,7 @@ declare_rule! {
     needs: "heartbeats or a boot-up",
     is_timing: true,
     word: "TWICE",
-    tolerances: &[tolerance("changes", 6.0, "", "consecutive alternations of heartbeats before a finding")],
+    tolerances: &[define_tolerance("changes", 6.0, "", "consecutive alternations of heartbeats before a finding")],
 }
 
 /// Minimum start-up time of a device, in nanoseconds.
@@ -39,7 +39,7 @@ const STARTING: i64 = 500_000_000;
 
 /// Latest heartbeats of a node.
 #[derive(Default)]
-struct Watch {
+struct HeartbeatWatch {
     states: [Option<NmtState>; 2],
     /// Consecutive changes of the state, and the frame of the first one.
     changes: u32,
@@ -52,16 +52,16 @@ struct Watch {
 
 struct DuplicateNodeId {
     changes: u32,
-    watches: NodeMap<Watch>,
+    watches: NodeMap<HeartbeatWatch>,
 }
 
-fn new(policy: &Policy) -> DuplicateNodeId {
+fn new(policy: &RulePolicy) -> DuplicateNodeId {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-    let changes = policy.tolerance(&DECLARATION, "changes") as u32;
+    let changes = policy.tolerance_value(&DECLARATION, "changes") as u32;
     DuplicateNodeId { changes: changes.max(2), watches: NodeMap::default() }
 }
 
-impl Watch {
+impl HeartbeatWatch {
     /// Whether this heartbeat continues an alternation between two states.
     fn takes_turn(&mut self, state: Option<NmtState>) -> bool {
         let [last, before] = self.states;
@@ -82,15 +82,23 @@ impl Watch {
             && (interval - last).abs() > tolerance
     }
 
-    fn forget(&mut self) {
+    fn forget_heartbeats(&mut self) {
         *self = Self { booted: self.booted, ..Self::default() };
     }
 }
 
 impl DuplicateNodeId {
-    fn heartbeat(&mut self, event: &Event, node: NodeId, state: Option<NmtState>, context: &mut Context<'_>) {
-        let time =
-            context.node(event).and_then(|node| confirmed_number(node, 0x1017, 0)).filter(|time| *time > 0);
+    fn on_heartbeat(
+        &mut self,
+        event: &Event,
+        node: NodeId,
+        state: Option<NmtState>,
+        context: &mut RuleContext<'_>,
+    ) {
+        let time = context
+            .event_node(event)
+            .and_then(|node| confirmed_number(node, 0x1017, 0))
+            .filter(|time| *time > 0);
         let time = time.and_then(|time| i64::try_from(time).ok()).map(|time| time.saturating_mul(1_000_000));
         let limit = self.changes;
         let Some(watch) = self.watches.entry(node) else { return };
@@ -103,50 +111,51 @@ impl DuplicateNodeId {
         let frames = FrameRange { first: watch.first, last: event.frames.last };
         if watch.changes == limit {
             let [one, other] = watch.states.map(|state| state.map_or("unknown", NmtState::name));
-            context.fail(event).frames(frames).report(|| {
+            context.start_finding(event).with_frames(frames).report_finding(|| {
                 format!(
                     "heartbeat state alternates between {other} and {one} without a command ({limit} changes)"
                 )
             });
         } else if watch.phases == limit {
-            let [one, other] = watch.intervals.map(crate::rules::general::facts::milliseconds);
-            let time = time.map_or(0, crate::rules::general::facts::milliseconds);
-            context.fail(event).report(|| {
+            let [one, other] = watch.intervals.map(crate::rules::general::facts::to_milliseconds);
+            let time = time.map_or(0, crate::rules::general::facts::to_milliseconds);
+            context.start_finding(event).report_finding(|| {
                 format!("heartbeat intervals alternate between {other} ms and {one} ms (1017:00 = {time} ms)")
             });
         } else if watch.changes == 0 && watch.phases == 0 {
-            context.pass();
+            context.count_pass();
         }
     }
 
-    fn booted(&mut self, event: &Event, node: NodeId, cause: BootCause, context: &mut Context<'_>) {
+    fn on_boot(&mut self, event: &Event, node: NodeId, cause: BootCause, context: &mut RuleContext<'_>) {
         let Some(watch) = self.watches.entry(node) else { return };
         let before = watch.booted.replace((context.now, event.frames.last));
-        watch.forget();
+        watch.forget_heartbeats();
         let Some((at, frame)) = before.filter(|_| matches!(cause, BootCause::PresumedPowerOn { .. })) else {
             return;
         };
         let after = context.now.saturating_sub(at);
         if after < STARTING && context.has_time {
             let frames = FrameRange { first: frame, last: event.frames.last };
-            let milliseconds = crate::rules::general::facts::milliseconds(after);
-            context
-                .fail(event)
-                .frames(frames)
-                .report(|| format!("second boot-up after {milliseconds} ms (min 500 ms for one device)"));
+            let milliseconds = crate::rules::general::facts::to_milliseconds(after);
+            context.start_finding(event).with_frames(frames).report_finding(|| {
+                format!("second boot-up after {milliseconds} ms (min 500 ms for one device)")
+            });
         }
     }
 }
 
 impl Rule for DuplicateNodeId {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
-            (EventKind::Heartbeat { state, .. }, Some(node)) => self.heartbeat(event, node, *state, context),
-            (EventKind::BootUp { cause, .. }, Some(node)) => self.booted(event, node, *cause, context),
+            (EventKind::Heartbeat { state, .. }, Some(node)) => {
+                self.on_heartbeat(event, node, *state, context)
+            }
+            (EventKind::BootUp { cause, .. }, Some(node)) => self.on_boot(event, node, *cause, context),
             (EventKind::NmtCommand { target: 0, .. }, _) => self.watches = NodeMap::default(),
             (EventKind::NmtCommand { .. }, Some(node)) => {
                 if let Some(watch) = self.watches.get_mut(node) {
-                    watch.forget();
+                    watch.forget_heartbeats();
                 }
             }
             _ => {}

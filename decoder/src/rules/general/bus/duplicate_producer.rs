@@ -1,11 +1,11 @@
 //! Two producers on one identifier.
 
-use crate::event::{Event, EventKind, Kind, Pdo};
-use crate::finding::{About, Severity};
+use crate::event::{DecodedPdo, Event, EventKind, Kind};
+use crate::finding::{FindingSubject, Severity};
 use crate::profile::{PdoDirection, PdoName};
-use crate::rules::general::facts::{confirmed_number, identifier};
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Need, PdoSlot, Policy, Rule, TransferSubset};
+use crate::rules::general::facts::{cob_identifier, confirmed_number};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{BySlot, FrameNeed, PdoSlot, Rule, RuleContext, RulePolicy, TransferSubset};
 use crate::wire::NodeId;
 
 declare_rule! {
@@ -35,8 +35,8 @@ declare_rule! {
     is_timing: true,
     word: "TWICE",
     tolerances: &[
-        tolerance("periods", 20.0, "", "consecutive alternations before a finding"),
-        tolerance("longest-ms", 200.0, "ms", "longest period checked; a slower alternation may be event-driven"),
+        define_tolerance("periods", 20.0, "", "consecutive alternations before a finding"),
+        define_tolerance("longest-ms", 200.0, "ms", "longest period checked; a slower alternation may be event-driven"),
     ],
 }
 
@@ -46,33 +46,33 @@ struct DuplicateProducer {
     judged: BySlot<u32>,
 }
 
-fn new(policy: &Policy) -> DuplicateProducer {
+fn new(policy: &RulePolicy) -> DuplicateProducer {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
-    let periods = policy.tolerance(&DECLARATION, "periods") as u32;
+    let periods = policy.tolerance_value(&DECLARATION, "periods") as u32;
     DuplicateProducer { periods: periods.max(1), judged: BySlot::default() }
 }
 
 /// Longest period, in ns, at which the contents of two producers alternate.
-pub(in crate::rules) fn longest_period(policy: &Policy) -> i64 {
-    policy.nanoseconds(&DECLARATION, "longest-ms")
+pub(in crate::rules) fn longest_period(policy: &RulePolicy) -> i64 {
+    policy.tolerance_ns(&DECLARATION, "longest-ms")
 }
 
 impl DuplicateProducer {
     #[inline]
-    fn pdo(&mut self, event: &Event, pdo: &Pdo, slot: &PdoSlot, context: &mut Context<'_>) {
+    fn on_pdo(&mut self, event: &Event, pdo: &DecodedPdo, slot: &PdoSlot, context: &mut RuleContext<'_>) {
         // Two contents are compared from the second PDO on.
         if slot.count < 2 {
             return;
         }
-        let judged = self.judged.of(slot);
+        let judged = self.judged.entry_of(slot);
         let Some(judged) = judged else { return };
         *judged += 1;
         if slot.alternations > 0 && slot.alternations.is_multiple_of(2 * self.periods) {
             *judged = 0;
             let intervals = [slot.interval(), slot.interval_before()].map(|interval| interval.unwrap_or(0));
             let [one, other] = intervals.map(|interval| interval / 100_000);
-            let alarm = context.fail(event).about(About::Id(pdo.cob_id));
-            alarm.report(|| {
+            let alarm = context.start_finding(event).with_subject(FindingSubject::Id(pdo.cob_id));
+            alarm.report_finding(|| {
                 let (name, count) = (pdo.name, 2 * self.periods);
                 format!(
                     "{name} alternates between two contents at intervals of {}.{} ms and {}.{} ms in {count} frames \
@@ -82,49 +82,52 @@ impl DuplicateProducer {
             });
         } else if *judged >= 4 * self.periods {
             *judged = 0;
-            context.pass();
+            context.count_pass();
         }
     }
 
     /// Checks a COB-ID that was written or read.
     #[cold]
-    fn configured(event: &Event, name: PdoName, cob_id: u64, context: &mut Context<'_>) {
-        let Some(id) = identifier(cob_id) else { return };
+    fn on_cob_id(event: &Event, name: PdoName, cob_id: u64, context: &mut RuleContext<'_>) {
+        let Some(id) = cob_identifier(cob_id) else { return };
         let other = context.bus.nodes().find_map(|node| {
             let other = node.id();
             (1..=4).find_map(|number| {
                 let pdo = PdoName { direction: PdoDirection::Transmit, number };
                 let cob_id = confirmed_number(node, pdo.communication_index(), 1)?;
-                let is_same = identifier(cob_id) == Some(id) && Some(other) != event.node;
+                let is_same = cob_identifier(cob_id) == Some(id) && Some(other) != event.node;
                 is_same.then_some((other, pdo))
             })
         });
-        let Some((other, pdo)) = other else { return context.pass() };
-        let alarm = context.fail(event).about(About::Id(id)).severity(Severity::Error);
-        alarm.report(|| format!("{name} uses the identifier of {pdo} of {}", NodeId::words(other)));
+        let Some((other, pdo)) = other else { return context.count_pass() };
+        let alarm =
+            context.start_finding(event).with_subject(FindingSubject::Id(id)).with_severity(Severity::Error);
+        alarm.report_finding(|| {
+            format!("{name} uses the identifier of {pdo} of {}", NodeId::sentence_label(other))
+        });
     }
 }
 
 impl Rule for DuplicateProducer {
-    fn need(&self, _event: &Event, _context: &Context<'_>) -> Need {
-        Need { alternations: 2 * self.periods, ..Need::NOTHING }.counted()
+    fn frame_need(&self, _event: &Event, _context: &RuleContext<'_>) -> FrameNeed {
+        FrameNeed { alternations: 2 * self.periods, ..FrameNeed::NOTHING }.with_count()
     }
 
-    fn skipped(&mut self, slot: &PdoSlot, count: u32, context: &mut Context<'_>) {
-        let Some(judged) = self.judged.of(slot) else { return };
+    fn on_skipped(&mut self, slot: &PdoSlot, count: u32, context: &mut RuleContext<'_>) {
+        let Some(judged) = self.judged.entry_of(slot) else { return };
         *judged = judged.saturating_add(count);
         while *judged >= 4 * self.periods {
             *judged -= 4 * self.periods;
-            context.pass();
+            context.count_pass();
         }
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match &event.kind {
             EventKind::Pdo(pdo) if !pdo.is_request => {
-                if let Some(slot) = context.traffic.current() {
-                    self.pdo(event, pdo, slot, context);
+                if let Some(slot) = context.traffic.current_slot() {
+                    self.on_pdo(event, pdo, slot, context);
                 }
             }
             EventKind::SdoTransfer(transfer) => {
@@ -134,9 +137,10 @@ impl Rule for DuplicateProducer {
                         .filter(|name| name.communication_index() == object.index)
                 });
                 let is_sent = name.filter(|name| name.direction == PdoDirection::Transmit);
-                if let (Some(name), Some(cob_id)) = (is_sent, crate::rules::general::facts::number(transfer))
+                if let (Some(name), Some(cob_id)) =
+                    (is_sent, crate::rules::general::facts::transfer_number(transfer))
                 {
-                    Self::configured(event, name, cob_id, context);
+                    Self::on_cob_id(event, name, cob_id, context);
                 }
             }
             _ => {}

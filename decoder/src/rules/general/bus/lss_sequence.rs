@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use crate::event::{Event, EventKind, Kind};
-use crate::finding::About;
-use crate::profile::lss;
+use crate::finding::FindingSubject;
+use crate::profile::lss_names;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
-use crate::wire::canopen::lss::Content;
+use crate::rules::{Rule, RuleContext, RulePolicy};
+use crate::wire::canopen::lss::LssContent;
 
 declare_rule! {
     /// # What it checks
@@ -47,7 +47,7 @@ struct LssSequence {
     requested: Option<u8>,
 }
 
-fn new(_policy: &Policy) -> LssSequence {
+fn new(_policy: &RulePolicy) -> LssSequence {
     LssSequence::default()
 }
 
@@ -58,17 +58,17 @@ const fn is_undefined(id: u8) -> bool {
 
 impl LssSequence {
     /// Judges a node-ID that a device accepts or reports.
-    fn node_id(event: &Event, id: u8, verb: &str, context: &mut Context<'_>) {
+    fn node_id(event: &Event, id: u8, verb: &str, context: &mut RuleContext<'_>) {
         if !is_undefined(id) {
-            return context.pass();
+            return context.count_pass();
         }
-        let alarm = context.fail(event).about(About::Name(Arc::from("node-ID")));
-        alarm.report(|| format!("node-ID {id} {verb} (1 to 127, or 255 = none)"));
+        let alarm = context.start_finding(event).with_subject(FindingSubject::Name(Arc::from("node-ID")));
+        alarm.report_finding(|| format!("node-ID {id} {verb} (1 to 127, or 255 = none)"));
     }
 }
 
 impl Rule for LssSequence {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::Lss { command, from_master, content } = &event.kind else { return };
         let command = *command;
         match (*from_master, content) {
@@ -77,31 +77,34 @@ impl Rule for LssSequence {
                 // A capture may begin within the sequence.
                 let Some(wanted) = wanted.or_else(|| (command == VENDOR).then_some(VENDOR)) else { return };
                 if command == wanted || command == VENDOR {
-                    return context.pass();
+                    return context.count_pass();
                 }
-                let alarm = context.fail(event).about(About::Name(Arc::from("selective")));
-                let names = [command, wanted].map(|command| lss().title(command).to_owned());
-                alarm.report(|| format!("{} received ({} expected)", names[0], names[1]));
+                let alarm =
+                    context.start_finding(event).with_subject(FindingSubject::Name(Arc::from("selective")));
+                let names = [command, wanted].map(|command| lss_names().service_title(command).to_owned());
+                alarm.report_finding(|| format!("{} received ({} expected)", names[0], names[1]));
             }
             (true, sent) => {
                 self.next = None;
-                self.requested = if let Content::NodeId(id) = sent { Some(*id) } else { None };
+                self.requested = if let LssContent::NodeId(id) = sent { Some(*id) } else { None };
             }
-            (false, Content::NodeId(id)) => Self::node_id(event, *id, "reported", context),
-            (false, Content::Result { code: 0, .. }) if command == CONFIGURE_NODE_ID => {
+            (false, LssContent::NodeId(id)) => Self::node_id(event, *id, "reported", context),
+            (false, LssContent::Result { code: 0, .. }) if command == CONFIGURE_NODE_ID => {
                 match self.requested.take() {
                     Some(id) => Self::node_id(event, id, "accepted", context),
-                    None => context.pass(),
+                    None => context.count_pass(),
                 }
             }
-            (false, Content::Result { code: 0, .. }) => context.pass(),
-            (false, Content::Result { code, specific }) => {
-                let alarm = context.fail(event).about(About::Name(Arc::from(lss().service(command))));
-                alarm.report(|| {
-                    let text = lss().result(command, *code);
+            (false, LssContent::Result { code: 0, .. }) => context.count_pass(),
+            (false, LssContent::Result { code, specific }) => {
+                let alarm = context
+                    .start_finding(event)
+                    .with_subject(FindingSubject::Name(Arc::from(lss_names().service_name(command))));
+                alarm.report_finding(|| {
+                    let text = lss_names().result_text(command, *code);
                     format!(
                         "{} refused: result {code} {text} (specific {specific:02X}h)",
-                        lss().title(command)
+                        lss_names().service_title(command)
                     )
                 });
             }

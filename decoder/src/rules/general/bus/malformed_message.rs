@@ -1,10 +1,10 @@
 //! Payloads that are not valid for their service.
 
 use crate::event::{Event, EventKind, Kind};
-use crate::finding::About;
+use crate::finding::FindingSubject;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
-use crate::words::plural;
+use crate::rules::{Rule, RuleContext, RulePolicy};
+use crate::words::count_noun;
 
 declare_rule! {
     /// # What it checks
@@ -34,21 +34,21 @@ declare_rule! {
 
 struct MalformedMessage;
 
-fn new(_policy: &Policy) -> MalformedMessage {
+fn new(_policy: &RulePolicy) -> MalformedMessage {
     MalformedMessage
 }
 
 impl Rule for MalformedMessage {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        let EventKind::Malformed { error, reason } = &event.kind else { return context.pass() };
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
+        let EventKind::Malformed { error, reason } = &event.kind else { return context.count_pass() };
         // Contradictory transfer sizes are reported by `transport-violation`.
         if error.needed == 0 && error.is_of_connection_management() {
             return;
         }
-        let alarm = context.fail(event).about(About::Name(error.layer.into()));
-        alarm.report(|| match error.needed {
+        let alarm = context.start_finding(event).with_subject(FindingSubject::Name(error.layer.into()));
+        alarm.report_finding(|| match error.needed {
             0 => (*reason).to_owned(),
-            needed => format!("{reason}: {} (min {needed})", plural(error.available, "byte")),
+            needed => format!("{reason}: {} (min {needed})", count_noun(error.available, "byte")),
         });
     }
 }

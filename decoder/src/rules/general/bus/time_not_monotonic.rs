@@ -2,7 +2,7 @@
 
 use crate::event::{Event, EventKind, Kind};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 
 declare_rule! {
     /// # What it checks
@@ -31,7 +31,7 @@ struct TimeNotMonotonic {
     last: Option<i64>,
 }
 
-fn new(_policy: &Policy) -> TimeNotMonotonic {
+fn new(_policy: &RulePolicy) -> TimeNotMonotonic {
     TimeNotMonotonic::default()
 }
 
@@ -39,15 +39,15 @@ fn new(_policy: &Policy) -> TimeNotMonotonic {
 const DAY: i64 = 86_400_000;
 
 impl Rule for TimeNotMonotonic {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::Time { milliseconds, days } = event.kind else { return };
         let now = i64::from(days) * DAY + i64::from(milliseconds);
         let Some(last) = self.last.replace(now) else { return };
         let back = last - now;
         if back <= 0 {
-            return context.pass();
+            return context.count_pass();
         }
-        context.fail(event).report(|| {
+        context.start_finding(event).report_finding(|| {
             format!("TIME {}.{:03} s earlier than the previous message", back / 1_000, back % 1_000)
         });
     }

@@ -2,18 +2,18 @@
 
 use std::sync::Arc;
 
-use super::machines::{about, commanded, machine};
+use super::machines::{commanded_state, machine_subject, state_machine};
 use crate::event::{
-    DeviceCause, DeviceState, Direction, EmcyAction, Emergency, Event, EventKind, FrameRange, Kind, Outcome,
-    Pdo,
+    DecodedPdo, DeviceCause, DeviceState, EmcyAction, Emergency, Event, EventKind, FrameRange, Kind,
+    SdoDirection, SdoOutcome,
 };
 use crate::frame::CanId;
-use crate::profile::device::Machine;
-use crate::profile::{Layout, SignalId};
+use crate::profile::device::StateMachine;
+use crate::profile::{PayloadLayout, SignalId};
 use crate::rules::context::pdo_slot::PdoSlot;
 use crate::rules::context::traffic::BySlot;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, PdoSubset, Policy, Rule};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{PdoSubset, Rule, RuleContext, RulePolicy};
 use crate::session::Node;
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap};
@@ -41,7 +41,7 @@ declare_rule! {
     pdos: PdoSubset::ReceivedChanged,
     needs: "a control word that ends the active state, or an EMCY that demands a fault state",
     word: "STATE",
-    tolerances: &[tolerance("time-ms", 20.0, "ms", "minimum time before the second TPDO: frames may be queued")],
+    tolerances: &[define_tolerance("time-ms", 20.0, "ms", "minimum time before the second TPDO: frames may be queued")],
 }
 
 /// Time in ns between two checks of a device whose second TPDO is missing.
@@ -51,7 +51,7 @@ const AGAIN: i64 = 100_000_000;
 const LAPSE: i64 = 5_000_000_000;
 
 /// Reason for another state.
-enum Reason {
+enum DemandReason {
     /// EMCY code for which the manual demands a fault state.
     Emcy(u16),
     /// Control word, and the state that it commands.
@@ -59,8 +59,8 @@ enum Reason {
 }
 
 /// Demand of another state.
-struct Demand {
-    reason: Reason,
+struct StateDemand {
+    reason: DemandReason,
     frame: u64,
     time: i64,
     /// Number of TPDOs with the status word, and of SYNCs, at that time.
@@ -70,61 +70,61 @@ struct Demand {
 
 /// State machine of a node.
 #[derive(Default)]
-struct Watch {
+struct MachineWatch {
     /// Name of the active state, while it is reported.
     active: Option<String>,
     /// Identifier of the TPDO with the status word.
     status: Option<CanId>,
     /// The device followed a control word.
     has_followed: bool,
-    demand: Option<Demand>,
+    demand: Option<StateDemand>,
     is_told: bool,
 }
 
 /// Control words in a layout: index of the machine, and of the field.
 #[derive(Default)]
 struct ControlFields {
-    layout: Option<Arc<Layout>>,
+    layout: Option<Arc<PayloadLayout>>,
     fields: Vec<(usize, usize)>,
 }
 
 struct ActiveNotEnded {
     time: i64,
-    nodes: NodeMap<Vec<Watch>>,
+    nodes: NodeMap<Vec<MachineWatch>>,
     controls: BySlot<ControlFields>,
     /// Number of machines in their active state; without one, PDOs are skipped.
     active: usize,
 }
 
-fn new(policy: &Policy) -> ActiveNotEnded {
+fn new(policy: &RulePolicy) -> ActiveNotEnded {
     ActiveNotEnded {
-        time: policy.nanoseconds(&DECLARATION, "time-ms"),
+        time: policy.tolerance_ns(&DECLARATION, "time-ms"),
         nodes: NodeMap::default(),
         controls: BySlot::default(),
         active: 0,
     }
 }
 
-impl Demand {
+impl StateDemand {
     const fn is_command(&self) -> bool {
-        matches!(self.reason, Reason::Control(..))
+        matches!(self.reason, DemandReason::Control(..))
     }
 
     /// Whether the state was reported again in the second TPDO. `later` TPDOs report another state.
-    fn is_ignored(&self, status: &PdoSlot, later: u64, time: i64, context: &Context<'_>) -> bool {
+    fn is_ignored(&self, status: &PdoSlot, later: u64, time: i64, context: &RuleContext<'_>) -> bool {
         let count = status.count.saturating_sub(later).saturating_sub(self.count);
         // A synchronous control word takes effect at the next SYNC, and appears in the TPDO after it.
-        let is_synchronous = context.traffic.syncs() > 0 && status.since_sync <= 1;
-        let syncs = context.traffic.syncs().saturating_sub(self.syncs).saturating_sub(later);
+        let is_synchronous = context.traffic.sync_count() > 0 && status.since_sync <= 1;
+        let syncs = context.traffic.sync_count().saturating_sub(self.syncs).saturating_sub(later);
         count >= 2 && (!is_synchronous || syncs >= 2) && context.now.saturating_sub(self.time) >= time
     }
 }
 
 impl ActiveNotEnded {
-    fn watch(&mut self, node: NodeId, place: usize) -> Option<&mut Watch> {
+    fn machine_watch(&mut self, node: NodeId, place: usize) -> Option<&mut MachineWatch> {
         let all = self.nodes.entry(node)?;
         if all.len() <= place {
-            all.resize_with(place + 1, Watch::default);
+            all.resize_with(place + 1, MachineWatch::default);
         }
         all.get_mut(place)
     }
@@ -134,22 +134,23 @@ impl ActiveNotEnded {
         self.active = all.filter(|watch| watch.active.is_some()).count();
     }
 
-    fn state(&mut self, event: &Event, id: NodeId, state: &DeviceState, context: &mut Context<'_>) {
-        let Some((place, machine)) = context.node(event).and_then(|node| machine(node, state)) else {
+    fn on_state(&mut self, event: &Event, id: NodeId, state: &DeviceState, context: &mut RuleContext<'_>) {
+        let Some((place, machine)) = context.event_node(event).and_then(|node| state_machine(node, state))
+        else {
             return;
         };
-        let slot = context.traffic.current().filter(|slot| slot.frames.0 == event.frames.last);
+        let slot = context.traffic.current_slot().filter(|slot| slot.frames.0 == event.frames.last);
         let time = self.time;
-        let Some(watch) = self.watch(id, place) else { return };
+        let Some(watch) = self.machine_watch(id, place) else { return };
         if let (Some(demand), Some(slot)) = (watch.demand.take(), slot) {
             if demand.is_ignored(slot, 1, time, context) {
-                watch.report(&demand, slot.frames.1, (id, machine), context);
+                watch.report_demand(&demand, slot.frames.1, (id, machine), context);
             } else if !watch.is_told {
-                context.pass();
+                context.count_pass();
             }
         }
         if std::mem::take(&mut watch.is_told) {
-            context.close(Some(id), about(machine.channel));
+            context.close_condition(Some(id), machine_subject(machine.channel));
         }
         watch.status = slot.map(|slot| slot.id).or(watch.status);
         watch.has_followed |= state.cause == DeviceCause::ControlWord;
@@ -159,17 +160,17 @@ impl ActiveNotEnded {
     }
 
     #[cold]
-    fn control(&mut self, event: &Event, id: NodeId, pdo: &Pdo, context: &mut Context<'_>) {
+    fn on_control(&mut self, event: &Event, id: NodeId, pdo: &DecodedPdo, context: &mut RuleContext<'_>) {
         let least = self.time;
-        let (Some(layout), Some(slot)) = (&pdo.layout, context.traffic.current()) else { return };
-        let Some(node) = context.node(event) else { return };
-        let Some(known) = self.controls.of(slot) else { return };
+        let (Some(layout), Some(slot)) = (&pdo.layout, context.traffic.current_slot()) else { return };
+        let Some(node) = context.event_node(event) else { return };
+        let Some(known) = self.controls.entry_of(slot) else { return };
         if !known.layout.as_ref().is_some_and(|known| Arc::ptr_eq(known, layout)) {
-            known.learn(layout, node);
+            known.learn_fields(layout, node);
         }
         for (place, field) in &known.fields {
             let machine = node.device().machines.get(*place);
-            let raw = layout.fields.get(*field).and_then(|field| field.extract(pdo.payload()));
+            let raw = layout.fields.get(*field).and_then(|field| field.extract_bits(pdo.payload()));
             let watch = self.nodes.get_mut(id).and_then(|all| all.get_mut(*place));
             if let (Some(machine), Some(raw), Some(watch)) = (machine, raw, watch) {
                 watch.on_control(event, (id, *place, least), (machine, raw), context);
@@ -177,23 +178,29 @@ impl ActiveNotEnded {
         }
     }
 
-    fn on_emergency(&mut self, event: &Event, id: NodeId, emergency: &Emergency, context: &mut Context<'_>) {
-        let (Some(node), least) = (context.node(event), self.time) else { return };
+    fn on_emergency(
+        &mut self,
+        event: &Event,
+        id: NodeId,
+        emergency: &Emergency,
+        context: &mut RuleContext<'_>,
+    ) {
+        let (Some(node), least) = (context.event_node(event), self.time) else { return };
         for (place, machine) in node.device().machines.iter().enumerate() {
             let Some(watch) = self.nodes.get_mut(id).and_then(|all| all.get_mut(place)) else { continue };
             if emergency.action != EmcyAction::Raised {
-                watch.demand = watch.demand.take().filter(Demand::is_command);
+                watch.demand = watch.demand.take().filter(StateDemand::is_command);
             } else if let (Some(code), Some(active)) = (emergency.code, &watch.active)
                 && demands_fault(node, machine, active, code)
             {
-                watch.demand(event, (id, place, least), Reason::Emcy(code), context);
+                watch.set_demand(event, (id, place, least), DemandReason::Emcy(code), context);
             }
         }
     }
 
     /// Forgets what a device was commanded: it restarted, or its communication state changed.
-    fn forget(&mut self, node: Option<NodeId>, is_restart: bool) {
-        for id in NodeId::all().filter(|id| node.is_none_or(|node| node == *id)) {
+    fn forget_commands(&mut self, node: Option<NodeId>, is_restart: bool) {
+        for id in NodeId::all_ids().filter(|id| node.is_none_or(|node| node == *id)) {
             for watch in self.nodes.get_mut(id).into_iter().flatten() {
                 watch.demand = None;
                 if is_restart {
@@ -206,7 +213,7 @@ impl ActiveNotEnded {
 }
 
 /// Whether the profile demands a fault state after an EMCY.
-fn demands_fault(node: &Node, machine: &Machine, active: &str, code: u16) -> bool {
+fn demands_fault(node: &Node, machine: &StateMachine, active: &str, code: u16) -> bool {
     let is_fault = |to: &str| machine.states.iter().any(|state| state.fault && state.name == to);
     let known = node.device().emcy.code.iter().find(|known| known.code == code);
     let reaction = known.and_then(|known| known.reaction.as_deref());
@@ -219,7 +226,7 @@ fn demands_fault(node: &Node, machine: &Machine, active: &str, code: u16) -> boo
 
 impl ControlFields {
     #[cold]
-    fn learn(&mut self, layout: &Arc<Layout>, node: &Node) {
+    fn learn_fields(&mut self, layout: &Arc<PayloadLayout>, node: &Node) {
         self.layout = Some(Arc::clone(layout));
         let machines = node.device().machines.iter().enumerate();
         let fields = machines.filter_map(|(place, machine)| {
@@ -230,16 +237,16 @@ impl ControlFields {
     }
 }
 
-impl Watch {
+impl MachineWatch {
     fn on_control(
         &mut self,
         event: &Event,
         (id, place, least): (NodeId, usize, i64),
-        (machine, control): (&Machine, u64),
-        context: &mut Context<'_>,
+        (machine, control): (&StateMachine, u64),
+        context: &mut RuleContext<'_>,
     ) {
         let Some(active) = self.active.as_deref() else { return };
-        let to = commanded(machine, active, control).filter(|to| *to != active);
+        let to = commanded_state(machine, active, control).filter(|to| *to != active);
         let Some(to) = to.map(str::to_owned) else {
             // The present state is commanded again.
             self.demand = self.demand.take().filter(|demand| !demand.is_command());
@@ -247,43 +254,43 @@ impl Watch {
         };
         let is_operational = context.confirmed_state(id).is_none_or(|state| state == NmtState::Operational);
         if self.has_followed && is_operational {
-            self.demand(event, (id, place, least), Reason::Control(control, to), context);
+            self.set_demand(event, (id, place, least), DemandReason::Control(control, to), context);
         }
     }
 
-    fn demand(
+    fn set_demand(
         &mut self,
         event: &Event,
         (id, place, least): (NodeId, usize, i64),
-        reason: Reason,
-        context: &mut Context<'_>,
+        reason: DemandReason,
+        context: &mut RuleContext<'_>,
     ) {
         let status = self.status.and_then(|id| context.pdos_of(id));
         if self.demand.is_some() || self.is_told || !context.has_time {
             return;
         }
         let Some(count) = status.map(|status| status.count) else { return };
-        let (frame, time, syncs) = (event.frames.last, context.now, context.traffic.syncs());
-        self.demand = Some(Demand { reason, frame, time, count, syncs });
-        context.wake_at(time.saturating_add(least), token(id, place));
+        let (frame, time, syncs) = (event.frames.last, context.now, context.traffic.sync_count());
+        self.demand = Some(StateDemand { reason, frame, time, count, syncs });
+        context.wake_at(time.saturating_add(least), wake_token(id, place));
     }
 
-    fn report(
+    fn report_demand(
         &mut self,
-        demand: &Demand,
+        demand: &StateDemand,
         frame: u64,
-        (id, machine): (NodeId, &Machine),
-        context: &mut Context<'_>,
+        (id, machine): (NodeId, &StateMachine),
+        context: &mut RuleContext<'_>,
     ) {
         self.is_told = true;
         let active = self.active.as_deref().unwrap_or_default();
         let since = context.timestamp_of(demand.time);
         let alarm = context.fail_at(context.now, Some(id), FrameRange { first: demand.frame, last: frame });
-        alarm.about(about(machine.channel)).since(since).report(|| {
+        alarm.with_subject(machine_subject(machine.channel)).started_at(since).report_finding(|| {
             let first = demand.frame;
             match &demand.reason {
-                Reason::Emcy(code) => format!("{active} in the second TPDO after EMCY {code:04X} {{{first}}} (fault state required)"),
-                Reason::Control(control, to) => {
+                DemandReason::Emcy(code) => format!("{active} in the second TPDO after EMCY {code:04X} {{{first}}} (fault state required)"),
+                DemandReason::Control(control, to) => {
                     format!("{active} in the second TPDO after control word {control:02X} {{{first}}} commanded {to}")
                 }
             }
@@ -291,7 +298,7 @@ impl Watch {
     }
 }
 
-fn token(id: NodeId, place: usize) -> u64 {
+fn wake_token(id: NodeId, place: usize) -> u64 {
     (place as u64) << 8 | u64::from(id.number())
 }
 
@@ -301,19 +308,23 @@ impl Rule for ActiveNotEnded {
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
-            (EventKind::Pdo(pdo), Some(node)) if self.active > 0 => self.control(event, node, pdo, context),
-            (EventKind::DeviceState(state), Some(node)) => self.state(event, node, state, context),
-            (EventKind::BootUp { .. }, node) => self.forget(node, true),
-            (EventKind::NmtCommand { target, .. }, _) => {
-                self.forget(Some(NodeId::Canopen(*target)).filter(|_| *target != 0), false);
+            (EventKind::Pdo(pdo), Some(node)) if self.active > 0 => {
+                self.on_control(event, node, pdo, context)
             }
-            (EventKind::Emcy(emergency), node) if emergency.boot.is_some() => self.forget(node, true),
+            (EventKind::DeviceState(state), Some(node)) => self.on_state(event, node, state, context),
+            (EventKind::BootUp { .. }, node) => self.forget_commands(node, true),
+            (EventKind::NmtCommand { target, .. }, _) => {
+                self.forget_commands(Some(NodeId::Canopen(*target)).filter(|_| *target != 0), false);
+            }
+            (EventKind::Emcy(emergency), node) if emergency.boot.is_some() => {
+                self.forget_commands(node, true)
+            }
             (EventKind::Emcy(emergency), Some(node)) => self.on_emergency(event, node, emergency, context),
             (EventKind::SdoTransfer(transfer), Some(node))
-                if transfer.direction == Some(Direction::Download)
-                    && transfer.outcome == Outcome::Complete =>
+                if transfer.direction == Some(SdoDirection::Download)
+                    && transfer.outcome == SdoOutcome::Complete =>
             {
                 // The download may select another source of commands.
                 for watch in self.nodes.get_mut(node).into_iter().flatten() {
@@ -325,7 +336,7 @@ impl Rule for ActiveNotEnded {
         }
     }
 
-    fn wake(&mut self, wanted: u64, context: &mut Context<'_>) {
+    fn on_wake(&mut self, wanted: u64, context: &mut RuleContext<'_>) {
         let time = self.time;
         let Some(id) = u8::try_from(wanted & 0xFF).ok().map(NodeId::Canopen) else { return };
         let Some(place) = usize::try_from(wanted >> 8).ok() else { return };
@@ -338,7 +349,7 @@ impl Rule for ActiveNotEnded {
         let lapsed = context.now.saturating_sub(demand.time) > LAPSE || context.is_across_hole(demand.frame);
         let Some(status) = status.filter(|_| !lapsed) else { return };
         if demand.is_ignored(status, 0, time, context) {
-            return watch.report(&demand, status.frames.0, (id, machine), context);
+            return watch.report_demand(&demand, status.frames.0, (id, machine), context);
         }
         let due = demand.time.saturating_add(time);
         let due = if due > context.now { due } else { context.now.saturating_add(AGAIN) };

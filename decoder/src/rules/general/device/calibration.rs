@@ -1,10 +1,10 @@
 //! Failed and unfinished calibrations.
 
 use crate::event::{EmcyAction, Event, EventKind, FrameRange, Kind, ProcedureEvent, ProcedurePhase};
-use crate::finding::{About, Severity};
+use crate::finding::{FindingSubject, Severity};
 use crate::profile::device::ProcedureStatus;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::NodeId;
 
 declare_rule! {
@@ -30,7 +30,7 @@ declare_rule! {
     kinds: [Kind::Procedure, Kind::BootUp, Kind::Emcy],
     needs: "a procedure of the profile",
     word: "CALIB",
-    tolerances: &[tolerance("times", 2.0, "", "maximum duration as a multiple of the nominal time, a warning")],
+    tolerances: &[define_tolerance("times", 2.0, "", "maximum duration as a multiple of the nominal time, a warning")],
 }
 
 /// KIND word of calibration procedures.
@@ -57,35 +57,41 @@ struct Calibration {
     begun: u64,
 }
 
-fn new(policy: &Policy) -> Calibration {
-    Calibration { times: policy.tolerance(&DECLARATION, "times"), running: Vec::new(), begun: 0 }
+fn new(policy: &RulePolicy) -> Calibration {
+    Calibration { times: policy.tolerance_value(&DECLARATION, "times"), running: Vec::new(), begun: 0 }
 }
 
 /// Duration in ns of a time in s.
 #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-const fn span(seconds: f64) -> i64 {
+const fn to_nanoseconds(seconds: f64) -> i64 {
     (seconds * 1e9) as i64
 }
 
 /// Duration in ns as text.
-fn after(time: i64) -> String {
+fn duration_text(time: i64) -> String {
     #[expect(clippy::cast_precision_loss, reason = "a time to read")]
     let seconds = time as f64 / 1e9;
     format!(" after {seconds:.1} s")
 }
 
 impl Calibration {
-    fn procedure(&mut self, event: &Event, node: NodeId, told: &ProcedureEvent, context: &mut Context<'_>) {
+    fn on_procedure(
+        &mut self,
+        event: &Event,
+        node: NodeId,
+        told: &ProcedureEvent,
+        context: &mut RuleContext<'_>,
+    ) {
         let is = |status: ProcedureStatus| told.status == status;
         if is(ProcedureStatus::Running) {
-            return self.started(event, node, told, context);
+            return self.on_started(event, node, told, context);
         }
         if is(ProcedureStatus::Ended) {
-            return self.ended(node, told, context);
+            return self.on_ended(node, told, context);
         }
         self.running.retain(|running| running.node != node || running.name != told.procedure);
-        let about = About::Name(told.procedure.as_str().into());
-        context.close(Some(node), about.clone());
+        let about = FindingSubject::Name(told.procedure.as_str().into());
+        context.close_condition(Some(node), about.clone());
         let (severity, what) = if told.phase == ProcedurePhase::FailedEarlier {
             (Severity::Warning, "failed before this capture")
         } else if is(ProcedureStatus::Error) {
@@ -95,43 +101,51 @@ impl Calibration {
         } else if is(ProcedureStatus::Stopped) {
             (Severity::Note, "stopped")
         } else {
-            return context.pass();
+            return context.count_pass();
         };
-        let alarm = context.fail(event).about(about).severity(severity);
-        alarm.report(|| {
-            let after = told.duration.map_or_else(String::new, after);
+        let alarm = context.start_finding(event).with_subject(about).with_severity(severity);
+        alarm.report_finding(|| {
+            let after = told.duration.map_or_else(String::new, duration_text);
             let why = if told.text.is_empty() { String::new() } else { format!(": {}", told.text) };
             format!("{} {what}{after}{why}", told.procedure)
         });
     }
 
     /// Waits for the status of a calibration that ended with an unknown result, at least its nominal time.
-    fn ended(&mut self, node: NodeId, told: &ProcedureEvent, context: &mut Context<'_>) {
-        context.close(Some(node), About::Name(told.procedure.as_str().into()));
+    fn on_ended(&mut self, node: NodeId, told: &ProcedureEvent, context: &mut RuleContext<'_>) {
+        context.close_condition(Some(node), FindingSubject::Name(told.procedure.as_str().into()));
         let found =
             self.running.iter_mut().find(|running| running.node == node && running.name == told.procedure);
         let Some(running) = found else { return };
         self.begun += 1;
         running.number = self.begun;
-        running.due = running.due.max(context.now.saturating_add(span(running.nominal)));
-        let after = told.duration.map_or_else(String::new, after);
+        running.due = running.due.max(context.now.saturating_add(to_nanoseconds(running.nominal)));
+        let after = told.duration.map_or_else(String::new, duration_text);
         running.unread = Some(format!("{} ended{after}; {}", told.procedure, told.text));
         context.wake_at(running.due, running.number);
     }
 
     /// Reports calibrations that a restart interrupted.
-    fn restarted(&mut self, event: &Event, node: NodeId, context: &mut Context<'_>) {
+    fn on_restart(&mut self, event: &Event, node: NodeId, context: &mut RuleContext<'_>) {
         let is_interrupted = |it: &RunningCalibration| it.node == node && it.unread.is_none();
         for running in self.running.iter().filter(|it| is_interrupted(it)) {
-            let about = About::Name(running.name.as_str().into());
+            let about = FindingSubject::Name(running.name.as_str().into());
             let time = context.now.saturating_sub(running.began);
-            let alarm = context.fail(event).about(about).severity(Severity::Warning);
-            alarm.report(|| format!("{} interrupted by a restart{}", running.name, after(time)));
+            let alarm = context.start_finding(event).with_subject(about).with_severity(Severity::Warning);
+            alarm.report_finding(|| {
+                format!("{} interrupted by a restart{}", running.name, duration_text(time))
+            });
         }
         self.running.retain(|it| !is_interrupted(it));
     }
 
-    fn started(&mut self, event: &Event, node: NodeId, told: &ProcedureEvent, context: &mut Context<'_>) {
+    fn on_started(
+        &mut self,
+        event: &Event,
+        node: NodeId,
+        told: &ProcedureEvent,
+        context: &mut RuleContext<'_>,
+    ) {
         let (Some(nominal), true) = (told.nominal, told.phase == ProcedurePhase::Started && context.has_time)
         else {
             return;
@@ -140,7 +154,7 @@ impl Calibration {
             return;
         }
         self.running.retain(|running| running.node != node || running.name != told.procedure);
-        let time = span(nominal * self.times);
+        let time = to_nanoseconds(nominal * self.times);
         let began = context.now;
         let due = began.saturating_add(time);
         self.begun += 1;
@@ -152,27 +166,30 @@ impl Calibration {
 }
 
 impl Rule for Calibration {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let Some(node) = event.node else { return };
         match &event.kind {
             EventKind::Procedure(told) if told.word.as_deref() == Some(CALIBRATION) => {
-                self.procedure(event, node, told, context);
+                self.on_procedure(event, node, told, context);
             }
-            EventKind::BootUp { .. } => self.restarted(event, node, context),
+            EventKind::BootUp { .. } => self.on_restart(event, node, context),
             EventKind::Emcy(emergency) if emergency.action == EmcyAction::Ready => {
-                self.restarted(event, node, context);
+                self.on_restart(event, node, context);
             }
             _ => {}
         }
     }
 
-    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
+    fn on_wake(&mut self, token: u64, context: &mut RuleContext<'_>) {
         let Some(running) = self.running.iter().find(|running| running.number == token) else { return };
         let since = context.timestamp_of(running.began);
         let alarm = context.fail_at(running.due, Some(running.node), FrameRange::one(running.frame));
         let severity = if running.unread.is_some() { Severity::Note } else { Severity::Warning };
-        let alarm = alarm.about(About::Name(running.name.as_str().into())).severity(severity).since(since);
-        alarm.report(|| {
+        let alarm = alarm
+            .with_subject(FindingSubject::Name(running.name.as_str().into()))
+            .with_severity(severity)
+            .started_at(since);
+        alarm.report_finding(|| {
             if let Some(text) = &running.unread {
                 return text.clone();
             }

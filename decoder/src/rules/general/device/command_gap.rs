@@ -5,12 +5,13 @@ use std::collections::HashMap;
 use foldhash::fast::FixedState;
 
 use crate::event::{
-    Event, EventKind, FrameRange, J1939Message, Kind, MessageGap, Outcome, Pdo, ProcedurePhase, SdoTransfer,
+    DecodedPdo, Event, EventKind, FrameRange, J1939Message, Kind, MessageGap, ProcedurePhase, SdoOutcome,
+    SdoTransfer,
 };
-use crate::finding::{About, Severity};
+use crate::finding::{FindingSubject, Severity};
 use crate::frame::CanId;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Need, PdoSlot, PdoSubset, Policy, Rule};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{BySlot, FrameNeed, PdoSlot, PdoSubset, Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::{NodeId, NodeMap};
@@ -43,9 +44,9 @@ declare_rule! {
     is_timing: true,
     word: "GAP",
     tolerances: &[
-        tolerance("warning-percent", 60.0, "%", "of the limit in the device manual, a warning; beyond the limit an error"),
-        tolerance("median-times", 3.0, "", "multiple of the usual interval of an RPDO, a warning"),
-        tolerance("least-ms", 10.0, "ms", "minimum gap of an RPDO; shorter gaps may come from the capturing interface"),
+        define_tolerance("warning-percent", 60.0, "%", "of the limit in the device manual, a warning; beyond the limit an error"),
+        define_tolerance("median-times", 3.0, "", "multiple of the usual interval of an RPDO, a warning"),
+        define_tolerance("least-ms", 10.0, "ms", "minimum gap of an RPDO; shorter gaps may come from the capturing interface"),
     ],
 }
 
@@ -58,7 +59,7 @@ const BEFORE: i64 = 1_000_000_000;
 /// Maximum number of J1939 identifiers; further ones are only checked by `message-gap` events.
 const AWAITED_LIMIT: usize = 4096;
 
-/// Stream of one RPDO, stored by its index in [`crate::rules::Traffic`].
+/// Stream of one RPDO, stored by its index in [`crate::rules::PdoTraffic`].
 #[derive(Default)]
 struct RpdoStream {
     /// Node, identifier and name, once the stream was cyclic.
@@ -84,11 +85,11 @@ struct CommandGap {
     all_busy: Option<i64>,
 }
 
-fn new(policy: &Policy) -> CommandGap {
+fn new(policy: &RulePolicy) -> CommandGap {
     CommandGap {
-        warning: policy.tolerance(&DECLARATION, "warning-percent") / 100.0,
-        times: policy.tolerance(&DECLARATION, "median-times"),
-        least: policy.nanoseconds(&DECLARATION, "least-ms"),
+        warning: policy.tolerance_value(&DECLARATION, "warning-percent") / 100.0,
+        times: policy.tolerance_value(&DECLARATION, "median-times"),
+        least: policy.tolerance_ns(&DECLARATION, "least-ms"),
         streams: BySlot::default(),
         awaited: HashMap::default(),
         busy: NodeMap::default(),
@@ -98,10 +99,10 @@ fn new(policy: &Policy) -> CommandGap {
 
 impl CommandGap {
     #[inline]
-    fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
-        let Some(slot) = context.traffic.current() else { return };
+    fn on_pdo(&mut self, event: &Event, pdo: &DecodedPdo, context: &mut RuleContext<'_>) {
+        let Some(slot) = context.traffic.current_slot() else { return };
         let (Some(interval), Some(median)) = (slot.interval(), slot.median) else { return };
-        let Some(stream) = self.streams.of(slot) else { return };
+        let Some(stream) = self.streams.entry_of(slot) else { return };
         if interval <= median.saturating_mul(2) {
             // A burst is not a cycle.
             let is_near = interval >= median / 2;
@@ -116,48 +117,53 @@ impl CommandGap {
                 if stream.of.is_none() {
                     stream.of = event.node.map(|node| (node, pdo.cob_id, pdo.name.to_string()));
                 }
-                context.pass();
+                context.count_pass();
             }
             return;
         }
         let was_regular = std::mem::take(&mut stream.regular) >= REGULAR;
         context.ask_again();
-        if was_regular && interval > self.limit(median) {
-            self.gap(event, slot, (interval, median), context);
+        if was_regular && interval > self.min_gap(median) {
+            self.on_gap(event, slot, (interval, median), context);
         }
     }
 
     /// Minimum length of a gap, in nanoseconds.
-    fn limit(&self, median: i64) -> i64 {
+    fn min_gap(&self, median: i64) -> i64 {
         #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "a time to compare")]
         let limit = (median as f64 * self.times) as i64;
         limit.max(self.least)
     }
 
     #[cold]
-    fn gap(
+    fn on_gap(
         &mut self,
         event: &Event,
         slot: &PdoSlot,
         (interval, median): (i64, i64),
-        context: &mut Context<'_>,
+        context: &mut RuleContext<'_>,
     ) {
         let Some((node, _, name)) = self.streams.get(slot.place).and_then(|stream| stream.of.as_ref()) else {
             return;
         };
-        let severity = self.severity(*node, context.now.saturating_sub(interval), context);
-        let limit = self.limit(median);
+        let severity = self.gap_severity(*node, context.now.saturating_sub(interval), context);
+        let limit = self.min_gap(median);
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
-        let alarm = context.fail(event).node(Some(*node)).measure(interval as f64).severity(severity);
-        let alarm = alarm.about(About::Name(name.as_str().into())).frames(slot.between());
-        alarm.report(|| {
-            let [interval, limit, median] = [interval, limit, median].map(milliseconds);
+        let alarm = context
+            .start_finding(event)
+            .at_node(Some(*node))
+            .with_measure(interval as f64)
+            .with_severity(severity);
+        let alarm =
+            alarm.with_subject(FindingSubject::Name(name.as_str().into())).with_frames(slot.frames_between());
+        alarm.report_finding(|| {
+            let [interval, limit, median] = [interval, limit, median].map(milliseconds_text);
             format!("{name} interval {interval} > {limit} (usual {median})")
         });
     }
 
     /// Severity of a gap that began at `from`: a note if the master was acting on the node.
-    fn severity(&self, node: NodeId, from: i64, context: &Context<'_>) -> Severity {
+    fn gap_severity(&self, node: NodeId, from: i64, context: &RuleContext<'_>) -> Severity {
         let is_wanted = self.is_wanted(node, from);
         let is_off = context.confirmed_state(node).is_some_and(|state| state != NmtState::Operational);
         if is_wanted || is_off { Severity::Note } else { Severity::Warning }
@@ -169,13 +175,15 @@ impl CommandGap {
         times.max().is_some_and(|time| time >= from.saturating_sub(BEFORE))
     }
 
-    fn message(&mut self, event: &Event, message: &J1939Message, context: &mut Context<'_>) {
+    fn on_message(&mut self, event: &Event, message: &J1939Message, context: &mut RuleContext<'_>) {
         if !self.awaited.contains_key(&message.can_id) && self.awaited.len() >= AWAITED_LIMIT {
             return;
         }
         let entry = self.awaited.entry(message.can_id);
-        let awaited =
-            entry.or_insert_with(|| MonitoredMessage { of: context.bus.awaited(message.can_id), last: None });
+        let awaited = entry.or_insert_with(|| MonitoredMessage {
+            of: context.bus.awaited_message(message.can_id),
+            last: None,
+        });
         let Some((node, limit)) = awaited.of else { return };
         let (now, frame) = (context.now, event.frames.last);
         let Some((last, before)) = awaited.last.replace((now, frame)) else { return };
@@ -183,7 +191,7 @@ impl CommandGap {
         #[expect(clippy::cast_precision_loss, reason = "times to compare")]
         let share = interval as f64 / limit.max(1) as f64;
         if share <= self.warning {
-            return context.pass();
+            return context.count_pass();
         }
         if context.is_across_hole(before) {
             return;
@@ -191,35 +199,43 @@ impl CommandGap {
         // A `message-gap` event reports longer intervals.
         if share <= 1.0 {
             let frames = FrameRange { first: before, last: frame };
-            let alarm = context.fail(event).node(Some(node)).severity(Severity::Warning).frames(frames);
-            let alarm = alarm.about(About::Pgn(message.id.pgn.number())).measure(share);
-            alarm.report(|| {
+            let alarm = context
+                .start_finding(event)
+                .at_node(Some(node))
+                .with_severity(Severity::Warning)
+                .with_frames(frames);
+            let alarm = alarm.with_subject(FindingSubject::Pgn(message.id.pgn.number())).with_measure(share);
+            alarm.report_finding(|| {
                 let name = message.name.as_deref().unwrap_or("message");
                 let ([interval, limit], percent) =
-                    ([interval, limit].map(milliseconds), self.warning * 100.0);
+                    ([interval, limit].map(milliseconds_text), self.warning * 100.0);
                 format!("{name} interval {interval} > {percent:.0} % of the limit {limit}")
             });
         }
     }
 
-    fn message_gap(event: &Event, gap: &MessageGap, context: &mut Context<'_>) {
+    fn message_gap(event: &Event, gap: &MessageGap, context: &mut RuleContext<'_>) {
         #[expect(clippy::cast_precision_loss, reason = "times to compare")]
         let share = gap.gap as f64 / gap.limit.max(1) as f64;
-        let alarm = context.fail(event).about(About::Pgn(gap.pgn.number())).measure(share);
-        alarm.report(|| {
-            let [length, limit] = [gap.gap, gap.limit].map(milliseconds);
-            let usual =
-                gap.usual.map_or_else(String::new, |(usual, _)| format!(" (usual {})", milliseconds(usual)));
+        let alarm = context
+            .start_finding(event)
+            .with_subject(FindingSubject::Pgn(gap.pgn.number()))
+            .with_measure(share);
+        alarm.report_finding(|| {
+            let [length, limit] = [gap.gap, gap.limit].map(milliseconds_text);
+            let usual = gap
+                .usual
+                .map_or_else(String::new, |(usual, _)| format!(" (usual {})", milliseconds_text(usual)));
             let missing = if gap.came_again { "" } else { " and missing until the end of the capture" };
             format!("{} interval {length} > {limit}{usual}{missing}", gap.message)
         });
     }
 
-    fn transfer(&mut self, event: &Event, transfer: &SdoTransfer, now: i64) {
+    fn on_transfer(&mut self, event: &Event, transfer: &SdoTransfer, now: i64) {
         // Communication and mapping parameters of PDOs (CiA 301 §7.5.2.35 to §7.5.2.38).
         let is_remap = transfer.object.is_some_and(|object| matches!(object.index, 0x1400..=0x1BFF));
         if is_remap
-            && transfer.outcome == Outcome::Complete
+            && transfer.outcome == SdoOutcome::Complete
             && let Some(time) = event.node.and_then(|node| self.busy.entry(node))
         {
             *time = now;
@@ -227,41 +243,41 @@ impl CommandGap {
     }
 }
 
-fn milliseconds(time: i64) -> String {
+fn milliseconds_text(time: i64) -> String {
     #[expect(clippy::cast_precision_loss, reason = "a time to read")]
     let milliseconds = time as f64 / 1e6;
     if milliseconds < 10.0 { format!("{milliseconds:.1} ms") } else { format!("{milliseconds:.0} ms") }
 }
 
 impl Rule for CommandGap {
-    fn need(&self, event: &Event, context: &Context<'_>) -> Need {
+    fn frame_need(&self, event: &Event, context: &RuleContext<'_>) -> FrameNeed {
         if let EventKind::J1939Message(message) = &event.kind {
             let is_awaited = self.awaited.get(&message.can_id).is_some_and(|awaited| awaited.of.is_some());
-            return if is_awaited { Need::EACH } else { Need::NOTHING };
+            return if is_awaited { FrameNeed::EACH } else { FrameNeed::NOTHING };
         }
         if event.presumed {
-            return Need::EACH;
+            return FrameNeed::EACH;
         }
-        let Some(slot) = context.traffic.current() else { return Need::EACH };
+        let Some(slot) = context.traffic.current_slot() else { return FrameNeed::EACH };
         let stream = self.streams.get(slot.place).filter(|stream| stream.regular >= REGULAR);
         let need = match (slot.median, stream) {
             (Some(median), Some(_)) => {
-                Need { shortest: median / 2, longest: median.saturating_mul(2), ..Need::PASSED }
+                FrameNeed { shortest: median / 2, longest: median.saturating_mul(2), ..FrameNeed::PASSED }
             }
-            _ => Need::EACH,
+            _ => FrameNeed::EACH,
         };
-        Need { follows_interval: true, ..need }
+        FrameNeed { follows_interval: true, ..need }
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match &event.kind {
-            EventKind::Pdo(pdo) if !event.presumed => self.pdo(event, pdo, context),
+            EventKind::Pdo(pdo) if !event.presumed => self.on_pdo(event, pdo, context),
             EventKind::J1939Message(message) if message.layout.is_some() => {
-                self.message(event, message, context);
+                self.on_message(event, message, context);
             }
             EventKind::MessageGap(gap) => Self::message_gap(event, gap, context),
-            EventKind::SdoTransfer(transfer) => self.transfer(event, transfer, context.now),
+            EventKind::SdoTransfer(transfer) => self.on_transfer(event, transfer, context.now),
             EventKind::Procedure(procedure) if procedure.phase == ProcedurePhase::Finished => {
                 if let Some(time) = event.node.and_then(|node| self.busy.entry(node)) {
                     *time = context.now;
@@ -278,7 +294,7 @@ impl Rule for CommandGap {
         }
     }
 
-    fn finish(&mut self, context: &mut Context<'_>) {
+    fn on_end(&mut self, context: &mut RuleContext<'_>) {
         for stream in self.streams.iter().filter(|stream| stream.regular >= REGULAR) {
             let Some((node, id, name)) = &stream.of else { continue };
             let Some((slot, median)) = context.pdos_of(*id).and_then(|slot| Some((slot, slot.median?)))
@@ -286,16 +302,20 @@ impl Rule for CommandGap {
                 continue;
             };
             let (last, frame, gap) = (slot.last, slot.frames.0, context.now.saturating_sub(slot.last));
-            if gap <= self.limit(median) || self.is_wanted(*node, last) {
+            if gap <= self.min_gap(median) || self.is_wanted(*node, last) {
                 continue;
             }
-            let severity = self.severity(*node, last, context);
-            let (since, limit) = (context.timestamp_of(last), self.limit(median));
+            let severity = self.gap_severity(*node, last, context);
+            let (since, limit) = (context.timestamp_of(last), self.min_gap(median));
             #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
-            let alarm = context.fail_at(context.now, Some(*node), FrameRange::one(frame)).measure(gap as f64);
-            let alarm = alarm.about(About::Name(name.as_str().into())).severity(severity).since(since);
-            alarm.report(|| {
-                let [limit, median] = [limit, median].map(milliseconds);
+            let alarm =
+                context.fail_at(context.now, Some(*node), FrameRange::one(frame)).with_measure(gap as f64);
+            let alarm = alarm
+                .with_subject(FindingSubject::Name(name.as_str().into()))
+                .with_severity(severity)
+                .started_at(since);
+            alarm.report_finding(|| {
+                let [limit, median] = [limit, median].map(milliseconds_text);
                 format!("{name} missing (limit {limit}, usual {median})")
             });
         }

@@ -1,12 +1,12 @@
 //! Several RPDOs per SYNC interval, of which only the last one is effective.
 
-use crate::event::{Event, EventKind, FrameRange, Kind, Pdo};
-use crate::finding::{About, Severity};
+use crate::event::{DecodedPdo, Event, EventKind, FrameRange, Kind};
+use crate::finding::{FindingSubject, Severity};
 use crate::profile::PdoName;
 use crate::profile::device::PdoEffect;
 use crate::rules::general::facts::confirmed_number;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Need, PdoSubset, Policy, Rule, TransferSubset};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{BySlot, FrameNeed, PdoSubset, Rule, RuleContext, RulePolicy, TransferSubset};
 use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
@@ -39,8 +39,8 @@ declare_rule! {
     needs: "SYNC, and RPDOs that take effect at SYNC according to 14xx:02 or the profile",
     word: "SYNC",
     tolerances: &[
-        tolerance("note-count", 1.0, "", "maximum RPDOs of one identifier in a SYNC interval, else a note"),
-        tolerance("warning-count", 2.0, "", "maximum RPDOs of one identifier in a SYNC interval, else a warning"),
+        define_tolerance("note-count", 1.0, "", "maximum RPDOs of one identifier in a SYNC interval, else a note"),
+        define_tolerance("warning-count", 2.0, "", "maximum RPDOs of one identifier in a SYNC interval, else a warning"),
     ],
 }
 
@@ -50,9 +50,9 @@ const ALIVE: i64 = 1_000_000_000;
 /// Highest transmission type that waits for SYNC (CiA 301 §7.5.2.35).
 const LAST_SYNCHRONOUS: u64 = 240;
 
-/// One RPDO, stored by its index in [`crate::rules::Traffic`].
+/// One RPDO, stored by its index in [`crate::rules::PdoTraffic`].
 #[derive(Default)]
-struct Commands {
+struct RpdoCommands {
     /// The RPDO takes effect at SYNC; `None` before the look-up.
     waits: Option<bool>,
     of: Option<(NodeId, PdoName)>,
@@ -63,7 +63,7 @@ struct Commands {
 struct CommandsPerSync {
     note: f64,
     warning: f64,
-    commands: BySlot<Commands>,
+    commands: BySlot<RpdoCommands>,
     /// Indices of the RPDOs that take effect at SYNC.
     waiting: Vec<usize>,
     last: Option<i64>,
@@ -71,10 +71,10 @@ struct CommandsPerSync {
     may_wait: bool,
 }
 
-fn new(policy: &Policy) -> CommandsPerSync {
+fn new(policy: &RulePolicy) -> CommandsPerSync {
     CommandsPerSync {
-        note: policy.tolerance(&DECLARATION, "note-count"),
-        warning: policy.tolerance(&DECLARATION, "warning-count"),
+        note: policy.tolerance_value(&DECLARATION, "note-count"),
+        warning: policy.tolerance_value(&DECLARATION, "warning-count"),
         commands: BySlot::default(),
         waiting: Vec::new(),
         last: None,
@@ -84,12 +84,12 @@ fn new(policy: &Policy) -> CommandsPerSync {
 
 impl CommandsPerSync {
     #[inline]
-    fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
-        let Some(slot) = context.traffic.current() else { return };
-        let Some(commands) = self.commands.of(slot) else { return };
+    fn on_pdo(&mut self, event: &Event, pdo: &DecodedPdo, context: &mut RuleContext<'_>) {
+        let Some(slot) = context.traffic.current_slot() else { return };
+        let Some(commands) = self.commands.entry_of(slot) else { return };
         match commands.waits {
             Some(false) => {}
-            Some(true) => commands.take(event.frames.last),
+            Some(true) => commands.take_command(event.frames.last),
             None => {
                 self.look_up(event, pdo, slot.place, context);
                 context.ask_again();
@@ -98,18 +98,18 @@ impl CommandsPerSync {
     }
 
     #[cold]
-    fn look_up(&mut self, event: &Event, pdo: &Pdo, place: usize, context: &Context<'_>) {
+    fn look_up(&mut self, event: &Event, pdo: &DecodedPdo, place: usize, context: &RuleContext<'_>) {
         let (Some(commands), Some(id)) = (self.commands.get_mut(place), event.node) else { return };
-        let waits = context.node(event).is_some_and(|node| waits_for_sync(node, pdo.name));
+        let waits = context.event_node(event).is_some_and(|node| waits_for_sync(node, pdo.name));
         commands.waits = Some(waits);
         if waits {
             commands.of = Some((id, pdo.name));
-            commands.take(event.frames.last);
+            commands.take_command(event.frames.last);
             self.waiting.push(place);
         }
     }
 
-    fn sync(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_sync(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let before = self.last.replace(context.now);
         let is_alive = before.is_some_and(|before| context.now.saturating_sub(before) <= ALIVE);
         for place in &self.waiting {
@@ -117,20 +117,23 @@ impl CommandsPerSync {
             let (count, frames) = (std::mem::take(&mut commands.count), commands.frames);
             let (Some((node, name)), true, 1..) = (commands.of, is_alive, count) else { continue };
             if f64::from(count) <= self.note {
-                context.pass();
+                context.count_pass();
                 continue;
             }
             let most = self.note;
             let severity = if f64::from(count) > self.warning { Severity::Warning } else { Severity::Note };
-            let alarm = context.fail(event).node(Some(node)).about(About::Name(name.to_string().into()));
-            let alarm = alarm.severity(severity).measure(f64::from(count)).frames(frames);
-            alarm.report(|| {
+            let alarm = context
+                .start_finding(event)
+                .at_node(Some(node))
+                .with_subject(FindingSubject::Name(name.to_string().into()));
+            let alarm = alarm.with_severity(severity).with_measure(f64::from(count)).with_frames(frames);
+            alarm.report_finding(|| {
                 format!("{count} {name} in one SYNC interval (max {most}, only the last is effective)")
             });
         }
     }
 
-    fn forget(&mut self, context: &mut Context<'_>) {
+    fn forget_commands(&mut self, context: &mut RuleContext<'_>) {
         context.ask_again();
         self.waiting.clear();
         self.commands.clear();
@@ -160,8 +163,8 @@ fn may_wait(bus: &Bus) -> bool {
     bus.nodes().any(|node| by_profile(node) || by_type(node))
 }
 
-impl Commands {
-    fn take(&mut self, frame: u64) {
+impl RpdoCommands {
+    fn take_command(&mut self, frame: u64) {
         if self.count == 0 {
             self.frames.first = frame;
         }
@@ -171,7 +174,7 @@ impl Commands {
 }
 
 impl Rule for CommandsPerSync {
-    fn begin(&mut self, context: &mut Context<'_>) {
+    fn begin_bus(&mut self, context: &mut RuleContext<'_>) {
         self.may_wait = may_wait(context.bus);
     }
 
@@ -179,30 +182,30 @@ impl Rule for CommandsPerSync {
         self.may_wait
     }
 
-    fn need(&self, _event: &Event, context: &Context<'_>) -> Need {
-        let commands = context.traffic.current().and_then(|slot| self.commands.get(slot.place));
+    fn frame_need(&self, _event: &Event, context: &RuleContext<'_>) -> FrameNeed {
+        let commands = context.traffic.current_slot().and_then(|slot| self.commands.get(slot.place));
         match commands.and_then(|commands| commands.waits) {
-            Some(false) => Need::NOTHING,
-            Some(true) | None => Need::EACH,
+            Some(false) => FrameNeed::NOTHING,
+            Some(true) | None => FrameNeed::EACH,
         }
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match &event.kind {
-            EventKind::Pdo(pdo) => self.pdo(event, pdo, context),
-            EventKind::Sync { .. } => self.sync(event, context),
+            EventKind::Pdo(pdo) => self.on_pdo(event, pdo, context),
+            EventKind::Sync { .. } => self.on_sync(event, context),
             // Another device may have other PDOs.
             EventKind::NodeIdentified(_) => {
-                self.forget(context);
+                self.forget_commands(context);
                 self.may_wait = may_wait(context.bus);
             }
             EventKind::SdoTransfer(transfer) if transfer.object.is_some_and(is_type) => {
-                self.forget(context);
+                self.forget_commands(context);
                 self.may_wait = true;
             }
-            EventKind::BootUp { .. } => self.forget(context),
-            EventKind::Emcy(emergency) if emergency.boot.is_some() => self.forget(context),
+            EventKind::BootUp { .. } => self.forget_commands(context),
+            EventKind::Emcy(emergency) if emergency.boot.is_some() => self.forget_commands(context),
             EventKind::NodeIdChange { .. } => self.may_wait = may_wait(context.bus),
             _ => {}
         }

@@ -1,10 +1,10 @@
 //! Fault reset bits that are held instead of toggled.
 
-use super::machines::{about, edges_out, machine};
-use crate::event::{DeviceState, EmcyAction, Event, EventKind, Kind, Pdo};
+use super::machines::{edges_out, machine_subject, state_machine};
+use crate::event::{DecodedPdo, DeviceState, EmcyAction, Event, EventKind, Kind};
 use crate::profile::SignalId;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, PdoSubset, Policy, Rule};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{PdoSubset, Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::{NodeId, NodeMap};
 
@@ -30,8 +30,8 @@ declare_rule! {
     needs: "a reported fault that an edge of the control word resets",
     word: "STUCK",
     tolerances: &[
-        tolerance("messages", 3.0, "", "consecutive control words with the bit set"),
-        tolerance("time-ms", 300.0, "ms", "for which the bit is set"),
+        define_tolerance("messages", 3.0, "", "consecutive control words with the bit set"),
+        define_tolerance("time-ms", 300.0, "ms", "for which the bit is set"),
     ],
 }
 
@@ -39,7 +39,7 @@ declare_rule! {
 const FAULT_LIMIT: usize = 16;
 
 /// Fault that has not been reset.
-struct Fault {
+struct PendingFault {
     channel: Option<u8>,
     state: String,
     leave: Option<String>,
@@ -58,22 +58,22 @@ struct Fault {
 struct FaultResetWithoutEdge {
     messages: f64,
     time: i64,
-    faults: NodeMap<Vec<Fault>>,
+    faults: NodeMap<Vec<PendingFault>>,
     /// Number of faults of all nodes; without a fault, PDOs are skipped.
     count: usize,
 }
 
-fn new(policy: &Policy) -> FaultResetWithoutEdge {
+fn new(policy: &RulePolicy) -> FaultResetWithoutEdge {
     FaultResetWithoutEdge {
-        messages: policy.tolerance(&DECLARATION, "messages"),
-        time: policy.nanoseconds(&DECLARATION, "time-ms"),
+        messages: policy.tolerance_value(&DECLARATION, "messages"),
+        time: policy.tolerance_ns(&DECLARATION, "time-ms"),
         faults: NodeMap::default(),
         count: 0,
     }
 }
 
 impl FaultResetWithoutEdge {
-    fn state(&mut self, event: &Event, node: NodeId, state: &DeviceState, context: &mut Context<'_>) {
+    fn on_state(&mut self, event: &Event, node: NodeId, state: &DeviceState, context: &mut RuleContext<'_>) {
         if let Some(faults) = self.faults.get_mut(node)
             && let Some(place) = faults.iter().position(|fault| fault.channel == state.channel)
         {
@@ -81,17 +81,19 @@ impl FaultResetWithoutEdge {
             self.count = self.count.saturating_sub(1);
             if fault.is_told {
                 fault.report_held_bits(event, context);
-                context.close(Some(node), about(fault.channel));
+                context.close_condition(Some(node), machine_subject(fault.channel));
             } else if fault.has_edge {
-                context.pass();
+                context.count_pass();
             }
         }
-        let Some((_, machine)) = context.node(event).and_then(|node| machine(node, state)) else { return };
+        let Some((_, machine)) = context.event_node(event).and_then(|node| state_machine(node, state)) else {
+            return;
+        };
         let edges = edges_out(machine, &state.to);
         let Some(faults) = self.faults.entry(node) else { return };
         if state.fault && edges != 0 && faults.len() < FAULT_LIMIT {
             self.count += 1;
-            faults.push(Fault {
+            faults.push(PendingFault {
                 channel: state.channel,
                 state: state.to.clone(),
                 leave: state.leave.clone(),
@@ -107,13 +109,13 @@ impl FaultResetWithoutEdge {
     }
 
     #[cold]
-    fn control(&mut self, event: &Event, node: NodeId, pdo: &Pdo, context: &mut Context<'_>) {
+    fn on_control(&mut self, event: &Event, node: NodeId, pdo: &DecodedPdo, context: &mut RuleContext<'_>) {
         let (Some(faults), Some(layout)) = (self.faults.get_mut(node), &pdo.layout) else { return };
         for fault in faults {
             let own = |id: SignalId| id == SignalId::Object(fault.control);
             let field = layout.fields.iter().find(|field| own(field.id));
-            let Some(control) = field.and_then(|field| field.extract(pdo.payload())) else { continue };
-            fault.take(control, event.frames.last, context.now);
+            let Some(control) = field.and_then(|field| field.extract_bits(pdo.payload())) else { continue };
+            fault.take_control(control, event.frames.last, context.now);
             let Some(since) = fault.since.filter(|_| !fault.has_edge && !fault.is_told) else { continue };
             #[expect(clippy::cast_precision_loss, reason = "a count of messages")]
             let is_held = fault.count as f64 >= self.messages
@@ -125,18 +127,18 @@ impl FaultResetWithoutEdge {
         }
     }
 
-    fn forget(&mut self, node: NodeId, context: &mut Context<'_>) {
+    fn forget_fault(&mut self, node: NodeId, context: &mut RuleContext<'_>) {
         for fault in self.faults.remove(node).unwrap_or_default() {
             self.count = self.count.saturating_sub(1);
             if fault.is_told {
-                context.close(Some(node), about(fault.channel));
+                context.close_condition(Some(node), machine_subject(fault.channel));
             }
         }
     }
 }
 
-impl Fault {
-    fn take(&mut self, control: u64, frame: u64, now: i64) {
+impl PendingFault {
+    fn take_control(&mut self, control: u64, frame: u64, now: i64) {
         if control & self.edges != self.edges {
             // A rising edge is possible from here on.
             (self.since, self.count, self.has_edge) = (None, 0, true);
@@ -148,12 +150,16 @@ impl Fault {
         self.count += 1;
     }
 
-    fn report_held_bits(&self, event: &Event, context: &mut Context<'_>) {
+    fn report_held_bits(&self, event: &Event, context: &mut RuleContext<'_>) {
         let (count, state) = (self.count, &self.state);
         let since = self.since.and_then(|time| context.timestamp_of(time));
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
-        let alarm = context.fail(event).about(about(self.channel)).measure(count as f64).since(since);
-        alarm.report(|| {
+        let alarm = context
+            .start_finding(event)
+            .with_subject(machine_subject(self.channel))
+            .with_measure(count as f64)
+            .started_at(since);
+        alarm.report_finding(|| {
             let how = self.leave.as_deref().map_or_else(String::new, |leave| format!(": {leave}"));
             let bits = match self.edges.count_ones() {
                 1 => format!("bit {}", self.edges.trailing_zeros()),
@@ -171,17 +177,17 @@ impl Rule for FaultResetWithoutEdge {
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let Some(node) = event.node else { return };
         match &event.kind {
-            EventKind::Pdo(pdo) if self.count > 0 => self.control(event, node, pdo, context),
-            EventKind::DeviceState(state) => self.state(event, node, state, context),
+            EventKind::Pdo(pdo) if self.count > 0 => self.on_control(event, node, pdo, context),
+            EventKind::DeviceState(state) => self.on_state(event, node, state, context),
             EventKind::Emcy(emergency) if emergency.action == EmcyAction::AllCleared => {
                 for fault in self.faults.get_mut(node).into_iter().flatten().filter(|it| !it.is_told) {
                     (fault.since, fault.count, fault.has_edge) = (None, 0, false);
                 }
             }
-            EventKind::BootUp { .. } => self.forget(node, context),
+            EventKind::BootUp { .. } => self.forget_fault(node, context),
             _ => {}
         }
     }

@@ -7,7 +7,7 @@ use foldhash::fast::FixedState;
 
 use crate::event::J1939Message;
 use crate::frame::CanId;
-use crate::profile::{Layout, SignalId};
+use crate::profile::{PayloadLayout, SignalId};
 use crate::session::Bus;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
@@ -18,7 +18,7 @@ const MESSAGE_LIMIT: usize = 256;
 /// Fields of one identifier.
 #[derive(Default)]
 pub(super) struct FollowedMessage {
-    layout: Option<Arc<Layout>>,
+    layout: Option<Arc<PayloadLayout>>,
     /// Device that the message commands, or that sends it.
     pub(super) node: Option<NodeId>,
     pub(super) is_command: bool,
@@ -36,7 +36,7 @@ pub(super) struct FollowedMessages {
 
 impl FollowedMessages {
     /// Fields of a message; `None` without a layout.
-    pub(super) fn of(&mut self, message: &J1939Message, bus: &Bus) -> Option<&FollowedMessage> {
+    pub(super) fn followed_message(&mut self, message: &J1939Message, bus: &Bus) -> Option<&FollowedMessage> {
         let layout = message.layout.as_ref()?;
         let fits = self.by_id.len() < MESSAGE_LIMIT || self.by_id.contains_key(&message.can_id);
         let known = fits.then(|| self.by_id.entry(message.can_id).or_default())?;
@@ -49,8 +49,8 @@ impl FollowedMessages {
 
 impl FollowedMessage {
     #[cold]
-    fn new(message: &J1939Message, layout: &Arc<Layout>, bus: &Bus) -> Self {
-        let commanded = bus.awaited(message.can_id).map(|(node, _)| node);
+    fn new(message: &J1939Message, layout: &Arc<PayloadLayout>, bus: &Bus) -> Self {
+        let commanded = bus.awaited_message(message.can_id).map(|(node, _)| node);
         let id = commanded.unwrap_or(NodeId::J1939(message.id.source));
         let mut fields = Self { layout: Some(Arc::clone(layout)), ..Self::default() };
         let Some(node) = bus.node(id) else { return fields };
@@ -61,7 +61,7 @@ impl FollowedMessage {
             if let (Some(of), false) = (field.meaning.as_deref().and_then(|it| it.of), fields.is_command) {
                 fields.measured.push((place, of));
             }
-            let entry = node.device().dictionary.find(object).and_then(|found| found.entry);
+            let entry = node.device().dictionary.find_object(object).and_then(|found| found.entry);
             if let Some(entry) = entry.filter(|entry| !entry.open_loop.is_empty()) {
                 fields.open_loop.push((place, entry.open_loop.clone()));
             }
@@ -74,7 +74,7 @@ impl FollowedMessage {
         let Some(layout) = &self.layout else { return false };
         self.open_loop.iter().any(|(place, values)| {
             let field = layout.fields.get(*place);
-            let raw = field.and_then(|field| field.extract(message.payload()));
+            let raw = field.and_then(|field| field.extract_bits(message.payload()));
             raw.and_then(|raw| i64::try_from(raw).ok()).is_some_and(|raw| values.contains(&raw))
         })
     }

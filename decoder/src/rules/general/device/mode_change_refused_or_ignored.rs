@@ -1,10 +1,10 @@
 //! Writes of a mode of operation without effect.
 
-use crate::event::{Direction, Event, EventKind, Kind, Outcome, SdoTransfer};
-use crate::finding::{About, Severity};
-use crate::profile::{Effect, Role, abort_codes};
+use crate::event::{Event, EventKind, Kind, SdoDirection, SdoOutcome, SdoTransfer};
+use crate::finding::{FindingSubject, Severity};
+use crate::profile::{ObjectRole, WriteEffect, abort_codes};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::ObjectAddress;
 
 declare_rule! {
@@ -30,22 +30,24 @@ declare_rule! {
     word: "MODE",
 }
 
-struct ModeChange;
+struct PendingModeChange;
 
-fn new(_policy: &Policy) -> ModeChange {
-    ModeChange
+fn new(_policy: &RulePolicy) -> PendingModeChange {
+    PendingModeChange
 }
 
-impl Rule for ModeChange {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+impl Rule for PendingModeChange {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
-        let (Some(Direction::Download), Some(object)) = (transfer.direction, transfer.object) else { return };
-        let Some(node) = context.node(event) else { return };
-        let meaning = node.meaning(object).filter(|meaning| meaning.role == Some(Role::Mode));
+        let (Some(SdoDirection::Download), Some(object)) = (transfer.direction, transfer.object) else {
+            return;
+        };
+        let Some(node) = context.event_node(event) else { return };
+        let meaning = node.meaning(object).filter(|meaning| meaning.role == Some(ObjectRole::Mode));
         let Some(meaning) = meaning else { return };
-        let entry = node.device().dictionary.find(object).and_then(|found| found.entry);
-        let is_ignored = entry.is_some_and(|entry| entry.effect == Effect::Never);
-        let shown = meaning.show(&meaning.decode(&transfer.data));
+        let entry = node.device().dictionary.find_object(object).and_then(|found| found.entry);
+        let is_ignored = entry.is_some_and(|entry| entry.effect == WriteEffect::Never);
+        let shown = meaning.format_value(&meaning.decode(&transfer.data));
         let states: Vec<_> = node
             .device_states()
             .filter(|(channel, _)| channel.is_none() || *channel == meaning.channel)
@@ -53,31 +55,36 @@ impl Rule for ModeChange {
             .collect();
         let state = if states.is_empty() { String::new() } else { format!(" in {}", states.join(", ")) };
         match (transfer.outcome, is_ignored) {
-            (Outcome::Aborted, _) => refused(event, transfer, object, &format!("{shown}{state}"), context),
-            (Outcome::Complete, true) => {
-                let alarm = context.fail(event).about(About::Object(object)).severity(Severity::Warning);
-                alarm.report(|| {
+            (SdoOutcome::Aborted, _) => {
+                report_refused(event, transfer, object, &format!("{shown}{state}"), context)
+            }
+            (SdoOutcome::Complete, true) => {
+                let alarm = context
+                    .start_finding(event)
+                    .with_subject(FindingSubject::Object(object))
+                    .with_severity(Severity::Warning);
+                alarm.report_finding(|| {
                     format!("{shown} accepted without effect (the object does not select a mode)")
                 });
             }
-            (Outcome::Complete, false) => context.pass(),
+            (SdoOutcome::Complete, false) => context.count_pass(),
             _ => {}
         }
     }
 }
 
-fn refused(
+fn report_refused(
     event: &Event,
     transfer: &SdoTransfer,
     object: ObjectAddress,
     what: &str,
-    context: &mut Context<'_>,
+    context: &mut RuleContext<'_>,
 ) {
     let Some(abort) = transfer.abort.filter(|abort| !abort.by_client) else { return };
-    let device = context.node(event).map(|node| node.device().clone());
-    context.fail(event).about(About::Object(object)).report(|| {
-        let own = device.as_ref().and_then(|device| device.abort(abort.code, Some(object)));
-        let text = own.map_or_else(|| abort_codes().text(abort.code).to_owned(), |own| own.text.clone());
+    let device = context.event_node(event).map(|node| node.device().clone());
+    context.start_finding(event).with_subject(FindingSubject::Object(object)).report_finding(|| {
+        let own = device.as_ref().and_then(|device| device.abort_entry(abort.code, Some(object)));
+        let text = own.map_or_else(|| abort_codes().code_text(abort.code).to_owned(), |own| own.text.clone());
         format!("{what} refused: {:08X} {text}", abort.code)
     });
 }

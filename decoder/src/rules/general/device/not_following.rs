@@ -3,13 +3,15 @@
 use std::sync::Arc;
 
 use super::followed_messages::FollowedMessages;
-use crate::event::{Effective, Event, EventKind, FrameRange, J1939Message, Kind, ModeChange, Pdo, SetPoint};
-use crate::finding::About;
+use crate::event::{
+    DecodedPdo, EffectiveState, Event, EventKind, FrameRange, J1939Message, Kind, ModeChange, SetPoint,
+};
+use crate::finding::FindingSubject;
 use crate::frame::CanId;
-use crate::profile::{IntegerPosition, Layout, Meaning, integer};
+use crate::profile::{IntegerPosition, ObjectMeaning, PayloadLayout, as_integer};
 use crate::rules::general::facts::is_sent_on_change;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Need, PdoSubset, Policy, Rule};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{BySlot, FrameNeed, PdoSubset, Rule, RuleContext, RulePolicy};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -41,9 +43,9 @@ declare_rule! {
     is_timing: true,
     word: "FOLLOW",
     tolerances: &[
-        tolerance("percent", 10.0, "%", "of full scale, permitted deviation from the set point"),
-        tolerance("valve-ms", 500.0, "ms", "permitted duration of a deviation for a valve (CiA 408)"),
-        tolerance("pump-ms", 1_500.0, "ms", "permitted duration of a deviation for other devices"),
+        define_tolerance("percent", 10.0, "%", "of full scale, permitted deviation from the set point"),
+        define_tolerance("valve-ms", 500.0, "ms", "permitted duration of a deviation for a valve (CiA 408)"),
+        define_tolerance("pump-ms", 1_500.0, "ms", "permitted duration of a deviation for other devices"),
     ],
 }
 
@@ -57,7 +59,7 @@ const VALVES: &str = "cia408";
 const NEARER: f64 = 0.2;
 
 /// Set point and its measured value.
-struct Pair {
+struct SetPointPair {
     node: NodeId,
     set_point: ObjectAddress,
     channel: Option<u8>,
@@ -82,7 +84,7 @@ struct Pair {
 /// Fields of a layout that are paired with a set point.
 #[derive(Default)]
 struct PairedFields {
-    layout: Option<Arc<Layout>>,
+    layout: Option<Arc<PayloadLayout>>,
     node: Option<NodeId>,
     /// Index of the field, index of its pair, and position of its raw number.
     fields: Vec<(usize, usize, Option<IntegerPosition>)>,
@@ -94,7 +96,7 @@ struct NotFollowing {
     share: f64,
     valve: i64,
     pump: i64,
-    pairs: Vec<Pair>,
+    pairs: Vec<SetPointPair>,
     paired: BySlot<PairedFields>,
     messages: FollowedMessages,
     /// Number of changes of `pairs`; after a change, unchanged payloads are checked once more.
@@ -103,11 +105,11 @@ struct NotFollowing {
     open_loop: Vec<(NodeId, Option<u8>)>,
 }
 
-fn new(policy: &Policy) -> NotFollowing {
+fn new(policy: &RulePolicy) -> NotFollowing {
     NotFollowing {
-        share: policy.tolerance(&DECLARATION, "percent") / 100.0,
-        valve: policy.nanoseconds(&DECLARATION, "valve-ms"),
-        pump: policy.nanoseconds(&DECLARATION, "pump-ms"),
+        share: policy.tolerance_value(&DECLARATION, "percent") / 100.0,
+        valve: policy.tolerance_ns(&DECLARATION, "valve-ms"),
+        pump: policy.tolerance_ns(&DECLARATION, "pump-ms"),
         pairs: Vec::new(),
         paired: BySlot::default(),
         messages: FollowedMessages::default(),
@@ -117,17 +119,17 @@ fn new(policy: &Policy) -> NotFollowing {
 }
 
 impl NotFollowing {
-    fn set_point(&mut self, event: &Event, id: NodeId, told: &SetPoint, context: &mut Context<'_>) {
-        let Some(node) = context.node(event) else { return };
+    fn set_point(&mut self, event: &Event, id: NodeId, told: &SetPoint, context: &mut RuleContext<'_>) {
+        let Some(node) = context.event_node(event) else { return };
         // A state that follows the control word confirms the assumed contents of the PDOs.
         let is_sure = !told.assumed || node.device_states().next().is_some();
-        let acts = told.effective == Effective::Yes && is_sure && !self.is_open_loop(id, told.channel);
+        let acts = told.effective == EffectiveState::Yes && is_sure && !self.is_open_loop(id, told.channel);
         let known = self.pairs.iter().position(|pair| pair.node == id && pair.set_point == told.object);
         let place = match known {
             Some(place) => place,
             None if self.pairs.len() < PAIR_LIMIT => {
                 let is_valve = node.device().extends.iter().any(|standard| standard == VALVES);
-                self.pairs.push(Pair {
+                self.pairs.push(SetPointPair {
                     node: id,
                     set_point: told.object,
                     channel: told.channel,
@@ -155,16 +157,16 @@ impl NotFollowing {
         pair.target = told.to.number.filter(|_| acts);
         // The previous deviation belongs to another set point.
         pair.since = None;
-        pair.judge(place, share, event.frames.last, context);
+        pair.judge_pair(place, share, event.frames.last, context);
     }
 
     /// Updates the open-loop outputs after a mode change, if the profile defines open-loop modes.
-    fn mode(&mut self, event: &Event, id: NodeId, mode: &ModeChange, context: &Context<'_>) {
-        let Some(node) = context.node(event) else { return };
-        let entry = node.device().dictionary.find(mode.object).and_then(|found| found.entry);
+    fn on_mode(&mut self, event: &Event, id: NodeId, mode: &ModeChange, context: &RuleContext<'_>) {
+        let Some(node) = context.event_node(event) else { return };
+        let entry = node.device().dictionary.find_object(mode.object).and_then(|found| found.entry);
         let Some(entry) = entry.filter(|entry| !entry.open_loop.is_empty()) else { return };
         let value = node.meaning(mode.object).zip(node.store().get(mode.object));
-        let value = value.and_then(|(meaning, held)| integer(&meaning.decode(&held.value)));
+        let value = value.and_then(|(meaning, held)| as_integer(&meaning.decode(&held.value)));
         let place = (id, mode.channel);
         self.open_loop.retain(|known| *known != place);
         if value.is_some_and(|value| entry.open_loop.contains(&value)) && self.open_loop.len() < PAIR_LIMIT {
@@ -179,8 +181,8 @@ impl NotFollowing {
 
     /// Handles a J1939 message that commands a device or reports its measured values.
     #[cold]
-    fn message(&mut self, event: &Event, message: &J1939Message, context: &mut Context<'_>) {
-        let Some(fields) = self.messages.of(message, context.bus) else { return };
+    fn on_message(&mut self, event: &Event, message: &J1939Message, context: &mut RuleContext<'_>) {
+        let Some(fields) = self.messages.followed_message(message, context.bus) else { return };
         let Some(node) = fields.node else { return };
         let is_open_loop = fields.is_open_loop(message);
         for (place, pair) in self.pairs.iter_mut().enumerate().filter(|(_, pair)| pair.node == node) {
@@ -188,35 +190,36 @@ impl NotFollowing {
             *(if fields.is_command { commanded } else { reported }) = is_open_loop;
             let measured = fields.measured.iter().find(|(_, of)| *of == pair.set_point);
             let field = measured.and_then(|(field, _)| message.layout.as_ref()?.fields.get(*field));
-            if let Some((field, raw)) = field.and_then(|it| Some((it, it.extract(message.payload())?)))
+            if let Some((field, raw)) = field.and_then(|it| Some((it, it.extract_bits(message.payload())?)))
                 && let Some(meaning) = &field.meaning
             {
-                pair.actual = meaning.scaled(&field.value(raw));
+                pair.actual = meaning.scaled_value(&field.convert_raw(raw));
                 if pair.full_scale.is_none() {
-                    pair.learn(meaning);
+                    pair.learn_meaning(meaning);
                 }
             }
-            pair.judge(place, self.share, event.frames.last, context);
+            pair.judge_pair(place, self.share, event.frames.last, context);
         }
     }
 
     /// Whether a PDO may contain values that are paired with a set point.
-    fn may_have_pairs(&self, pdo: &Pdo, event: &Event, context: &Context<'_>) -> bool {
+    fn may_have_pairs(&self, pdo: &DecodedPdo, event: &Event, context: &RuleContext<'_>) -> bool {
         let Some(layout) = &pdo.layout else { return false };
-        let paired = context.traffic.current().and_then(|slot| self.paired.get(slot.place));
+        let paired = context.traffic.current_slot().and_then(|slot| self.paired.get(slot.place));
         paired.is_none_or(|paired| {
             !paired.fields.is_empty() || !paired.is_current(layout, event.node, self.generation)
         })
     }
 
-    fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
-        let (Some(layout), Some(slot), Some(node)) = (&pdo.layout, context.traffic.current(), event.node)
+    fn on_pdo(&mut self, event: &Event, pdo: &DecodedPdo, context: &mut RuleContext<'_>) {
+        let (Some(layout), Some(slot), Some(node)) =
+            (&pdo.layout, context.traffic.current_slot(), event.node)
         else {
             return;
         };
-        let Some(paired) = self.paired.of(slot) else { return };
+        let Some(paired) = self.paired.entry_of(slot) else { return };
         if !paired.is_current(layout, Some(node), self.generation) {
-            paired.learn(layout, node, &self.pairs);
+            paired.learn_fields(layout, node, &self.pairs);
             paired.generation = self.generation;
         } else if event.routine {
             return;
@@ -226,33 +229,33 @@ impl NotFollowing {
                 continue;
             };
             let raw = match cut {
-                Some(cut) => cut.number(pdo.word(), usize::from(pdo.length)).map(i64::cast_unsigned),
-                None => field.extract(pdo.payload()),
+                Some(cut) => cut.number(pdo.first_word(), usize::from(pdo.length)).map(i64::cast_unsigned),
+                None => field.extract_bits(pdo.payload()),
             };
             let (Some(meaning), Some(raw)) = (&field.meaning, raw) else { continue };
-            pair.actual = meaning.scaled(&field.value(raw));
+            pair.actual = meaning.scaled_value(&field.convert_raw(raw));
             pair.source = Some(pdo.cob_id);
             if pair.full_scale.is_none() {
-                pair.learn(meaning);
+                pair.learn_meaning(meaning);
             }
-            pair.judge(*place, self.share, event.frames.last, context);
+            pair.judge_pair(*place, self.share, event.frames.last, context);
         }
     }
 }
 
 impl PairedFields {
-    fn is_current(&self, layout: &Arc<Layout>, node: Option<NodeId>, generation: u64) -> bool {
+    fn is_current(&self, layout: &Arc<PayloadLayout>, node: Option<NodeId>, generation: u64) -> bool {
         self.layout.as_ref().is_some_and(|known| Arc::ptr_eq(known, layout))
             && self.generation == generation
             && self.node == node
     }
 
     #[cold]
-    fn learn(&mut self, layout: &Arc<Layout>, node: NodeId, pairs: &[Pair]) {
+    fn learn_fields(&mut self, layout: &Arc<PayloadLayout>, node: NodeId, pairs: &[SetPointPair]) {
         let fields = layout.fields.iter().enumerate().filter_map(|(place, field)| {
             let of = field.meaning.as_deref()?.of?;
             let pair = pairs.iter().position(|pair| pair.node == node && pair.set_point == of)?;
-            Some((place, pair, IntegerPosition::of(field)))
+            Some((place, pair, IntegerPosition::position_of(field)))
         });
         self.fields = fields.collect();
         (self.layout, self.node) = (Some(Arc::clone(layout)), Some(node));
@@ -260,7 +263,7 @@ impl PairedFields {
 }
 
 /// Largest value of a measured quantity.
-fn full_scale(meaning: &Meaning) -> Option<f64> {
+fn full_scale(meaning: &ObjectMeaning) -> Option<f64> {
     let scale = meaning.scale.filter(|scale| !scale.is_reciprocal)?;
     if let Some((_, value)) = scale.full_scale {
         return Some(value);
@@ -274,28 +277,28 @@ fn full_scale(meaning: &Meaning) -> Option<f64> {
     Some(ends[0].max(ends[1]))
 }
 
-impl Pair {
+impl SetPointPair {
     #[cold]
-    fn learn(&mut self, meaning: &Meaning) {
+    fn learn_meaning(&mut self, meaning: &ObjectMeaning) {
         self.full_scale = full_scale(meaning).filter(|scale| *scale > 0.0);
         self.name.clone_from(&meaning.name);
         self.unit.clone_from(&meaning.unit);
     }
 
     /// Deviation and its limit.
-    fn off(&self, share: f64) -> Option<(f64, f64)> {
+    fn deviation_and_limit(&self, share: f64) -> Option<(f64, f64)> {
         if self.is_exempt != [false; 2] {
             return None;
         }
         Some(((self.actual? - self.target?).abs(), self.full_scale? * share))
     }
 
-    fn judge(&mut self, place: usize, share: f64, frame: u64, context: &mut Context<'_>) {
+    fn judge_pair(&mut self, place: usize, share: f64, frame: u64, context: &mut RuleContext<'_>) {
         self.frame = frame;
-        let Some((off, most)) = self.off(share) else { return self.follows(context) };
+        let Some((off, most)) = self.deviation_and_limit(share) else { return self.on_following(context) };
         if off <= most {
-            self.follows(context);
-            return context.pass();
+            self.on_following(context);
+            return context.count_pass();
         }
         let comes_nearer = self.since.is_some_and(|(_, at_first)| off < at_first - most * NEARER);
         if !std::mem::replace(&mut self.is_queued, true) {
@@ -308,27 +311,27 @@ impl Pair {
 
     /// Whether the TPDO with the measured value ended. One that is sent on change only keeps its value.
     #[cold]
-    fn is_source_lost(&self, context: &Context<'_>) -> bool {
+    fn is_source_lost(&self, context: &RuleContext<'_>) -> bool {
         let slot = self.source.and_then(|id| context.pdos_of(id));
         let Some((slot, usual)) = slot.and_then(|slot| Some((slot, slot.median?))) else { return false };
         slot.has_ended(usual, context.now) && !is_sent_on_change(slot, context)
     }
 
-    fn follows(&mut self, context: &mut Context<'_>) {
+    fn on_following(&mut self, context: &mut RuleContext<'_>) {
         self.since = None;
         if std::mem::take(&mut self.is_told) {
-            context.close(Some(self.node), About::Object(self.set_point));
+            context.close_condition(Some(self.node), FindingSubject::Object(self.set_point));
         }
     }
 }
 
 impl Rule for NotFollowing {
-    fn need(&self, event: &Event, context: &Context<'_>) -> Need {
+    fn frame_need(&self, event: &Event, context: &RuleContext<'_>) -> FrameNeed {
         let is_needed = match &event.kind {
             EventKind::Pdo(pdo) => self.may_have_pairs(pdo, event, context),
             _ => !self.pairs.is_empty(),
         };
-        if is_needed { Need::EACH } else { Need::NOTHING }
+        if is_needed { FrameNeed::EACH } else { FrameNeed::NOTHING }
     }
 
     fn wants_pdos(&self) -> bool {
@@ -336,28 +339,28 @@ impl Rule for NotFollowing {
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
-            (EventKind::Pdo(pdo), _) if !self.pairs.is_empty() => self.pdo(event, pdo, context),
+            (EventKind::Pdo(pdo), _) if !self.pairs.is_empty() => self.on_pdo(event, pdo, context),
             (EventKind::J1939Message(message), _) if !self.pairs.is_empty() => {
-                self.message(event, message, context);
+                self.on_message(event, message, context);
             }
             (EventKind::SetPoint(point), Some(node)) => self.set_point(event, node, point, context),
             (EventKind::BootUp { .. }, Some(node)) => {
                 for pair in self.pairs.iter_mut().filter(|pair| pair.node == node) {
                     (pair.target, pair.actual, pair.full_scale) = (None, None, None);
                     pair.is_exempt = [false; 2];
-                    pair.follows(context);
+                    pair.on_following(context);
                 }
                 self.generation += 1;
                 context.ask_again();
             }
-            (EventKind::Mode(mode), Some(node)) => self.mode(event, node, mode, context),
+            (EventKind::Mode(mode), Some(node)) => self.on_mode(event, node, mode, context),
             _ => {}
         }
     }
 
-    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
+    fn on_wake(&mut self, token: u64, context: &mut RuleContext<'_>) {
         let Some(place) = usize::try_from(token).ok() else { return };
         let Some(pair) = self.pairs.get_mut(place) else { return };
         pair.is_queued = false;
@@ -365,7 +368,7 @@ impl Rule for NotFollowing {
         if pair.is_source_lost(context) {
             // A measured value whose source ended is unknown.
             pair.actual = None;
-            return pair.follows(context);
+            return pair.on_following(context);
         }
         if pair.is_told {
             pair.is_queued = true;
@@ -376,7 +379,9 @@ impl Rule for NotFollowing {
         let limits = self.pairs.iter().any(|other| {
             let is_same = (other.node, other.channel) == (pair.node, pair.channel);
             // A set point without a measured value may also limit.
-            is_same && other.target.is_some() && other.off(self.share).is_none_or(|(off, most)| off <= most)
+            is_same
+                && other.target.is_some()
+                && other.deviation_and_limit(self.share).is_none_or(|(off, most)| off <= most)
         });
         if due > context.now || limits {
             let again = if limits { context.now.saturating_add(pair.time) } else { due };
@@ -387,14 +392,15 @@ impl Rule for NotFollowing {
             return;
         }
         let (Some((off, most)), Some(target), Some(actual)) =
-            (pair.off(self.share), pair.target, pair.actual)
+            (pair.deviation_and_limit(self.share), pair.target, pair.actual)
         else {
             return;
         };
         let began = context.timestamp_of(since);
         let alarm = context.fail_at(context.now, Some(pair.node), FrameRange::one(pair.frame));
-        let alarm = alarm.about(About::Object(pair.set_point)).measure(off).since(began);
-        alarm.report(|| {
+        let alarm =
+            alarm.with_subject(FindingSubject::Object(pair.set_point)).with_measure(off).started_at(began);
+        alarm.report_finding(|| {
             let (name, unit) = (&pair.name, &pair.unit);
             format!(
                 "{name} {actual:.1} {unit}, set point {target:.1} {unit} (max deviation {most:.1} {unit})"

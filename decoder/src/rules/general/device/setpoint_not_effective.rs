@@ -1,10 +1,12 @@
 //! Set points without effect.
 
-use crate::event::{Certainty, Effective, Event, EventKind, FrameRange, Kind, ProcedurePhase, SetPoint};
-use crate::finding::{About, Merge, Severity};
-use crate::profile::Carrier;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::event::{
+    EffectiveState, Event, EventKind, FrameRange, Kind, ProcedurePhase, SetPoint, StateCertainty,
+};
+use crate::finding::{FindingSubject, MergedFindings, Severity};
+use crate::profile::ValueCarrier;
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::session::{GateState, GateStatus, Node};
 use crate::wire::NodeId;
 use crate::wire::canopen::{NmtState, ObjectAddress};
@@ -31,20 +33,20 @@ declare_rule! {
     "setpoint-not-effective", Warning, "set point without effect",
     kinds: [Kind::SetPoint, Kind::Procedure, Kind::BootUp],
     needs: "a set point of the profile other than 0",
-    merge: Merge::Node,
+    merge: MergedFindings::Node,
     is_timing: true,
     word: "SETPT",
-    tolerances: &[tolerance("time-ms", 500.0, "ms", "permitted duration without effect")],
+    tolerances: &[define_tolerance("time-ms", 500.0, "ms", "permitted duration without effect")],
 }
 
 /// Maximum number of set points per bus; further ones are not checked.
 const POINT_LIMIT: usize = 4096;
 
 /// State of one set point.
-struct Point {
+struct SetPointWatch {
     node: NodeId,
     object: ObjectAddress,
-    carrier: Carrier,
+    carrier: ValueCarrier,
     /// Start of the time without effect.
     since: Option<i64>,
     is_told: bool,
@@ -56,19 +58,20 @@ struct Point {
 
 struct SetpointNotEffective {
     time: i64,
-    points: Vec<Point>,
+    points: Vec<SetPointWatch>,
 }
 
-fn new(policy: &Policy) -> SetpointNotEffective {
-    SetpointNotEffective { time: policy.nanoseconds(&DECLARATION, "time-ms"), points: Vec::new() }
+fn new(policy: &RulePolicy) -> SetpointNotEffective {
+    SetpointNotEffective { time: policy.tolerance_ns(&DECLARATION, "time-ms"), points: Vec::new() }
 }
 
 impl SetpointNotEffective {
-    fn place(&mut self, node: NodeId, point: &SetPoint) -> Option<usize> {
-        let same = |it: &Point| it.node == node && it.object == point.object && it.carrier == point.carrier;
+    fn watch_place(&mut self, node: NodeId, point: &SetPoint) -> Option<usize> {
+        let same =
+            |it: &SetPointWatch| it.node == node && it.object == point.object && it.carrier == point.carrier;
         let known = self.points.iter().position(same);
         if known.is_none() && self.points.len() < POINT_LIMIT {
-            self.points.push(Point {
+            self.points.push(SetPointWatch {
                 node,
                 object: point.object,
                 carrier: point.carrier.clone(),
@@ -83,16 +86,16 @@ impl SetpointNotEffective {
         known
     }
 
-    fn set_point(&mut self, event: &Event, node: NodeId, told: &SetPoint, context: &mut Context<'_>) {
+    fn set_point(&mut self, event: &Event, node: NodeId, told: &SetPoint, context: &mut RuleContext<'_>) {
         let time = self.time;
-        let Some(place) = self.place(node, told) else { return };
+        let Some(place) = self.watch_place(node, told) else { return };
         let Some(point) = self.points.get_mut(place) else { return };
         let commands = told.to.number.is_some_and(|number| number.abs() > 0.0);
-        if commands && told.effective == Effective::Yes {
-            context.pass();
+        if commands && told.effective == EffectiveState::Yes {
+            context.count_pass();
         }
-        if !(commands && told.effective == Effective::No) {
-            return point.acts(context);
+        if !(commands && told.effective == EffectiveState::No) {
+            return point.on_effective(context);
         }
         point.text.clone_from(&told.to.text);
         point.assumed = told.assumed;
@@ -106,7 +109,7 @@ impl SetpointNotEffective {
 
 impl SetpointNotEffective {
     /// Restarts the time limit of all set points of a node after a procedure.
-    fn begin_anew(&mut self, node: NodeId, context: &mut Context<'_>) {
+    fn begin_anew(&mut self, node: NodeId, context: &mut RuleContext<'_>) {
         for (place, point) in self.points.iter_mut().enumerate().filter(|(_, point)| point.node == node) {
             if let Some(since) = &mut point.since {
                 *since = context.now;
@@ -116,17 +119,17 @@ impl SetpointNotEffective {
     }
 }
 
-impl Point {
+impl SetPointWatch {
     /// The set point is effective, 0 or unknown.
-    fn acts(&mut self, context: &mut Context<'_>) {
+    fn on_effective(&mut self, context: &mut RuleContext<'_>) {
         self.since = None;
         if std::mem::take(&mut self.is_told) {
-            context.close(Some(self.node), About::Object(self.object));
+            context.close_condition(Some(self.node), FindingSubject::Object(self.object));
         }
     }
 
     /// Reports the set point if a condition is still not met.
-    fn judge(&self, context: &mut Context<'_>) -> bool {
+    fn judge_set_point(&self, context: &mut RuleContext<'_>) -> bool {
         let gates = context.bus.gates(self.node);
         let node = context.bus.node(self.node);
         let is_sure = |gate: &&GateState| {
@@ -143,9 +146,12 @@ impl Point {
         let severity = if self.assumed && !is_shown { Severity::Note } else { Severity::Warning };
         let since = self.since.and_then(|time| context.timestamp_of(time));
         let alarm = context.fail_at(context.now, Some(self.node), self.frames);
-        let alarm =
-            alarm.about(About::Object(self.object)).severity(severity).since(since).reason(&gate.gate);
-        alarm.report(|| {
+        let alarm = alarm
+            .with_subject(FindingSubject::Object(self.object))
+            .with_severity(severity)
+            .started_at(since)
+            .with_reason(&gate.gate);
+        alarm.report_finding(|| {
             let detail = if gate.detail.is_empty() { String::new() } else { format!(" ({})", gate.detail) };
             format!("{} without effect: gate {} closed{detail}", self.text, gate.gate)
         });
@@ -154,10 +160,10 @@ impl Point {
 }
 
 /// Whether the periodic stream that carries the set point ended.
-fn has_ended(point: &Point, context: &Context<'_>) -> bool {
+fn has_ended(point: &SetPointWatch, context: &RuleContext<'_>) -> bool {
     let name = match &point.carrier {
-        Carrier::Pdo(name) => name,
-        Carrier::Message(name) => {
+        ValueCarrier::Pdo(name) => name,
+        ValueCarrier::Message(name) => {
             return context.bus.node(point.node).is_some_and(|node| node.is_overdue(name));
         }
     };
@@ -176,20 +182,20 @@ fn is_calibrated(node: &Node) -> bool {
 /// Whether a gate is closed because of an NMT state that is only presumed from a command.
 fn rests_on_command(node: &Node, gate: &GateState) -> bool {
     node.nmt().is_some_and(|nmt| {
-        nmt.certainty == Certainty::Presumed
+        nmt.certainty == StateCertainty::Presumed
             && nmt.state != NmtState::Operational
             && gate.detail == nmt.state.name()
     })
 }
 
 impl Rule for SetpointNotEffective {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let Some(node) = event.node else { return };
         match &event.kind {
             EventKind::SetPoint(point) => self.set_point(event, node, point, context),
             EventKind::BootUp { .. } => {
                 for point in self.points.iter_mut().filter(|point| point.node == node) {
-                    point.acts(context);
+                    point.on_effective(context);
                 }
             }
             EventKind::Procedure(told) if told.takes_over && told.phase == ProcedurePhase::Finished => {
@@ -199,14 +205,14 @@ impl Rule for SetpointNotEffective {
         }
     }
 
-    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
+    fn on_wake(&mut self, token: u64, context: &mut RuleContext<'_>) {
         let time = self.time;
         let point = usize::try_from(token).ok().and_then(|place| self.points.get_mut(place));
         let Some(point) = point else { return };
         let Some(since) = point.since else { return };
         if has_ended(point, context) {
             // If the stream returns, the time limit starts again.
-            point.acts(context);
+            point.on_effective(context);
             point.since = Some(context.now);
             return context.wake_at(context.now.saturating_add(time), token);
         }
@@ -216,7 +222,7 @@ impl Rule for SetpointNotEffective {
             return;
         }
         if !point.is_told {
-            point.is_told = point.judge(context);
+            point.is_told = point.judge_set_point(context);
         }
         context.wake_at(context.now.saturating_add(time), token);
     }

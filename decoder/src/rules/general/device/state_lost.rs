@@ -1,12 +1,12 @@
 //! Devices that leave their active state although it is still commanded.
 
-use super::machines::{about, is_control, machine, stays};
+use super::machines::{is_control, keeps_state, machine_subject, state_machine};
 use crate::event::{
     BootCause, DeviceCause, DeviceState, DtcAction, EmcyAction, Event, EventKind, FrameRange, Kind,
 };
 use crate::finding::Severity;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::{NodeId, NodeMap};
 
@@ -41,7 +41,7 @@ const WINDOW: i64 = 2_000_000_000;
 const CAUSE_DELAY: i64 = 100_000_000;
 
 /// A change of state without a cause on the bus so far.
-struct Unexplained {
+struct UnexplainedChange {
     node: NodeId,
     state: DeviceState,
     control: u64,
@@ -51,18 +51,18 @@ struct Unexplained {
 
 #[derive(Default)]
 struct StateLost {
-    unexplained: Vec<Unexplained>,
+    unexplained: Vec<UnexplainedChange>,
     /// Time of the latest NMT command or control word by SDO, per node.
     commanded: NodeMap<i64>,
     all_commanded: Option<i64>,
 }
 
-fn new(_policy: &Policy) -> StateLost {
+fn new(_policy: &RulePolicy) -> StateLost {
     StateLost::default()
 }
 
 impl StateLost {
-    fn note(&mut self, node: NodeId, now: i64) {
+    fn note_cause(&mut self, node: NodeId, now: i64) {
         if let Some(time) = self.commanded.entry(node) {
             *time = now;
         }
@@ -73,29 +73,30 @@ impl StateLost {
         of_all.chain(self.commanded.get(node).copied()).any(|time| now.saturating_sub(time) <= WINDOW)
     }
 
-    fn state(&mut self, event: &Event, node: NodeId, state: &DeviceState, context: &mut Context<'_>) {
-        let Some((place, machine)) = context.node(event).and_then(|node| machine(node, state)) else {
+    fn on_state(&mut self, event: &Event, node: NodeId, state: &DeviceState, context: &mut RuleContext<'_>) {
+        let Some((place, machine)) = context.event_node(event).and_then(|node| state_machine(node, state))
+        else {
             return;
         };
         let is_active = |name: &str| machine.states.iter().any(|known| known.active && known.name == name);
         if is_active(&state.to) {
             self.report_all(context, |known| known.node == node && known.state.channel == state.channel);
-            return context.close(Some(node), about(state.channel));
+            return context.close_condition(Some(node), machine_subject(state.channel));
         }
         let Some(from) = state.from.as_deref().filter(|from| is_active(from)) else { return };
         if matches!(state.cause, DeviceCause::ControlWord | DeviceCause::NmtCommand)
             || self.is_commanded(node, context.now)
         {
-            return context.pass();
+            return context.count_pass();
         }
         // Without a control word, the bus does not command the state.
-        let control = context.node(event).and_then(|node| node.control_word(place));
+        let control = context.event_node(event).and_then(|node| node.control_word(place));
         let Some(control) = control else { return };
-        if !stays(machine, from, control) {
-            return context.pass();
+        if !keeps_state(machine, from, control) {
+            return context.count_pass();
         }
         let (time, frame) = (context.now, event.frames.last);
-        self.unexplained.push(Unexplained { node, state: state.clone(), control, time, frame });
+        self.unexplained.push(UnexplainedChange { node, state: state.clone(), control, time, frame });
         if state.cause == DeviceCause::NotOnTheBus && context.has_time {
             context.wake_at(time.saturating_add(CAUSE_DELAY), 0);
         } else {
@@ -104,7 +105,7 @@ impl StateLost {
     }
 
     /// An event that explains changes of the node shortly before it.
-    fn on_cause(&mut self, event: &Event, cause: (DeviceCause, Option<u16>), context: &mut Context<'_>) {
+    fn on_cause(&mut self, event: &Event, cause: (DeviceCause, Option<u16>), context: &mut RuleContext<'_>) {
         let Some(node) = event.node else { return };
         for known in self.unexplained.iter_mut().filter(|known| known.node == node) {
             (known.state.cause, known.state.emcy) = cause;
@@ -113,22 +114,23 @@ impl StateLost {
         self.report_all(context, |known| known.node == node);
     }
 
-    fn report_all(&mut self, context: &mut Context<'_>, is_due: impl Fn(&Unexplained) -> bool) {
+    fn report_all(&mut self, context: &mut RuleContext<'_>, is_due: impl Fn(&UnexplainedChange) -> bool) {
         for known in self.unexplained.extract_if(.., |known| is_due(known)) {
-            let Unexplained { node, state, control, time, frame } = known;
+            let UnexplainedChange { node, state, control, time, frame } = known;
             let severity = if state.fault { Severity::Error } else { Severity::Warning };
             let alarm = context.fail_at(time, Some(node), FrameRange::one(frame));
-            let alarm = alarm.about(about(state.channel)).severity(severity).ongoing();
-            alarm.report(|| {
+            let alarm =
+                alarm.with_subject(machine_subject(state.channel)).with_severity(severity).mark_ongoing();
+            alarm.report_finding(|| {
                 let (from, to) = (state.from.as_deref().unwrap_or_default(), &state.to);
-                let cause = cause(&state);
+                let cause = cause_text(&state);
                 format!("{from} → {to} although control word {control:02X} commands {from} (cause: {cause})")
             });
         }
     }
 }
 
-fn cause(state: &DeviceState) -> String {
+fn cause_text(state: &DeviceState) -> String {
     let frame = state.cause_frame;
     match (state.cause, state.emcy) {
         (DeviceCause::NotOnTheBus, _) => "not on the bus, hardware enable?".to_owned(),
@@ -138,14 +140,16 @@ fn cause(state: &DeviceState) -> String {
 }
 
 impl Rule for StateLost {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
-            (EventKind::DeviceState(state), Some(node)) => self.state(event, node, state, context),
+            (EventKind::DeviceState(state), Some(node)) => self.on_state(event, node, state, context),
             (EventKind::NmtCommand { service: NmtService::Start, .. }, _) => {}
             (EventKind::NmtCommand { target: 0, .. }, _) => self.all_commanded = Some(context.now),
-            (EventKind::NmtCommand { target, .. }, _) => self.note(NodeId::Canopen(*target), context.now),
+            (EventKind::NmtCommand { target, .. }, _) => {
+                self.note_cause(NodeId::Canopen(*target), context.now)
+            }
             (EventKind::BootUp { cause: BootCause::Commanded { .. }, .. }, Some(node)) => {
-                self.note(node, context.now);
+                self.note_cause(node, context.now);
             }
             (EventKind::BootUp { .. }, _) => self.on_cause(event, (DeviceCause::BootUp, None), context),
             (EventKind::Emcy(emergency), _) if emergency.boot.is_some() => {
@@ -159,18 +163,18 @@ impl Rule for StateLost {
             }
             // A control word by SDO overrides the last one in a PDO.
             (EventKind::SdoTransfer(transfer), Some(node)) if is_control(event, transfer, context) => {
-                self.note(node, context.now);
+                self.note_cause(node, context.now);
             }
             _ => {}
         }
     }
 
-    fn wake(&mut self, _token: u64, context: &mut Context<'_>) {
+    fn on_wake(&mut self, _token: u64, context: &mut RuleContext<'_>) {
         let now = context.now;
         self.report_all(context, |known| now >= known.time.saturating_add(CAUSE_DELAY));
     }
 
-    fn finish(&mut self, context: &mut Context<'_>) {
+    fn on_end(&mut self, context: &mut RuleContext<'_>) {
         self.report_all(context, |_| true);
     }
 }

@@ -1,9 +1,9 @@
 //! Device states reached with fewer control words than transitions.
 
-use super::machines::{about, is_control, machine, steps_between};
+use super::machines::{is_control, machine_subject, state_machine, steps_between};
 use crate::event::{DeviceCause, DeviceState, Event, EventKind, Kind};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
@@ -43,7 +43,7 @@ struct StateSkipped {
     changes: NodeMap<Vec<LastChange>>,
 }
 
-fn new(_policy: &Policy) -> StateSkipped {
+fn new(_policy: &RulePolicy) -> StateSkipped {
     StateSkipped::default()
 }
 
@@ -60,18 +60,21 @@ impl StateSkipped {
         now.steps + if before.frame == previous { before.steps } else { 0 }
     }
 
-    fn state(&mut self, event: &Event, id: NodeId, state: &DeviceState, context: &mut Context<'_>) {
-        let Some(node) = context.node(event) else { return };
-        let Some((place, machine)) = machine(node, state).filter(|(_, machine)| machine.single_step) else {
+    fn on_state(&mut self, event: &Event, id: NodeId, state: &DeviceState, context: &mut RuleContext<'_>) {
+        let Some(node) = context.event_node(event) else { return };
+        let Some((place, machine)) = state_machine(node, state).filter(|(_, machine)| machine.single_step)
+        else {
             return;
         };
         let frame = event.frames.last;
-        let Some(status) = context.traffic.current().filter(|slot| slot.frames.0 == frame) else { return };
+        let Some(status) = context.traffic.current_slot().filter(|slot| slot.frames.0 == frame) else {
+            return;
+        };
         let own = state.from.as_deref().and_then(|from| steps_between(machine, from, &state.to));
         let change = LastChange { frame, steps: own.unwrap_or(0) };
         let steps = self.steps_in_two_intervals(id, place, change, status.frames.1);
         let since = status.earlier;
-        let is_complete = since > 0 || node.boots() > 0;
+        let is_complete = since > 0 || node.boot_count() > 0;
         let is_written = self.written.get(id).is_some_and(|frame| *frame > since);
         let is_commanded = state.cause == DeviceCause::ControlWord && own.is_some();
         if !is_commanded || !is_complete || is_written || context.is_across_hole(since) {
@@ -83,9 +86,9 @@ impl StateSkipped {
         let words = frames.iter().filter(|frame| **frame > since).count();
         // Further control words are not counted. A single transition is late, not skipped.
         if words >= steps || words == frames.len() || own == Some(1) {
-            return context.pass();
+            return context.count_pass();
         }
-        context.fail(event).about(about(state.channel)).report(|| {
+        context.start_finding(event).with_subject(machine_subject(state.channel)).report_finding(|| {
             let (from, to) = (state.from.as_deref().unwrap_or_default(), &state.to);
             let since = if since > 0 { format!("since {{{since}}}") } else { "since the boot-up".to_owned() };
             format!("{from} → {to}: {steps} transitions with {words} × control word {since} (max one transition each)")
@@ -94,9 +97,9 @@ impl StateSkipped {
 }
 
 impl Rule for StateSkipped {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
-            (EventKind::DeviceState(state), Some(node)) => self.state(event, node, state, context),
+            (EventKind::DeviceState(state), Some(node)) => self.on_state(event, node, state, context),
             (EventKind::SdoTransfer(transfer), Some(node)) if is_control(event, transfer, context) => {
                 self.written.insert(node, event.frames.last);
             }

@@ -1,9 +1,9 @@
 //! Status words without a state in the state machine of the device.
 
-use super::machines::about;
+use super::machines::machine_subject;
 use crate::event::{Event, EventKind, FrameRange, Kind};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::session::Node;
 use crate::wire::{NodeId, NodeMap};
 
@@ -33,12 +33,12 @@ struct StateUndefined {
     reported: NodeMap<bool>,
 }
 
-fn new(_policy: &Policy) -> StateUndefined {
+fn new(_policy: &RulePolicy) -> StateUndefined {
     StateUndefined::default()
 }
 
 impl StateUndefined {
-    fn check(&mut self, id: NodeId, node: &Node, context: &mut Context<'_>) {
+    fn check_state(&mut self, id: NodeId, node: &Node, context: &mut RuleContext<'_>) {
         if self.reported.get(id).is_some() {
             return;
         }
@@ -46,7 +46,7 @@ impl StateUndefined {
             let Some((raw, frame)) = node.undefined_state(place) else { continue };
             self.reported.insert(id, true);
             let alarm = context.fail_at(context.now, Some(id), FrameRange::one(frame));
-            return alarm.about(about(machine.channel)).report(|| {
+            return alarm.with_subject(machine_subject(machine.channel)).report_finding(|| {
                 let (object, mask) = (machine.status.object.object, machine.status.mask);
                 format!(
                     "{object} = {raw:02X}h (mask {mask:02X}h): undefined state of machine {}",
@@ -58,24 +58,24 @@ impl StateUndefined {
 }
 
 impl Rule for StateUndefined {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         if let (EventKind::DeviceState(_), Some(id)) = (&event.kind, event.node)
-            && let Some(node) = context.node(event)
+            && let Some(node) = context.event_node(event)
         {
-            self.check(id, node, context);
+            self.check_state(id, node, context);
             if self.reported.get(id).is_none() {
-                context.pass();
+                context.count_pass();
             }
         }
     }
 
-    fn second(&mut self, context: &mut Context<'_>) {
+    fn on_second(&mut self, context: &mut RuleContext<'_>) {
         for node in context.bus.nodes().filter(|node| !node.device().machines.is_empty()) {
-            self.check(node.id(), node, context);
+            self.check_state(node.id(), node, context);
         }
     }
 
-    fn finish(&mut self, context: &mut Context<'_>) {
-        self.second(context);
+    fn on_end(&mut self, context: &mut RuleContext<'_>) {
+        self.on_second(context);
     }
 }

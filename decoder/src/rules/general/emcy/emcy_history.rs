@@ -2,12 +2,12 @@
 
 use std::collections::VecDeque;
 
-use crate::event::{Direction, EmcyAction, Emergency, Event, EventKind, Kind};
-use crate::finding::About;
+use crate::event::{EmcyAction, Emergency, Event, EventKind, Kind, SdoDirection};
+use crate::finding::FindingSubject;
 use crate::profile::device::ClearMeaning;
-use crate::rules::general::facts::number;
+use crate::rules::general::facts::transfer_number;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule, TransferSubset};
+use crate::rules::{Rule, RuleContext, RulePolicy, TransferSubset};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::{NodeId, NodeMap};
 
@@ -47,7 +47,7 @@ const ENTRY_LIMIT: usize = 254;
 
 /// Errors that a node reported.
 #[derive(Default)]
-struct Reported {
+struct ReportedErrors {
     /// Code and frame of the EMCY with an error, newest first.
     errors: VecDeque<(u16, u64)>,
     /// Number of errors since the last EMCY 0000.
@@ -60,19 +60,19 @@ struct Reported {
 
 #[derive(Default)]
 struct EmcyHistory {
-    nodes: NodeMap<Reported>,
+    nodes: NodeMap<ReportedErrors>,
 }
 
-fn new(_policy: &Policy) -> EmcyHistory {
+fn new(_policy: &RulePolicy) -> EmcyHistory {
     EmcyHistory::default()
 }
 
-impl Reported {
-    fn cleared() -> Self {
+impl ReportedErrors {
+    fn cleared_errors() -> Self {
         Self { is_complete: true, ..Self::default() }
     }
 
-    fn add(&mut self, emergency: &Emergency, frame: u64) {
+    fn add_error(&mut self, emergency: &Emergency, frame: u64) {
         let Some(code) = emergency.code.filter(|_| emergency.action == EmcyAction::Raised) else {
             (self.fresh, self.is_ambiguous) = (0, false);
             return;
@@ -84,7 +84,7 @@ impl Reported {
     }
 
     /// Error that belongs into entry `sub`, and whether the code that was read fits; `None` without a verdict.
-    fn judge(&self, sub: u8, read: u16, reports_end: bool) -> Option<(u16, u64, bool)> {
+    fn judge_entry(&self, sub: u8, read: u16, reports_end: bool) -> Option<(u16, u64, bool)> {
         let is_code = |code: u16| read == code || read == code.swap_bytes();
         let place = usize::from(sub).checked_sub(1)?;
         let (code, frame) = self.errors.get(place).copied().filter(|(code, _)| *code != 0)?;
@@ -105,19 +105,22 @@ impl Reported {
 }
 
 impl EmcyHistory {
-    fn read(&self, event: &Event, node: NodeId, (sub, value): (u8, u64), context: &mut Context<'_>) {
+    fn on_read(&self, event: &Event, node: NodeId, (sub, value): (u8, u64), context: &mut RuleContext<'_>) {
         let reports_end =
-            context.node(event).is_none_or(|node| node.device().emcy.cleared == ClearMeaning::Each);
+            context.event_node(event).is_none_or(|node| node.device().emcy.cleared == ClearMeaning::Each);
         let read = u16::try_from(value & 0xFFFF).unwrap_or(0);
         let reported = self.nodes.get(node);
-        let Some((code, frame, is_right)) = reported.and_then(|it| it.judge(sub, read, reports_end)) else {
+        let Some((code, frame, is_right)) = reported.and_then(|it| it.judge_entry(sub, read, reports_end))
+        else {
             return;
         };
         if is_right {
-            return context.pass();
+            return context.count_pass();
         }
-        let alarm = context.fail(event).about(About::Object(ObjectAddress::new(HISTORY, sub)));
-        alarm.report(|| match sub {
+        let alarm = context
+            .start_finding(event)
+            .with_subject(FindingSubject::Object(ObjectAddress::new(HISTORY, sub)));
+        alarm.report_finding(|| match sub {
             1 => format!("newest entry {read:04X} differs from the last EMCY {code:04X} {{{frame}}}"),
             _ => format!("entry {sub} is {read:04X}, but EMCY {code:04X} {{{frame}}} was sent"),
         });
@@ -125,31 +128,33 @@ impl EmcyHistory {
 }
 
 impl Rule for EmcyHistory {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let Some(node) = event.node else { return };
         match &event.kind {
             EventKind::Emcy(emergency) => {
                 let Some(reported) = self.nodes.entry(node) else { return };
                 if emergency.boot.is_some() {
-                    *reported = Reported::cleared();
+                    *reported = ReportedErrors::cleared_errors();
                 }
-                reported.add(emergency, event.frames.last);
+                reported.add_error(emergency, event.frames.last);
             }
             EventKind::BootUp { .. } => {
                 if let Some(reported) = self.nodes.entry(node) {
-                    *reported = Reported::cleared();
+                    *reported = ReportedErrors::cleared_errors();
                 }
             }
             EventKind::SdoTransfer(transfer) => {
-                let (Some(object), Some(value)) = (transfer.object, number(transfer)) else { return };
+                let (Some(object), Some(value)) = (transfer.object, transfer_number(transfer)) else {
+                    return;
+                };
                 match (object.index, object.sub, transfer.direction) {
-                    (HISTORY, 0, Some(Direction::Download)) => {
+                    (HISTORY, 0, Some(SdoDirection::Download)) => {
                         if let Some(reported) = self.nodes.entry(node) {
-                            *reported = Reported::cleared();
+                            *reported = ReportedErrors::cleared_errors();
                         }
                     }
-                    (HISTORY, sub @ 1.., Some(Direction::Upload)) => {
-                        self.read(event, node, (sub, value), context);
+                    (HISTORY, sub @ 1.., Some(SdoDirection::Upload)) => {
+                        self.on_read(event, node, (sub, value), context);
                     }
                     _ => {}
                 }

@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use crate::event::{Certainty, EmcyAction, Event, EventKind, Kind};
-use crate::finding::About;
+use crate::event::{EmcyAction, Event, EventKind, Kind, StateCertainty};
+use crate::finding::FindingSubject;
 use crate::profile::suggested_error_text;
 use crate::query::record;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeSet};
 
@@ -42,7 +42,7 @@ const START: i64 = 5_000_000_000;
 
 /// An error reported before its node was operational. An EMCY is sent once (CiA 301 §7.2.7.1), so it is not
 /// reported again.
-struct Early {
+struct EarlyError {
     node: NodeId,
     code: u16,
     due: i64,
@@ -51,7 +51,7 @@ struct Early {
 
 /// Event that shows a finding.
 #[derive(Clone, Copy)]
-enum Shown<'a> {
+enum ShownEvent<'a> {
     /// The EMCY itself.
     Directly,
     /// The state operational, while the error is active.
@@ -66,117 +66,134 @@ struct EmcyRaised {
     /// Time of the first event of a node, in the clock of the bus: the boot may be before the capture.
     first: BTreeMap<NodeId, i64>,
     open: Vec<(NodeId, u16)>,
-    early: Vec<Early>,
+    early: Vec<EarlyError>,
 }
 
-fn new(_policy: &Policy) -> EmcyRaised {
+fn new(_policy: &RulePolicy) -> EmcyRaised {
     EmcyRaised::default()
 }
 
 impl EmcyRaised {
-    fn raised(&mut self, event: &Event, node: NodeId, code: u16, context: &mut Context<'_>) {
+    fn on_raised(&mut self, event: &Event, node: NodeId, code: u16, context: &mut RuleContext<'_>) {
         if self.early.iter().any(|early| (early.node, early.code) == (node, code)) {
             return;
         }
         match self.rest_of_start(event, node, context).filter(|rest| *rest > 0) {
-            Some(rest) => self.wait(event, (node, code), rest, context),
-            None => self.report(event, Shown::Directly, (node, code), context),
+            Some(rest) => self.wait_for_operational(event, (node, code), rest, context),
+            None => self.report_error(event, ShownEvent::Directly, (node, code), context),
         }
     }
 
     /// Rest of [`START`] in ns; `None` for a node that was operational, or whose state is unknown.
-    fn rest_of_start(&self, event: &Event, node: NodeId, context: &Context<'_>) -> Option<i64> {
-        let known = context.node(event).filter(|known| known.nmt().is_some())?;
+    fn rest_of_start(&self, event: &Event, node: NodeId, context: &RuleContext<'_>) -> Option<i64> {
+        let known = context.event_node(event).filter(|known| known.nmt().is_some())?;
         if self.was_operational.contains(node) {
             return None;
         }
-        let boot = known.started().map(|(_, boot)| boot).or_else(|| self.first.get(&node).copied());
+        let boot = known.last_boot().map(|(_, boot)| boot).or_else(|| self.first.get(&node).copied());
         let age = boot.map_or(0, |boot| context.bus.now().saturating_sub(boot));
         Some(START.saturating_sub(age))
     }
 
     /// Waits until the node is operational or the rest of [`START`] has passed.
-    fn wait(&mut self, event: &Event, (node, code): (NodeId, u16), rest: i64, context: &mut Context<'_>) {
+    fn wait_for_operational(
+        &mut self,
+        event: &Event,
+        (node, code): (NodeId, u16),
+        rest: i64,
+        context: &mut RuleContext<'_>,
+    ) {
         if self.early.len() >= OPEN_LIMIT {
             return;
         }
         let due = context.now.saturating_add(rest);
-        self.early.push(Early { node, code, due, event: event.clone() });
+        self.early.push(EarlyError { node, code, due, event: event.clone() });
         context.wake_at(due, 0);
     }
 
     /// Reports errors of a starting node that were not cleared.
-    fn report_early(&mut self, shown: Shown<'_>, is_due: impl Fn(&Early) -> bool, context: &mut Context<'_>) {
-        let due: Vec<Early> = self.early.extract_if(.., |early| is_due(early)).collect();
+    fn report_early(
+        &mut self,
+        shown: ShownEvent<'_>,
+        is_due: impl Fn(&EarlyError) -> bool,
+        context: &mut RuleContext<'_>,
+    ) {
+        let due: Vec<EarlyError> = self.early.extract_if(.., |early| is_due(early)).collect();
         for early in due {
-            self.report(&early.event, shown, (early.node, early.code), context);
+            self.report_error(&early.event, shown, (early.node, early.code), context);
         }
     }
 
     /// Reports an error at the time of its EMCY: the duration and the frame of the finding are those of this time.
-    fn report(
+    fn report_error(
         &mut self,
         event: &Event,
-        shown: Shown<'_>,
+        shown: ShownEvent<'_>,
         (node, code): (NodeId, u16),
-        context: &mut Context<'_>,
+        context: &mut RuleContext<'_>,
     ) {
         if self.open.len() < OPEN_LIMIT && !self.open.contains(&(node, code)) {
             self.open.push((node, code));
         }
-        let device = record::device(event, context.bus);
+        let device = record::event_device(event, context.bus);
         let (is_presumed, until) = match shown {
-            Shown::Directly => (event.presumed, ""),
-            Shown::Operational(shown) => {
+            ShownEvent::Directly => (event.presumed, ""),
+            ShownEvent::Operational(shown) => {
                 (shown.presumed, "; reported before the node was operational, not cleared since")
             }
-            Shown::Late => {
+            ShownEvent::Late => {
                 (!context.bus.is_settled(Some(node)), "; reported at power-on, not cleared within 5 s")
             }
         };
-        let alarm = context.fail(event).presumed(is_presumed).ongoing().about(About::Code(code));
-        alarm.report(|| match suggested_error_text(code).filter(|_| device.error(code).is_none()) {
-            Some((profile, text)) => {
-                format!("EMCY {code:04X} {}; {profile}: {text}?{until}", device.error_text(code))
+        let alarm = context
+            .start_finding(event)
+            .with_presumption(is_presumed)
+            .mark_ongoing()
+            .with_subject(FindingSubject::Code(code));
+        alarm.report_finding(|| {
+            match suggested_error_text(code).filter(|_| device.error_entry(code).is_none()) {
+                Some((profile, text)) => {
+                    format!("EMCY {code:04X} {}; {profile}: {text}?{until}", device.error_text(code))
+                }
+                None => format!("EMCY {code:04X} {}{until}", device.error_text(code)),
             }
-            None => format!("EMCY {code:04X} {}{until}", device.error_text(code)),
         });
     }
 
-    fn all_gone(&mut self, node: NodeId, context: &mut Context<'_>) {
+    fn all_gone(&mut self, node: NodeId, context: &mut RuleContext<'_>) {
         self.early.retain(|early| early.node != node);
         for (_, code) in self.open.extract_if(.., |(of, _)| *of == node) {
-            context.close(Some(node), About::Code(code));
+            context.close_condition(Some(node), FindingSubject::Code(code));
         }
     }
 }
 
 impl Rule for EmcyRaised {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let Some(node) = event.node else { return };
         self.first.entry(node).or_insert(context.bus.now());
         match &event.kind {
             EventKind::NmtState(change) if change.to == NmtState::Operational => {
                 self.was_operational.insert(node);
-                if change.certainty == Certainty::Confirmed {
-                    self.report_early(Shown::Operational(event), |early| early.node == node, context);
+                if change.certainty == StateCertainty::Confirmed {
+                    self.report_early(ShownEvent::Operational(event), |early| early.node == node, context);
                 }
             }
             // A restart ends the errors of the time before it.
             EventKind::BootUp { .. } => self.early.retain(|early| early.node != node),
             EventKind::Emcy(emergency) => match (emergency.action, emergency.code) {
-                (EmcyAction::Raised, Some(code)) => self.raised(event, node, code, context),
-                (EmcyAction::Cleared, _) => context.pass(),
+                (EmcyAction::Raised, Some(code)) => self.on_raised(event, node, code, context),
+                (EmcyAction::Cleared, _) => context.count_pass(),
                 _ => {
-                    context.pass();
+                    context.count_pass();
                     self.all_gone(node, context);
                 }
             },
             _ => {}
         }
     }
-    fn wake(&mut self, _token: u64, context: &mut Context<'_>) {
+    fn on_wake(&mut self, _token: u64, context: &mut RuleContext<'_>) {
         let now = context.now;
-        self.report_early(Shown::Late, |early| early.due <= now, context);
+        self.report_early(ShownEvent::Late, |early| early.due <= now, context);
     }
 }

@@ -1,11 +1,11 @@
 //! Error register (1001) against the EMCY messages of a node.
 
-use crate::event::{Direction, EmcyAction, Emergency, Event, EventKind, Kind};
-use crate::finding::{About, Severity};
+use crate::event::{EmcyAction, Emergency, Event, EventKind, Kind, SdoDirection};
+use crate::finding::{FindingSubject, Severity};
 use crate::profile::device::ClearMeaning;
-use crate::rules::general::facts::number;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule, TransferSubset};
+use crate::rules::general::facts::transfer_number;
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy, TransferSubset};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::{NodeId, NodeMap};
@@ -36,7 +36,7 @@ declare_rule! {
     cases: &["5.2", "5.5"],
     shows: &["5.2"],
     word: "EMCY",
-    tolerances: &[tolerance("generic-bit", 0.0, "", "1: bit 0 must be set in each EMCY with an error")],
+    tolerances: &[define_tolerance("generic-bit", 0.0, "", "1: bit 0 must be set in each EMCY with an error")],
 }
 
 const REGISTER: ObjectAddress = ObjectAddress::new(0x1001, 0);
@@ -53,7 +53,7 @@ struct ActiveError {
 
 /// Registers that a node reported since its boot.
 #[derive(Default)]
-struct Registers {
+struct ReportedRegisters {
     /// Content of 1001 in the last EMCY 0000: the errors that remained, without their codes.
     remaining: u8,
     active: Vec<ActiveError>,
@@ -63,18 +63,18 @@ struct Registers {
 
 struct EmcyRegister {
     wants_generic: bool,
-    nodes: NodeMap<Registers>,
+    nodes: NodeMap<ReportedRegisters>,
 }
 
-fn new(policy: &Policy) -> EmcyRegister {
+fn new(policy: &RulePolicy) -> EmcyRegister {
     EmcyRegister {
-        wants_generic: policy.tolerance(&DECLARATION, "generic-bit") > 0.0,
+        wants_generic: policy.tolerance_value(&DECLARATION, "generic-bit") > 0.0,
         nodes: NodeMap::default(),
     }
 }
 
-impl Registers {
-    fn add(&mut self, emergency: &Emergency, frame: u64) {
+impl ReportedRegisters {
+    fn add_register(&mut self, emergency: &Emergency, frame: u64) {
         let register = emergency.register;
         self.last = register.map(|register| (register, frame));
         if let (EmcyAction::Raised, Some(code)) = (emergency.action, emergency.code) {
@@ -89,12 +89,12 @@ impl Registers {
         }
     }
 
-    fn all(&self) -> u8 {
+    fn all_bits(&self) -> u8 {
         self.active.iter().fold(self.remaining, |all, error| all | error.register)
     }
 
     /// `05h of EMCY 3422 | 21h of EMCY 8301`
-    fn sources(&self) -> String {
+    fn source_texts(&self) -> String {
         let remaining = (self.remaining != 0).then(|| format!("{:02X}h of EMCY 0000", self.remaining));
         let active =
             self.active.iter().map(|error| format!("{:02X}h of EMCY {:04X}", error.register, error.code));
@@ -103,41 +103,46 @@ impl Registers {
 }
 
 impl EmcyRegister {
-    fn emcy(&mut self, event: &Event, node: NodeId, emergency: &Emergency, context: &mut Context<'_>) {
+    fn on_emcy(&mut self, event: &Event, node: NodeId, emergency: &Emergency, context: &mut RuleContext<'_>) {
         if let Some(registers) = self.nodes.entry(node) {
-            registers.add(emergency, event.frames.last);
+            registers.add_register(emergency, event.frames.last);
         }
         let (Some(register), Some(code)) = (emergency.register, emergency.code) else { return };
         if self.wants_generic && code != 0 && register & 1 == 0 {
-            let alarm = context.fail(event).about(About::Code(code)).severity(Severity::Note);
-            alarm.report(|| format!("EMCY {code:04X} with error register {register:02X}h (bit 0 clear)"));
+            let alarm = context
+                .start_finding(event)
+                .with_subject(FindingSubject::Code(code))
+                .with_severity(Severity::Note);
+            alarm.report_finding(|| {
+                format!("EMCY {code:04X} with error register {register:02X}h (bit 0 clear)")
+            });
         }
     }
 
-    fn read(&self, event: &Event, node: NodeId, read: u64, context: &mut Context<'_>) {
+    fn on_read(&self, event: &Event, node: NodeId, read: u64, context: &mut RuleContext<'_>) {
         let Some(registers) = self.nodes.get(node) else { return };
         let Some((last, frame)) = registers.last else { return };
-        let all = registers.all();
+        let all = registers.all_bits();
         // CiA 301 §7.2.7.1: the register in an EMCY is the content of 1001.
-        let is_plain = context.node(event).is_none_or(|node| node.assigned().is_none());
+        let is_plain = context.event_node(event).is_none_or(|node| node.assigned_by().is_none());
         if read == u64::from(all) || (is_plain && read == u64::from(last)) {
-            return context.pass();
+            return context.count_pass();
         }
         // Without an EMCY 0000 for each error, an error may have ended without notice.
         let reports_end = context
-            .node(event)
+            .event_node(event)
             .map(Node::device)
             .is_none_or(|device| device.emcy.cleared == ClearMeaning::Each);
         let is_part = read != 0 && read & !u64::from(all) == 0;
         let may_have_ended = is_part && !reports_end;
-        let mut alarm = context.fail(event).about(About::Object(REGISTER));
+        let mut alarm = context.start_finding(event).with_subject(FindingSubject::Object(REGISTER));
         if may_have_ended {
-            alarm = alarm.severity(Severity::Note);
+            alarm = alarm.with_severity(Severity::Note);
         }
-        alarm.report(|| match &registers.active[..] {
+        alarm.report_finding(|| match &registers.active[..] {
             [_, _, ..] => {
                 let reason = if may_have_ended { "; or an error ended without EMCY" } else { "" };
-                format!("read as {read:02X}h, but {all:02X}h active ({}){reason}", registers.sources())
+                format!("read as {read:02X}h, but {all:02X}h active ({}){reason}", registers.source_texts())
             }
             _ => format!("read as {read:02X}h, but {last:02X}h in the last EMCY {{{frame}}}"),
         });
@@ -145,23 +150,23 @@ impl EmcyRegister {
 }
 
 impl Rule for EmcyRegister {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let Some(node) = event.node else { return };
         match &event.kind {
             EventKind::Emcy(emergency) => {
                 if emergency.boot.is_some() {
                     self.nodes.remove(node);
                 }
-                self.emcy(event, node, emergency, context);
+                self.on_emcy(event, node, emergency, context);
             }
             EventKind::BootUp { .. } => {
                 self.nodes.remove(node);
             }
             EventKind::SdoTransfer(transfer) => {
                 let is_read =
-                    transfer.object == Some(REGISTER) && transfer.direction == Some(Direction::Upload);
-                if let Some(read) = number(transfer).filter(|_| is_read) {
-                    self.read(event, node, read, context);
+                    transfer.object == Some(REGISTER) && transfer.direction == Some(SdoDirection::Upload);
+                if let Some(read) = transfer_number(transfer).filter(|_| is_read) {
+                    self.on_read(event, node, read, context);
                 }
             }
             _ => {}

@@ -1,9 +1,9 @@
 //! Repeated EMCY messages for one active error.
 
 use crate::event::{EmcyAction, Event, EventKind, Kind};
-use crate::finding::About;
+use crate::finding::FindingSubject;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::NodeMap;
 
 declare_rule! {
@@ -35,12 +35,12 @@ struct EmcyRepeated {
     active: NodeMap<Vec<(u16, [u8; 5], u64)>>,
 }
 
-fn new(_policy: &Policy) -> EmcyRepeated {
+fn new(_policy: &RulePolicy) -> EmcyRepeated {
     EmcyRepeated::default()
 }
 
 impl Rule for EmcyRepeated {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let Some(node) = event.node else { return };
         let EventKind::Emcy(emergency) = &event.kind else {
             self.active.remove(node);
@@ -57,9 +57,9 @@ impl Rule for EmcyRepeated {
             if active.len() < ACTIVE_LIMIT {
                 active.push((code, vendor, event.frames.last));
             }
-            return context.pass();
+            return context.count_pass();
         };
-        let alarm = context.fail(event).about(About::Code(code));
-        alarm.report(|| format!("EMCY {code:04X} repeated without EMCY 0000 since {{{frame}}}"));
+        let alarm = context.start_finding(event).with_subject(FindingSubject::Code(code));
+        alarm.report_finding(|| format!("EMCY {code:04X} repeated without EMCY 0000 since {{{frame}}}"));
     }
 }

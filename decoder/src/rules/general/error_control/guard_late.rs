@@ -1,10 +1,10 @@
 //! Late or missing guarding requests of the master.
 
 use crate::event::{EmcyAction, Emergency, Event, EventKind, FrameRange, Kind};
-use crate::finding::{About, Severity};
+use crate::finding::{FindingSubject, Severity};
 use crate::rules::general::facts::value_or_default;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::nmt::NmtService;
@@ -36,8 +36,8 @@ declare_rule! {
     is_timing: true,
     word: "GUARD",
     tolerances: &[
-        tolerance("warning-percent", 80.0, "%", "of the life time, a warning"),
-        tolerance("error-percent", 100.0, "%", "of the life time, an error"),
+        define_tolerance("warning-percent", 80.0, "%", "of the life time, a warning"),
+        define_tolerance("error-percent", 100.0, "%", "of the life time, an error"),
     ],
 }
 
@@ -58,7 +58,7 @@ const SLACK: i64 = 1_000_000;
 const REACTION: i64 = 1_000_000_000;
 
 #[derive(Default)]
-struct Guarded {
+struct LateGuarding {
     /// Time and frame of the last request.
     last: Option<(i64, u64)>,
     is_told: bool,
@@ -73,9 +73,9 @@ struct Guarded {
     commanded: Option<i64>,
 }
 
-impl Guarded {
+impl LateGuarding {
     /// Whether the life time is known well enough for a verdict.
-    fn judges(&self, life: LifeTime) -> bool {
+    fn is_life_time_known(&self, life: LifeTime) -> bool {
         !life.is_assumed || (self.has_fit && !self.is_default_refuted)
     }
 }
@@ -99,11 +99,11 @@ impl LifeTime {
 struct GuardLate {
     warning: f64,
     error: f64,
-    nodes: NodeMap<Guarded>,
+    nodes: NodeMap<LateGuarding>,
 }
 
-fn new(policy: &Policy) -> GuardLate {
-    let share = |key| policy.tolerance(&DECLARATION, key) / 100.0;
+fn new(policy: &RulePolicy) -> GuardLate {
+    let share = |key| policy.tolerance_value(&DECLARATION, key) / 100.0;
     GuardLate { warning: share("warning-percent"), error: share("error-percent"), nodes: NodeMap::default() }
 }
 
@@ -117,50 +117,53 @@ fn life_time(node: Option<&Node>) -> Option<LifeTime> {
 }
 
 /// Share of the life time, in nanoseconds.
-fn part(LifeTime { time, factor, .. }: LifeTime, share: f64) -> i64 {
+fn life_time_share(LifeTime { time, factor, .. }: LifeTime, share: f64) -> i64 {
     #[expect(clippy::cast_possible_truncation, reason = "at most 65,535 ms × 255, or saturates")]
     let nanoseconds = (f64::from(time) * f64::from(factor) * share * 1e6) as i64;
     nanoseconds
 }
 
 impl GuardLate {
-    fn request(&mut self, event: &Event, node: NodeId, context: &mut Context<'_>) {
+    fn on_request(&mut self, event: &Event, node: NodeId, context: &mut RuleContext<'_>) {
         let (NodeId::Canopen(number), true) = (node, context.has_time) else { return };
-        let life = life_time(context.node(event));
+        let life = life_time(context.event_node(event));
         let Some(guarded) = self.nodes.entry(node) else { return };
         let before = guarded.last.replace((context.now, event.frames.last));
         if let (Some(life), false) = (life, guarded.is_queued) {
             guarded.is_queued = true;
-            context.wake_at(context.now.saturating_add(part(life, self.error) + SLACK), u64::from(number));
+            context.wake_at(
+                context.now.saturating_add(life_time_share(life, self.error) + SLACK),
+                u64::from(number),
+            );
         }
         let was_told = std::mem::take(&mut guarded.is_told);
         if let (Some(life), Some(before)) =
             (life, before.filter(|(_, frame)| !context.is_across_hole(*frame)))
         {
-            self.interval(event, node, (life, before), context);
+            self.judge_interval(event, node, (life, before), context);
         }
         if was_told {
-            context.close(Some(node), About::Whole);
+            context.close_condition(Some(node), FindingSubject::Whole);
         }
     }
 
     /// Judges the interval from the request `before` (time and frame) to the one of the event.
-    fn interval(
+    fn judge_interval(
         &mut self,
         event: &Event,
         node: NodeId,
         (life, (last, frame)): (LifeTime, (i64, u64)),
-        context: &mut Context<'_>,
+        context: &mut RuleContext<'_>,
     ) {
         let Some(guarded) = self.nodes.get_mut(node) else { return };
         let gap = context.now.saturating_sub(last);
-        let is_over = gap > part(life, self.error) + SLACK;
-        let is_judged = guarded.judges(life);
+        let is_over = gap > life_time_share(life, self.error) + SLACK;
+        let is_judged = guarded.is_life_time_known(life);
         let has_expired = std::mem::take(&mut guarded.has_expired);
         guarded.has_fit |= !is_over;
         guarded.is_default_refuted |= life.is_assumed && is_over && !has_expired;
-        if gap <= part(life, self.warning) + SLACK {
-            return context.pass();
+        if gap <= life_time_share(life, self.warning) + SLACK {
+            return context.count_pass();
         }
         if !is_judged {
             return;
@@ -169,14 +172,23 @@ impl GuardLate {
             if is_over { (Severity::Error, self.error) } else { (Severity::Warning, self.warning) };
         let frames = FrameRange { first: frame, last: event.frames.last };
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
-        let alarm = context.fail(event).severity(severity).measure(gap as f64);
-        alarm.frames(frames).assumed(life.assumption()).report(|| interval_text(gap, life, share));
+        let alarm = context.start_finding(event).with_severity(severity).with_measure(gap as f64);
+        alarm
+            .with_frames(frames)
+            .with_assumption(life.assumption())
+            .report_finding(|| interval_text(gap, life, share));
     }
 
     /// Checks for an EMCY that reports an expired life time.
-    fn emergency(&mut self, event: &Event, node: NodeId, emergency: &Emergency, context: &mut Context<'_>) {
+    fn on_emergency(
+        &mut self,
+        event: &Event,
+        node: NodeId,
+        emergency: &Emergency,
+        context: &mut RuleContext<'_>,
+    ) {
         let (EmcyAction::Raised, Some(code), Some(known)) =
-            (emergency.action, emergency.code, context.node(event))
+            (emergency.action, emergency.code, context.event_node(event))
         else {
             return;
         };
@@ -199,8 +211,9 @@ impl GuardLate {
         let gap = context.now.saturating_sub(last);
         let frames = FrameRange { first: frame, last: event.frames.last };
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
-        let alarm = context.fail(event).measure(gap as f64).frames(frames).reported_by_device();
-        alarm.report(|| {
+        let alarm =
+            context.start_finding(event).with_measure(gap as f64).with_frames(frames).reported_by_device();
+        alarm.report_finding(|| {
             let milliseconds = gap / 1_000_000;
             let life = life.map_or_else(String::new, |LifeTime { time, factor, is_assumed }| {
                 format!(" ({time} ms × {factor}{})", if is_assumed { ", factory setting" } else { "" })
@@ -209,14 +222,14 @@ impl GuardLate {
         });
     }
 
-    fn command(&mut self, service: NmtService, target: u8, context: &mut Context<'_>) {
+    fn on_command(&mut self, service: NmtService, target: u8, context: &mut RuleContext<'_>) {
         let is_reset = matches!(service, NmtService::ResetNode | NmtService::ResetCommunication);
         if !is_reset && service != NmtService::Stop {
             return;
         }
         for node in (1..=127).filter(|number| target == 0 || target == *number).map(NodeId::Canopen) {
             if is_reset {
-                self.forget(node, context);
+                self.forget_node(node, context);
             }
             if let Some(guarded) = self.nodes.get_mut(node) {
                 guarded.commanded = Some(context.now);
@@ -224,12 +237,12 @@ impl GuardLate {
         }
     }
 
-    fn forget(&mut self, node: NodeId, context: &mut Context<'_>) {
+    fn forget_node(&mut self, node: NodeId, context: &mut RuleContext<'_>) {
         if let Some(guarded) = self.nodes.get_mut(node) {
             guarded.last = None;
             guarded.has_expired = false;
             if std::mem::take(&mut guarded.is_told) {
-                context.close(Some(node), About::Whole);
+                context.close_condition(Some(node), FindingSubject::Whole);
             }
         }
     }
@@ -238,44 +251,44 @@ impl GuardLate {
 /// `guarding interval 450 ms > 400 ms (80 % of the life time 250 ms × 2)`
 fn interval_text(gap: i64, life: LifeTime, share: f64) -> String {
     let LifeTime { time, factor, .. } = life;
-    let (gap, limit, percent) = (gap / 1_000_000, part(life, share) / 1_000_000, share * 100.0);
+    let (gap, limit, percent) = (gap / 1_000_000, life_time_share(life, share) / 1_000_000, share * 100.0);
     format!("guarding interval {gap} ms > {limit} ms ({percent:.0} % of the life time {time} ms × {factor})")
 }
 
 impl Rule for GuardLate {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
-            (EventKind::GuardRequest, Some(node)) if !event.presumed => self.request(event, node, context),
-            (EventKind::Emcy(emergency), Some(node)) => self.emergency(event, node, emergency, context),
+            (EventKind::GuardRequest, Some(node)) if !event.presumed => self.on_request(event, node, context),
+            (EventKind::Emcy(emergency), Some(node)) => self.on_emergency(event, node, emergency, context),
             // After a restart, life guarding starts with the first request.
-            (EventKind::BootUp { .. }, Some(node)) => self.forget(node, context),
-            (EventKind::NmtCommand { service, target, .. }, _) => self.command(*service, *target, context),
+            (EventKind::BootUp { .. }, Some(node)) => self.forget_node(node, context),
+            (EventKind::NmtCommand { service, target, .. }, _) => self.on_command(*service, *target, context),
             _ => {}
         }
     }
 
-    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
+    fn on_wake(&mut self, token: u64, context: &mut RuleContext<'_>) {
         let Ok(number) = u8::try_from(token) else { return };
         let node = NodeId::Canopen(number);
         let life = life_time(context.bus.node(node));
         let Some(guarded) = self.nodes.get_mut(node) else { return };
         guarded.is_queued = false;
         let (Some((last, frame)), Some(life)) = (guarded.last, life) else { return };
-        let due = last.saturating_add(part(life, self.error) + SLACK);
+        let due = last.saturating_add(life_time_share(life, self.error) + SLACK);
         if due > context.now {
             guarded.is_queued = true;
             return context.wake_at(due, token);
         }
-        if !guarded.judges(life) {
+        if !guarded.is_life_time_known(life) {
             return;
         }
         guarded.is_told = true;
         // The next request determines the final interval.
-        let gap = part(life, self.error);
+        let gap = life_time_share(life, self.error);
         let since = context.timestamp_of(last);
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
-        let alarm = context.fail_at(due, Some(node), FrameRange::one(frame)).measure(gap as f64);
-        alarm.since(since).assumed(life.assumption()).report(|| {
+        let alarm = context.fail_at(due, Some(node), FrameRange::one(frame)).with_measure(gap as f64);
+        alarm.started_at(since).with_assumption(life.assumption()).report_finding(|| {
             let LifeTime { time, factor, .. } = life;
             let limit = u32::from(time) * u32::from(factor);
             format!("guarding requests missing (life time {limit} ms = {time} ms × {factor})")

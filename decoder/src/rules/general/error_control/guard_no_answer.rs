@@ -2,7 +2,7 @@
 
 use crate::event::{Event, EventKind, FrameRange, Kind, MonitoringMethod};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::{NodeId, NodeMap};
 
@@ -38,7 +38,7 @@ declare_rule! {
 const TOGETHER: i64 = 20_000_000;
 
 #[derive(Default)]
-struct Guarded {
+struct UnansweredGuarding {
     /// The node responds to guarding requests.
     answers: bool,
     /// Time and frame of the open request.
@@ -52,15 +52,15 @@ struct Guarded {
 
 #[derive(Default)]
 struct GuardNoAnswer {
-    nodes: NodeMap<Guarded>,
+    nodes: NodeMap<UnansweredGuarding>,
 }
 
-fn new(_policy: &Policy) -> GuardNoAnswer {
+fn new(_policy: &RulePolicy) -> GuardNoAnswer {
     GuardNoAnswer::default()
 }
 
-impl Guarded {
-    fn request(&mut self, now: i64, has_time: bool, frame: u64) {
+impl UnansweredGuarding {
+    fn on_request(&mut self, now: i64, has_time: bool, frame: u64) {
         if let Some((asked, first)) = self.open {
             if has_time && now.saturating_sub(asked) < TOGETHER {
                 return;
@@ -77,15 +77,15 @@ impl Guarded {
     }
 
     /// Reports the requests without a response.
-    fn report_missed(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn report_missed(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let (missed, frames) = (std::mem::take(&mut self.missed), self.frames);
         if missed == 0 {
             return;
         }
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
-        let alarm = context.fail(event).frames(frames).measure(missed as f64);
+        let alarm = context.start_finding(event).with_frames(frames).with_measure(missed as f64);
         let alarm = alarm.requested_at(self.requested);
-        alarm.report(|| missed_text(missed, frames));
+        alarm.report_finding(|| missed_text(missed, frames));
     }
 }
 
@@ -100,7 +100,7 @@ fn missed_text(missed: u64, frames: FrameRange) -> String {
 }
 
 impl GuardNoAnswer {
-    fn reset(&mut self, service: NmtService, target: u8) {
+    fn on_reset(&mut self, service: NmtService, target: u8) {
         if !matches!(service, NmtService::ResetNode | NmtService::ResetCommunication) {
             return;
         }
@@ -113,9 +113,9 @@ impl GuardNoAnswer {
 }
 
 impl Rule for GuardNoAnswer {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match event.kind {
-            EventKind::NmtCommand { service, target, .. } => return self.reset(service, target),
+            EventKind::NmtCommand { service, target, .. } => return self.on_reset(service, target),
             // The lost frames may include responses.
             EventKind::LostFrames { .. } | EventKind::Link { .. } | EventKind::BusSilent { .. } => {
                 return self.nodes = NodeMap::default();
@@ -127,14 +127,14 @@ impl Rule for GuardNoAnswer {
             EventKind::GuardRequest if !event.presumed => {
                 let (now, has_time) = (context.now, context.has_time);
                 if let Some(guarded) = self.nodes.entry(node) {
-                    guarded.request(now, has_time, event.frames.last);
+                    guarded.on_request(now, has_time, event.frames.last);
                 }
             }
             EventKind::GuardReply { .. } => {
                 let Some(guarded) = self.nodes.get_mut(node) else { return };
                 guarded.answers = true;
                 if guarded.open.take().is_some() && guarded.missed == 0 {
-                    context.pass();
+                    context.count_pass();
                 }
                 guarded.report_missed(event, context);
             }
@@ -150,13 +150,13 @@ impl Rule for GuardNoAnswer {
         }
     }
 
-    fn finish(&mut self, context: &mut Context<'_>) {
+    fn on_end(&mut self, context: &mut RuleContext<'_>) {
         for (node, guarded) in self.nodes.iter().filter(|(_, guarded)| guarded.missed > 0) {
             let (missed, frames) = (guarded.missed, guarded.frames);
             #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
-            let alarm = context.fail_at(context.now, Some(node), frames).measure(missed as f64);
+            let alarm = context.fail_at(context.now, Some(node), frames).with_measure(missed as f64);
             let alarm = alarm.requested_at(guarded.requested);
-            alarm.report(|| missed_text(missed, frames));
+            alarm.report_finding(|| missed_text(missed, frames));
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::event::{Event, EventKind, Kind};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::NodeSet;
 
 declare_rule! {
@@ -40,12 +40,12 @@ struct GuardToggle {
     between: NodeSet,
 }
 
-fn new(_policy: &Policy) -> GuardToggle {
+fn new(_policy: &RulePolicy) -> GuardToggle {
     GuardToggle::default()
 }
 
 impl Rule for GuardToggle {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let Some(node) = event.node else { return };
         match &event.kind {
             EventKind::Heartbeat { .. } => {
@@ -64,10 +64,12 @@ impl Rule for GuardToggle {
                 let is_apart = !self.between.remove(node);
                 let is_guarded = is_apart && self.toggling.contains(node) || !self.beating.contains(node);
                 if !toggle_error {
-                    context.pass();
+                    context.count_pass();
                 } else if is_guarded {
                     let toggle = u8::from(*toggle);
-                    context.fail(event).report(|| format!("guarding response repeats toggle bit {toggle}"));
+                    context
+                        .start_finding(event)
+                        .report_finding(|| format!("guarding response repeats toggle bit {toggle}"));
                 }
             }
             _ => {}

@@ -3,7 +3,7 @@
 use crate::event::{Event, EventKind, Kind, MonitoringMethod};
 use crate::rules::general::facts::confirmed_number;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::NodeSet;
 
 declare_rule! {
@@ -35,25 +35,25 @@ struct GuardWithHeartbeat {
     asked: NodeSet,
 }
 
-fn new(_policy: &Policy) -> GuardWithHeartbeat {
+fn new(_policy: &RulePolicy) -> GuardWithHeartbeat {
     GuardWithHeartbeat::default()
 }
 
 impl Rule for GuardWithHeartbeat {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
-        let (Some(id), Some(node)) = (event.node, context.node(event)) else { return };
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
+        let (Some(id), Some(node)) = (event.node, context.event_node(event)) else { return };
         let is_guarded = node.device().monitoring.wins == Some(MonitoringMethod::Guarding);
         let Some(time) = confirmed_number(node, 0x1017, 0).filter(|time| *time > 0 && !is_guarded) else {
             return;
         };
         match event.kind {
             // The previous request had no response.
-            EventKind::GuardRequest if !self.asked.insert(id) => context.pass(),
+            EventKind::GuardRequest if !self.asked.insert(id) => context.count_pass(),
             EventKind::GuardReply { toggle: true, .. } => {
                 self.asked.remove(id);
-                context
-                    .fail(event)
-                    .report(|| format!("guarding response despite active heartbeat (1017:00 = {time} ms)"));
+                context.start_finding(event).report_finding(|| {
+                    format!("guarding response despite active heartbeat (1017:00 = {time} ms)")
+                });
             }
             _ => {}
         }

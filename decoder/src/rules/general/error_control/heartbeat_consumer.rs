@@ -1,10 +1,10 @@
 //! Heartbeat consumer times against the producer times.
 
-use crate::event::{Event, EventKind, Kind, Outcome, SdoTransfer};
-use crate::finding::About;
+use crate::event::{Event, EventKind, Kind, SdoOutcome, SdoTransfer};
+use crate::finding::FindingSubject;
 use crate::rules::general::facts::confirmed_number;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::{NodeId, NodeMap};
@@ -47,7 +47,7 @@ const HEARTBEAT_ERROR: u16 = 0x8130;
 /// Class of communication errors.
 const COMMUNICATION: u16 = 0x8100;
 
-struct Contract {
+struct ConsumerContract {
     consumer: NodeId,
     sub: u8,
     producer: NodeId,
@@ -56,15 +56,15 @@ struct Contract {
 
 #[derive(Default)]
 struct HeartbeatConsumer {
-    contracts: Vec<Contract>,
+    contracts: Vec<ConsumerContract>,
     /// Consumers with a changed list.
     changed: Vec<NodeId>,
-    beats: NodeMap<Beat>,
+    beats: NodeMap<ProducerHeartbeats>,
 }
 
 /// Heartbeats of a producer, in ns.
 #[derive(Debug, Clone, Copy, Default)]
-struct Beat {
+struct ProducerHeartbeats {
     last: i64,
     /// Interval before the last heartbeat.
     interval: Option<i64>,
@@ -72,8 +72,8 @@ struct Beat {
     usual: Option<i64>,
 }
 
-impl Beat {
-    fn add(&mut self, now: i64) {
+impl ProducerHeartbeats {
+    fn add_heartbeat(&mut self, now: i64) {
         let interval = now.saturating_sub(self.last);
         let is_usual = self.interval.is_some_and(|known| interval.saturating_sub(known).abs() <= known / 10);
         if is_usual {
@@ -84,14 +84,14 @@ impl Beat {
     }
 }
 
-fn new(_policy: &Policy) -> HeartbeatConsumer {
+fn new(_policy: &RulePolicy) -> HeartbeatConsumer {
     HeartbeatConsumer::default()
 }
 
 impl HeartbeatConsumer {
     /// Reads the changed consumer lists. This is deferred because the event of a transfer precedes the new
     /// value.
-    fn refresh(&mut self, context: &Context<'_>) {
+    fn refresh_lists(&mut self, context: &RuleContext<'_>) {
         for consumer in std::mem::take(&mut self.changed) {
             self.contracts.retain(|contract| contract.consumer != consumer);
             let Some(node) = context.bus.node(consumer) else { continue };
@@ -100,16 +100,21 @@ impl HeartbeatConsumer {
                 let id = u8::try_from(entry >> 16 & 0x7F).unwrap_or(0);
                 let time = i64::try_from(entry & 0xFFFF).unwrap_or(0).saturating_mul(1_000_000);
                 if id != 0 && time != 0 && self.contracts.len() < CONTRACT_LIMIT {
-                    self.contracts.push(Contract { consumer, sub, producer: NodeId::Canopen(id), time });
+                    self.contracts.push(ConsumerContract {
+                        consumer,
+                        sub,
+                        producer: NodeId::Canopen(id),
+                        time,
+                    });
                 }
             }
         }
     }
 
-    fn beat(&mut self, event: &Event, node: &Node, context: &mut Context<'_>) {
+    fn on_heartbeat(&mut self, event: &Event, node: &Node, context: &mut RuleContext<'_>) {
         let producer = node.id();
         if let Some(beat) = self.beats.entry(producer) {
-            beat.add(context.now);
+            beat.add_heartbeat(context.now);
         }
         let Some(period) = confirmed_number(node, 0x1017, 0).and_then(|time| i64::try_from(time).ok()) else {
             return;
@@ -117,23 +122,26 @@ impl HeartbeatConsumer {
         let period = period.saturating_mul(1_000_000);
         for contract in self.contracts.iter().filter(|contract| contract.producer == producer) {
             if period < contract.time {
-                context.pass();
+                context.count_pass();
                 continue;
             }
             let object = ObjectAddress::new(0x1016, contract.sub);
             let (period, time) = (period / 1_000_000, contract.time / 1_000_000);
-            let alarm = context.fail(event).node(Some(contract.consumer)).about(About::Object(object));
-            alarm.report(|| {
+            let alarm = context
+                .start_finding(event)
+                .at_node(Some(contract.consumer))
+                .with_subject(FindingSubject::Object(object));
+            alarm.report_finding(|| {
                 format!(
                     "consumer time {time} ms ≤ {period} ms producer time of {} (1017:00)",
-                    producer.words()
+                    producer.sentence_label()
                 )
             });
         }
     }
 
     /// Checks the margin of the consumer times after a communication error of their consumer.
-    fn margin(&self, event: &Event, node: &Node, context: &mut Context<'_>) {
+    fn check_margin(&self, event: &Event, node: &Node, context: &mut RuleContext<'_>) {
         for contract in self.contracts.iter().filter(|contract| contract.consumer == node.id()) {
             let Some(beat) = self.beats.get(contract.producer) else { continue };
             let Some(usual) = beat.usual else { continue };
@@ -145,9 +153,11 @@ impl HeartbeatConsumer {
             }
             let [time, usual] = [contract.time, usual].map(|time| (time + 500_000) / 1_000_000);
             let late = rests.max(beat.interval.unwrap_or(0)) / 1_000_000;
-            let alarm = context.fail(event).about(About::Object(ObjectAddress::new(0x1016, contract.sub)));
-            alarm.report(|| {
-                let producer = contract.producer.words();
+            let alarm = context
+                .start_finding(event)
+                .with_subject(FindingSubject::Object(ObjectAddress::new(0x1016, contract.sub)));
+            alarm.report_finding(|| {
+                let producer = contract.producer.sentence_label();
                 format!(
                     "consumer time {time} ms for {producer} < 1.5 × its heartbeat interval {usual} ms; {late} ms since \
                      its last heartbeat"
@@ -157,7 +167,7 @@ impl HeartbeatConsumer {
     }
 
     /// Checks an EMCY 8130 against the heartbeats of the monitored producers.
-    fn complained(&self, event: &Event, node: &Node, context: &mut Context<'_>) {
+    fn on_emcy_8130(&self, event: &Event, node: &Node, context: &mut RuleContext<'_>) {
         let count = confirmed_number(node, 0x1016, 0)
             .and_then(|count| u8::try_from(count).ok())
             .filter(|count| *count > 0);
@@ -176,32 +186,32 @@ impl HeartbeatConsumer {
             beat.is_none_or(|beat| context.now.saturating_sub(beat.last) >= contract.time / 10 * 9)
         });
         if late {
-            return context.pass();
+            return context.count_pass();
         }
-        let alarm = context.fail(event).about(About::Code(HEARTBEAT_ERROR));
-        alarm.report(|| "EMCY 8130 although all monitored heartbeats arrived in time".to_owned());
+        let alarm = context.start_finding(event).with_subject(FindingSubject::Code(HEARTBEAT_ERROR));
+        alarm.report_finding(|| "EMCY 8130 although all monitored heartbeats arrived in time".to_owned());
     }
 }
 
 /// Whether a transfer contains an entry of the consumer list.
 fn is_list(transfer: &SdoTransfer) -> bool {
-    transfer.outcome == Outcome::Complete && transfer.object.is_some_and(|object| object.index == 0x1016)
+    transfer.outcome == SdoOutcome::Complete && transfer.object.is_some_and(|object| object.index == 0x1016)
 }
 
 impl Rule for HeartbeatConsumer {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         if !self.changed.is_empty() {
-            self.refresh(context);
+            self.refresh_lists(context);
         }
-        let (Some(id), Some(node)) = (event.node, context.node(event)) else { return };
+        let (Some(id), Some(node)) = (event.node, context.event_node(event)) else { return };
         match &event.kind {
-            EventKind::Heartbeat { .. } => self.beat(event, node, context),
+            EventKind::Heartbeat { .. } => self.on_heartbeat(event, node, context),
             EventKind::Emcy(emergency) => {
                 if emergency.code == Some(HEARTBEAT_ERROR) {
-                    self.complained(event, node, context);
+                    self.on_emcy_8130(event, node, context);
                 }
                 if emergency.code.is_some_and(|code| code & 0xFF00 == COMMUNICATION) {
-                    self.margin(event, node, context);
+                    self.check_margin(event, node, context);
                 }
             }
             EventKind::SdoTransfer(transfer) if is_list(transfer) && !self.changed.contains(&id) => {

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use crate::event::{Event, EventKind, Kind, SdoTransfer};
-use crate::finding::About;
+use crate::finding::FindingSubject;
 use crate::rules::general::facts::confirmed_number;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule, TransferSubset};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy, TransferSubset};
 use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
@@ -39,7 +39,7 @@ declare_rule! {
     shows: &["7.102"],
     is_timing: true,
     word: "BEAT",
-    tolerances: &[tolerance("warning-percent", 10.0, "%", "permitted deviation of the average")],
+    tolerances: &[define_tolerance("warning-percent", 10.0, "%", "permitted deviation of the average")],
 }
 
 /// Duration of the average, in nanoseconds.
@@ -49,7 +49,7 @@ const WINDOW: i64 = 10_000_000_000;
 const QUEUED: u32 = 2;
 
 #[derive(Default)]
-struct Watch {
+struct PeriodWatch {
     began: Option<i64>,
     beats: i64,
     /// Number of heartbeats since the time was set to 0.
@@ -58,25 +58,25 @@ struct Watch {
 
 struct HeartbeatPeriod {
     share: f64,
-    watches: NodeMap<Watch>,
+    watches: NodeMap<PeriodWatch>,
 }
 
-fn new(policy: &Policy) -> HeartbeatPeriod {
+fn new(policy: &RulePolicy) -> HeartbeatPeriod {
     HeartbeatPeriod {
-        share: policy.tolerance(&DECLARATION, "warning-percent") / 100.0,
+        share: policy.tolerance_value(&DECLARATION, "warning-percent") / 100.0,
         watches: NodeMap::default(),
     }
 }
 
 impl HeartbeatPeriod {
-    fn beat(&mut self, event: &Event, node: NodeId, context: &mut Context<'_>) {
-        let time = context.node(event).and_then(|node| confirmed_number(node, 0x1017, 0));
+    fn on_heartbeat(&mut self, event: &Event, node: NodeId, context: &mut RuleContext<'_>) {
+        let time = context.event_node(event).and_then(|node| confirmed_number(node, 0x1017, 0));
         let Some(watch) = self.watches.entry(node) else { return };
         let Some(time) = time else { return };
         if time == 0 {
             watch.surplus += 1;
             if watch.surplus > QUEUED {
-                context.fail(event).report(|| "heartbeat although 1017:00 = 0".to_owned());
+                context.start_finding(event).report_finding(|| "heartbeat although 1017:00 = 0".to_owned());
             }
             return;
         }
@@ -101,10 +101,10 @@ impl HeartbeatPeriod {
         #[expect(clippy::cast_precision_loss, reason = "a small count")]
         let slack = self.share + 1.0 / beats as f64;
         if off <= slack || (average - expected).abs() < 1.0 {
-            return context.pass();
+            return context.count_pass();
         }
-        let alarm = context.fail(event).measure(off);
-        alarm.report(|| {
+        let alarm = context.start_finding(event).with_measure(off);
+        alarm.report_finding(|| {
             let percent = slack * 100.0;
             format!("average heartbeat period {average:.1} ms (1017:00: {expected:.0} ms ± {percent:.0} %)")
         });
@@ -116,13 +116,14 @@ fn is_time(transfer: &SdoTransfer) -> bool {
 }
 
 impl Rule for HeartbeatPeriod {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
             (EventKind::Heartbeat { state: None, code }, Some(_)) => {
-                let alarm = context.fail(event).about(About::Name(Arc::from("state")));
-                alarm.report(|| format!("undefined NMT state {code:02X}h in heartbeat"));
+                let alarm =
+                    context.start_finding(event).with_subject(FindingSubject::Name(Arc::from("state")));
+                alarm.report_finding(|| format!("undefined NMT state {code:02X}h in heartbeat"));
             }
-            (EventKind::Heartbeat { .. }, Some(node)) => self.beat(event, node, context),
+            (EventKind::Heartbeat { .. }, Some(node)) => self.on_heartbeat(event, node, context),
             (EventKind::SdoTransfer(transfer), Some(node)) if is_time(transfer) => {
                 self.watches.remove(node);
             }

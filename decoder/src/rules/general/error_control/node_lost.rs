@@ -1,10 +1,10 @@
 //! Late or missing heartbeats and guarding responses of a node.
 
-use crate::event::{Event, EventKind, FrameRange, Kind, MonitoringMethod, Silence};
-use crate::finding::{About, Severity};
+use crate::event::{Event, EventKind, FrameRange, Kind, MonitoringMethod, NodeSilence};
+use crate::finding::{FindingSubject, Severity};
 use crate::frame::Timestamp;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::{NmtState, ObjectAddress};
 use crate::wire::{NodeId, NodeMap, NodeSet};
 
@@ -34,8 +34,8 @@ declare_rule! {
     is_timing: true,
     word: "LOST",
     tolerances: &[
-        tolerance("warning-percent", 150.0, "%", "of the producer time, a warning"),
-        tolerance("error-percent", 200.0, "%", "of the producer time, an error; a lost node is always an error"),
+        define_tolerance("warning-percent", 150.0, "%", "of the producer time, a warning"),
+        define_tolerance("error-percent", 200.0, "%", "of the producer time, an error; a lost node is always an error"),
     ],
 }
 
@@ -46,8 +46,8 @@ struct NodeLost {
     lost: NodeSet,
 }
 
-fn new(policy: &Policy) -> NodeLost {
-    let share = |key| policy.tolerance(&DECLARATION, key) / 100.0;
+fn new(policy: &RulePolicy) -> NodeLost {
+    let share = |key| policy.tolerance_value(&DECLARATION, key) / 100.0;
     NodeLost {
         warning: share("warning-percent"),
         error: share("error-percent"),
@@ -57,7 +57,7 @@ fn new(policy: &Policy) -> NodeLost {
 }
 
 impl NodeLost {
-    fn heartbeat(&mut self, event: &Event, node: NodeId, context: &mut Context<'_>) {
+    fn on_heartbeat(&mut self, event: &Event, node: NodeId, context: &mut RuleContext<'_>) {
         let now = context.now;
         let Some(last) = self.last.entry(node) else { return };
         let (before, frame) = std::mem::replace(last, (now, event.frames.last));
@@ -65,13 +65,13 @@ impl NodeLost {
         if self.lost.remove(node) || context.is_across_hole(frame) {
             return;
         }
-        let producer = context.node(event).and_then(|node| node.store().number(PRODUCER_TIME));
+        let producer = context.event_node(event).and_then(|node| node.store().number(PRODUCER_TIME));
         let Some(time) = producer.filter(|time| frame != 0 && *time != 0) else { return };
         #[expect(clippy::cast_precision_loss, reason = "milliseconds of a heartbeat")]
         let (interval, expected) = (now.saturating_sub(before) as f64 / 1e6, time as f64);
         // Tolerates the rounding of timestamps.
         if interval <= expected * self.warning + 1.0 {
-            return context.pass();
+            return context.count_pass();
         }
         let (severity, share) = if interval > expected * self.error {
             (Severity::Error, self.error)
@@ -80,25 +80,25 @@ impl NodeLost {
         };
         let frames = FrameRange { first: frame, last: event.frames.last };
         context
-            .fail(event)
-            .about(About::Object(PRODUCER_TIME))
-            .severity(severity)
-            .word("LATE")
-            .measure(interval / expected)
-            .frames(frames)
-            .report(|| {
+            .start_finding(event)
+            .with_subject(FindingSubject::Object(PRODUCER_TIME))
+            .with_severity(severity)
+            .with_word("LATE")
+            .with_measure(interval / expected)
+            .with_frames(frames)
+            .report_finding(|| {
                 let limit = expected * share;
                 format!("heartbeat interval {interval:.0} ms > {limit:.0} ms ({share} × 1017:00)")
             });
     }
 
-    fn lost(&self, event: &Event, silence: &Silence, context: &mut Context<'_>) {
+    fn on_lost(&self, event: &Event, silence: &NodeSilence, context: &mut RuleContext<'_>) {
         // The node may still send other messages.
         let heartbeat = event.node.and_then(|node| self.last.get(node)).map(|(_, frame)| *frame);
         let heartbeat = heartbeat.filter(|frame| (1..silence.last_frame).contains(frame));
         let heartbeat = heartbeat.filter(|_| silence.monitored_by == MonitoringMethod::Heartbeat);
         let since = event.time.map(|time| Timestamp(time.0.saturating_sub(silence.gap)));
-        context.fail(event).since(since).report(|| {
+        context.start_finding(event).started_at(since).report_finding(|| {
             let last = silence.last_frame;
             let by = silence.monitored_by.message();
             let details = [
@@ -117,18 +117,18 @@ impl NodeLost {
 const PRODUCER_TIME: ObjectAddress = ObjectAddress::new(0x1017, 0);
 
 impl Rule for NodeLost {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         if let EventKind::NmtCommand { to: Some(NmtState::Initialising), target: 0, .. } = event.kind {
             self.last = NodeMap::default();
         }
         let Some(node) = event.node else { return };
         match &event.kind {
-            EventKind::Heartbeat { .. } => self.heartbeat(event, node, context),
+            EventKind::Heartbeat { .. } => self.on_heartbeat(event, node, context),
             EventKind::NodeLost(silence) => {
                 self.lost.insert(node);
-                self.lost(event, silence, context);
+                self.on_lost(event, silence, context);
             }
-            EventKind::NodeBack(_) => context.close(Some(node), About::Whole),
+            EventKind::NodeBack(_) => context.close_condition(Some(node), FindingSubject::Whole),
             // A restart starts a new series; other rules check the duration of a reset.
             EventKind::BootUp { .. } | EventKind::NmtCommand { to: Some(NmtState::Initialising), .. } => {
                 self.last.remove(node);

@@ -1,11 +1,11 @@
 //! Contention for an address, and messages from an address that the device has lost.
 
 use crate::event::{AddressClaim, ClaimAction, Event, EventKind, Kind};
-use crate::finding::{About, Severity};
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Need, Policy, Rule};
+use crate::finding::{FindingSubject, Severity};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{FrameNeed, Rule, RuleContext, RulePolicy};
 use crate::wire::NodeId;
-use crate::wire::j1939::Name;
+use crate::wire::j1939::J1939Name;
 
 declare_rule! {
     /// # What it checks
@@ -29,7 +29,7 @@ declare_rule! {
     kinds: [Kind::AddressClaim, Kind::J1939Message],
     needs: "an address claim",
     word: "CLAIM",
-    tolerances: &[tolerance("grace-ms", 20.0, "ms", "after the loss of the address, in which queued messages are permitted")],
+    tolerances: &[define_tolerance("grace-ms", 20.0, "ms", "after the loss of the address, in which queued messages are permitted")],
 }
 
 /// Addresses whose claimant must wait before it sends (J1939-81 §4.5).
@@ -47,7 +47,7 @@ const WATCH_LIMIT: usize = 64;
 /// Address that a device must no longer use.
 struct VacatedAddress {
     address: u8,
-    name: Name,
+    name: J1939Name,
     frame: u64,
     since: i64,
     until: i64,
@@ -58,12 +58,19 @@ struct AddressContention {
     left: Vec<VacatedAddress>,
 }
 
-fn new(policy: &Policy) -> AddressContention {
-    AddressContention { grace: policy.nanoseconds(&DECLARATION, "grace-ms"), left: Vec::new() }
+fn new(policy: &RulePolicy) -> AddressContention {
+    AddressContention { grace: policy.tolerance_ns(&DECLARATION, "grace-ms"), left: Vec::new() }
 }
 
 impl AddressContention {
-    fn watch(&mut self, address: u8, name: Name, lasts: i64, event: &Event, context: &mut Context<'_>) {
+    fn watch_claim(
+        &mut self,
+        address: u8,
+        name: J1939Name,
+        lasts: i64,
+        event: &Event,
+        context: &mut RuleContext<'_>,
+    ) {
         self.left.retain(|left| left.address != address);
         if context.has_time && self.left.len() < WATCH_LIMIT {
             let (frame, since) = (event.frames.last, context.now);
@@ -78,7 +85,7 @@ impl AddressContention {
         }
     }
 
-    fn claim(&mut self, event: &Event, claim: &AddressClaim, context: &mut Context<'_>) {
+    fn on_claim(&mut self, event: &Event, claim: &AddressClaim, context: &mut RuleContext<'_>) {
         let has_it = matches!(claim.action, ClaimAction::Claimed | ClaimAction::Confirmed);
         if has_it {
             self.left.retain(|left| left.address != claim.source);
@@ -88,24 +95,24 @@ impl AddressContention {
             let is_free =
                 context.bus.node(NodeId::J1939(from)).is_none_or(|node| node.j1939_name().is_none());
             if is_free {
-                self.watch(from, claim.name, LEFT, event, context);
+                self.watch_claim(from, claim.name, LEFT, event, context);
             }
         }
         let Some(contention) = claim.contention else {
             if has_it {
-                context.pass();
+                context.count_pass();
             }
             return;
         };
         let winner = contention.winner;
         let loser = if winner == claim.name { contention.other } else { claim.name };
         if has_it && WAITS.contains(&claim.source) {
-            self.watch(claim.source, loser, WAIT, event, context);
+            self.watch_claim(claim.source, loser, WAIT, event, context);
         }
         let may_choose = loser.fields().arbitrary_address_capable;
         let severity = if may_choose { Severity::Note } else { Severity::Warning };
-        let alarm = context.fail(event).severity(severity);
-        alarm.report(|| {
+        let alarm = context.start_finding(event).with_severity(severity);
+        alarm.report_finding(|| {
             let address = claim.source;
             let then = if may_choose { "may claim another address" } else { "no other address" };
             format!(
@@ -115,7 +122,7 @@ impl AddressContention {
         });
     }
 
-    fn message(&mut self, event: &Event, source: u8, context: &mut Context<'_>) {
+    fn on_message(&mut self, event: &Event, source: u8, context: &mut RuleContext<'_>) {
         let Some(place) = self.left.iter().position(|left| left.address == source) else { return };
         let Some(left) = self.left.get(place) else { return };
         if context.now > left.until {
@@ -128,8 +135,8 @@ impl AddressContention {
             return;
         }
         let (name, frame) = (left.name, left.frame);
-        let alarm = context.fail(event).about(About::Name("still sending".into()));
-        alarm.report(|| {
+        let alarm = context.start_finding(event).with_subject(FindingSubject::Name("still sending".into()));
+        alarm.report_finding(|| {
             let [milliseconds, limit] = [late, self.grace].map(|time| time / 1_000_000);
             format!(
                 "message from {source:02X} {milliseconds} ms after NAME {:016X} lost or left the address {{{frame}}} \
@@ -141,22 +148,22 @@ impl AddressContention {
 }
 
 impl Rule for AddressContention {
-    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
+    fn frame_need(&self, event: &Event, _context: &RuleContext<'_>) -> FrameNeed {
         match &event.kind {
             EventKind::J1939Message(message)
                 if self.left.iter().all(|left| left.address != message.id.source) =>
             {
-                Need::NOTHING
+                FrameNeed::NOTHING
             }
-            _ => Need::EACH,
+            _ => FrameNeed::EACH,
         }
     }
 
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match &event.kind {
-            EventKind::AddressClaim(claim) => self.claim(event, claim, context),
+            EventKind::AddressClaim(claim) => self.on_claim(event, claim, context),
             EventKind::J1939Message(message) if !self.left.is_empty() => {
-                self.message(event, message.id.source, context);
+                self.on_message(event, message.id.source, context);
             }
             _ => {}
         }

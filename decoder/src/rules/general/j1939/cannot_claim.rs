@@ -1,9 +1,9 @@
 //! Failed address claims.
 
 use crate::event::{ClaimAction, Event, EventKind, Kind};
-use crate::finding::About;
+use crate::finding::FindingSubject;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 
 declare_rule! {
     /// # What it checks
@@ -37,16 +37,16 @@ struct CannotClaim {
 /// Maximum number of NAMEs without an address.
 const NAME_LIMIT: usize = 256;
 
-fn new(_policy: &Policy) -> CannotClaim {
+fn new(_policy: &RulePolicy) -> CannotClaim {
     CannotClaim::default()
 }
 
-fn about(name: u64) -> About {
-    About::Name(format!("NAME {name:016X}").into())
+fn name_subject(name: u64) -> FindingSubject {
+    FindingSubject::Name(format!("NAME {name:016X}").into())
 }
 
 impl Rule for CannotClaim {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::AddressClaim(claim) = &event.kind else { return };
         let name = claim.name.0;
         match claim.action {
@@ -58,14 +58,14 @@ impl Rule for CannotClaim {
                 let may_choose = claim.name.fields().arbitrary_address_capable;
                 let may =
                     if may_choose { "arbitrary address capable" } else { "not arbitrary address capable" };
-                let alarm = context.fail(event).about(about(name)).ongoing();
-                alarm.report(|| format!("address claim failed ({before}{may})"));
+                let alarm = context.start_finding(event).with_subject(name_subject(name)).mark_ongoing();
+                alarm.report_finding(|| format!("address claim failed ({before}{may})"));
             }
             ClaimAction::Claimed | ClaimAction::Confirmed => {
-                context.pass();
+                context.count_pass();
                 if let Some(place) = self.without.iter().position(|known| *known == name) {
                     self.without.swap_remove(place);
-                    context.close(None, about(name));
+                    context.close_condition(None, name_subject(name));
                 }
             }
             ClaimAction::Lost => {}

@@ -1,9 +1,9 @@
 //! DM1 period while a fault is active.
 
 use crate::event::{DtcAction, Event, EventKind, FrameRange, Kind};
-use crate::finding::{About, Severity};
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Need, Policy, Rule};
+use crate::finding::{FindingSubject, Severity};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{FrameNeed, Rule, RuleContext, RulePolicy};
 use crate::wire::j1939::Pgn;
 use crate::wire::{NodeId, NodeMap};
 
@@ -30,8 +30,8 @@ declare_rule! {
     is_timing: true,
     word: "DM1",
     tolerances: &[
-        tolerance("late-percent", 150.0, "%", "of its period, a warning"),
-        tolerance("fast-percent", 50.0, "%", "of its period, five times in succession, a note"),
+        define_tolerance("late-percent", 150.0, "%", "of its period, a warning"),
+        define_tolerance("fast-percent", 50.0, "%", "of its period, five times in succession, a note"),
     ],
 }
 
@@ -56,14 +56,14 @@ struct Dm1Period {
     nodes: NodeMap<Dm1Series>,
 }
 
-fn new(policy: &Policy) -> Dm1Period {
-    let share = |key| policy.tolerance(&DECLARATION, key) / 100.0;
+fn new(policy: &RulePolicy) -> Dm1Period {
+    let share = |key| policy.tolerance_value(&DECLARATION, key) / 100.0;
     Dm1Period { late: share("late-percent"), fast: share("fast-percent"), nodes: NodeMap::default() }
 }
 
 impl Dm1Period {
     /// Checks a DM1 in one frame or in several packets.
-    fn on_dm1(&mut self, event: &Event, node: NodeId, context: &mut Context<'_>) {
+    fn on_dm1(&mut self, event: &Event, node: NodeId, context: &mut RuleContext<'_>) {
         let Some(known) = context.bus.node(node) else { return };
         let period = match known.device().j1939.dm1_period {
             0 => PERIOD,
@@ -86,37 +86,37 @@ impl Dm1Period {
         let frames = FrameRange { first: frame, last: event.frames.last };
         // Tolerates the rounding of timestamps.
         if interval > expected * self.late + 1.0 {
-            let alarm = context.fail(event).frames(frames).measure(interval / expected);
-            alarm.report(|| {
+            let alarm = context.start_finding(event).with_frames(frames).with_measure(interval / expected);
+            alarm.report_finding(|| {
                 let limit = expected * self.late;
                 format!(
                     "DM1 interval {interval:.0} ms > {limit:.0} ms with an active fault (period {expected:.0} ms)"
                 )
             });
         } else if is_fast {
-            let alarm = context.fail(event).frames(frames).severity(Severity::Note);
-            let alarm = alarm.about(About::Name("too often".into()));
-            alarm.report(|| {
+            let alarm = context.start_finding(event).with_frames(frames).with_severity(Severity::Note);
+            let alarm = alarm.with_subject(FindingSubject::Name("too often".into()));
+            alarm.report_finding(|| {
                 let limit = expected * self.fast;
                 format!(
                     "DM1 interval {interval:.0} ms < {limit:.0} ms without a change (period {expected:.0} ms)"
                 )
             });
         } else {
-            context.pass();
+            context.count_pass();
         }
     }
 }
 
 impl Rule for Dm1Period {
-    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
+    fn frame_need(&self, event: &Event, _context: &RuleContext<'_>) -> FrameNeed {
         match &event.kind {
-            EventKind::J1939Message(message) if message.id.pgn != Pgn::DM1 => Need::NOTHING,
-            _ => Need::EACH,
+            EventKind::J1939Message(message) if message.id.pgn != Pgn::DM1 => FrameNeed::NOTHING,
+            _ => FrameNeed::EACH,
         }
     }
 
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let Some(node) = event.node else { return };
         match &event.kind {
             EventKind::J1939Message(message) if message.id.pgn == Pgn::DM1 => {
@@ -131,8 +131,8 @@ impl Rule for Dm1Period {
                 }
                 if dtc.action == DtcAction::NoLongerReported && dtc.by_silence {
                     let (spn, fmi) = (dtc.spn, dtc.fmi);
-                    let alarm = context.fail(event).measure(f64::MAX);
-                    alarm.report(|| format!("DM1 missing while SPN {spn} FMI {fmi} is active"));
+                    let alarm = context.start_finding(event).with_measure(f64::MAX);
+                    alarm.report_finding(|| format!("DM1 missing while SPN {spn} FMI {fmi} is active"));
                 }
             }
             _ => {}

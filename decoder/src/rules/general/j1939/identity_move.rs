@@ -1,12 +1,12 @@
 //! Unexpected or incomplete changes of a node-ID or address.
 
 use crate::event::{AddressClaim, ClaimAction, Event, EventKind, FrameRange, Kind, NodeIdSource};
-use crate::finding::About;
+use crate::finding::FindingSubject;
 use crate::frame::CanId;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Need, Policy, Rule};
-use crate::wire::canopen::lss::Content;
-use crate::wire::j1939::{Name, Pgn};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{FrameNeed, Rule, RuleContext, RulePolicy};
+use crate::wire::canopen::lss::LssContent;
+use crate::wire::j1939::{J1939Name, Pgn};
 use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
@@ -37,9 +37,9 @@ declare_rule! {
     needs: "a change of a node-ID by LSS, or an address claim",
     word: "IDENT",
     tolerances: &[
-        tolerance("store-ms", 10_000.0, "ms", "from the use of a node-ID to its storage"),
-        tolerance("settled-ms", 2_000.0, "ms", "after the start of the capture, in which devices may have been running"),
-        tolerance("before-ms", 1_000.0, "ms", "maximum time from the first message to the address claim"),
+        define_tolerance("store-ms", 10_000.0, "ms", "from the use of a node-ID to its storage"),
+        define_tolerance("settled-ms", 2_000.0, "ms", "after the start of the capture, in which devices may have been running"),
+        define_tolerance("before-ms", 1_000.0, "ms", "maximum time from the first message to the address claim"),
     ],
 }
 
@@ -76,11 +76,11 @@ struct IdentityMove {
     /// Time and frame of the first message per address.
     first: NodeMap<(i64, u64)>,
     /// Devices that lost their address and have not claimed another one.
-    displaced: Vec<Name>,
+    displaced: Vec<J1939Name>,
 }
 
-fn new(policy: &Policy) -> IdentityMove {
-    let time = |key| policy.nanoseconds(&DECLARATION, key);
+fn new(policy: &RulePolicy) -> IdentityMove {
+    let time = |key| policy.tolerance_ns(&DECLARATION, key);
     IdentityMove {
         store: time("store-ms"),
         settled: time("settled-ms"),
@@ -110,7 +110,13 @@ impl IdentityMove {
         }
     }
 
-    fn changed(&mut self, event: &Event, from: Option<u8>, by: NodeIdSource, context: &mut Context<'_>) {
+    fn on_changed(
+        &mut self,
+        event: &Event,
+        from: Option<u8>,
+        by: NodeIdSource,
+        context: &mut RuleContext<'_>,
+    ) {
         let Some(node) = event.node else { return };
         if let (Some(from), Some(slot)) = (from, self.moved.entry(node)) {
             *slot = from;
@@ -120,7 +126,7 @@ impl IdentityMove {
             return;
         }
         match self.configured.take() {
-            Some(ConfiguredNodeId::Stored) => context.pass(),
+            Some(ConfiguredNodeId::Stored) => context.count_pass(),
             Some(ConfiguredNodeId::Accepted) => {
                 if let Some(slot) = self.unstored.entry(node) {
                     *slot = event.frames.last;
@@ -133,28 +139,28 @@ impl IdentityMove {
 
     /// Checks a PDO of a node that changed its node-ID.
     #[cold]
-    fn pdo(&self, event: &Event, id: CanId, context: &mut Context<'_>) {
+    fn on_pdo(&self, event: &Event, id: CanId, context: &mut RuleContext<'_>) {
         let Some((node, from)) = event.node.and_then(|node| Some((node, *self.moved.get(node)?))) else {
             return;
         };
         let CanId::Standard(number) = id else { return };
         let low = number & 0x7F;
         if low == u16::from(node.number()) {
-            context.pass();
+            context.count_pass();
         } else if low == u16::from(from) {
-            let alarm = context.fail(event).about(About::Id(id));
-            alarm.report(|| format!("PDO on {id} of the old node-ID {from}"));
+            let alarm = context.start_finding(event).with_subject(FindingSubject::Id(id));
+            alarm.report_finding(|| format!("PDO on {id} of the old node-ID {from}"));
         }
     }
 
-    fn claim(&mut self, event: &Event, claim: &AddressClaim, context: &mut Context<'_>) {
+    fn on_claim(&mut self, event: &Event, claim: &AddressClaim, context: &mut RuleContext<'_>) {
         match claim.action {
             ClaimAction::Claimed => {}
             ClaimAction::Confirmed => return,
-            ClaimAction::Lost | ClaimAction::CannotClaim => return self.displace(claim.name),
+            ClaimAction::Lost | ClaimAction::CannotClaim => return self.displace_device(claim.name),
         }
         let to = claim.source;
-        let was_displaced = self.recover(claim.name);
+        let was_displaced = self.recover_device(claim.name);
         if let Some(from) = claim.from {
             // Later messages from the old address belong to another device.
             self.first.remove(NodeId::J1939(from));
@@ -162,19 +168,19 @@ impl IdentityMove {
         }
         if let Some(contention) = claim.contention {
             // The messages before the claim belong to the device that lost the address.
-            self.displace(contention.other);
+            self.displace_device(contention.other);
             self.first.remove(NodeId::J1939(to));
             context.ask_again();
         }
         if was_displaced || claim.contention.is_some() && claim.from.is_none() {
-            return context.pass();
+            return context.count_pass();
         }
         if let Some(from) = claim.from {
             if claim.commanded != 0 {
-                return context.pass();
+                return context.count_pass();
             }
-            let alarm = context.fail(event);
-            return alarm.report(|| {
+            let alarm = context.start_finding(event);
+            return alarm.report_finding(|| {
                 format!("NAME {:016X} moved from {from:02X} to {to:02X} without a command", claim.name.0)
             });
         }
@@ -182,8 +188,8 @@ impl IdentityMove {
     }
 
     /// Stores a device that has to claim another address (J1939-81 §4.4.3).
-    fn displace(&mut self, name: Name) {
-        self.recover(name);
+    fn displace_device(&mut self, name: J1939Name) {
+        self.recover_device(name);
         if self.displaced.len() >= DISPLACED_LIMIT {
             self.displaced.remove(0);
         }
@@ -191,15 +197,15 @@ impl IdentityMove {
     }
 
     /// Removes a device from those without an address; returns whether it was among them.
-    fn recover(&mut self, name: Name) -> bool {
+    fn recover_device(&mut self, name: J1939Name) -> bool {
         let known = self.displaced.iter().position(|displaced| *displaced == name);
         known.map(|place| self.displaced.remove(place)).is_some()
     }
 
-    fn first_claim(&self, event: &Event, context: &mut Context<'_>) {
+    fn first_claim(&self, event: &Event, context: &mut RuleContext<'_>) {
         let now = context.now;
         let Some(node) = event.node else { return };
-        let Some((sent, frame)) = self.first.get(node).copied() else { return context.pass() };
+        let Some((sent, frame)) = self.first.get(node).copied() else { return context.count_pass() };
         // A device that has been running for long responds to a request for its claim.
         let is_answer = self.asked.is_some_and(|asked| now.saturating_sub(asked) < ANSWER);
         let was_running =
@@ -208,8 +214,11 @@ impl IdentityMove {
             return;
         }
         let frames = FrameRange { first: frame, last: event.frames.last };
-        let alarm = context.fail(event).frames(frames).about(About::Name("before its claim".into()));
-        alarm.report(|| {
+        let alarm = context
+            .start_finding(event)
+            .with_frames(frames)
+            .with_subject(FindingSubject::Name("before its claim".into()));
+        alarm.report_finding(|| {
             let early = now.saturating_sub(sent) / 1_000_000;
             format!("message {{{frame}}} {early} ms before the address claim")
         });
@@ -221,19 +230,19 @@ impl Rule for IdentityMove {
         self.has_moved
     }
 
-    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
+    fn frame_need(&self, event: &Event, _context: &RuleContext<'_>) -> FrameNeed {
         let is_known = event.node.is_some_and(|node| self.first.get(node).is_some());
         let is_message = matches!(event.kind, EventKind::J1939Message(_));
-        if is_message && is_known { Need::NOTHING } else { Need::EACH }
+        if is_message && is_known { FrameNeed::NOTHING } else { FrameNeed::EACH }
     }
 
-    fn begin(&mut self, context: &mut Context<'_>) {
+    fn begin_bus(&mut self, context: &mut RuleContext<'_>) {
         self.began = context.now;
     }
 
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match &event.kind {
-            EventKind::Pdo(pdo) if self.has_moved => self.pdo(event, pdo.cob_id, context),
+            EventKind::Pdo(pdo) if self.has_moved => self.on_pdo(event, pdo.cob_id, context),
             EventKind::J1939Message(_) => {
                 if let Some(node) = event.node {
                     let now = context.now;
@@ -244,25 +253,25 @@ impl Rule for IdentityMove {
                     }
                 }
             }
-            EventKind::Lss { command, from_master: false, content: Content::Result { code: 0, .. } } => {
+            EventKind::Lss { command, from_master: false, content: LssContent::Result { code: 0, .. } } => {
                 self.lss_done(*command);
             }
-            EventKind::NodeIdChange { from, by, .. } => self.changed(event, *from, *by, context),
+            EventKind::NodeIdChange { from, by, .. } => self.on_changed(event, *from, *by, context),
             EventKind::J1939Request(request) if request.pgn == Pgn::ADDRESS_CLAIMED => {
                 self.asked = Some(context.now);
             }
-            EventKind::AddressClaim(claim) => self.claim(event, claim, context),
+            EventKind::AddressClaim(claim) => self.on_claim(event, claim, context),
             _ => {}
         }
     }
 
-    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
+    fn on_wake(&mut self, token: u64, context: &mut RuleContext<'_>) {
         let Ok(number) = u8::try_from(token) else { return };
         let node = NodeId::Canopen(number);
         let Some(frame) = self.unstored.remove(node) else { return };
         let alarm = context.fail_at(context.now, Some(node), FrameRange::one(frame));
         let seconds = self.store / 1_000_000_000;
-        alarm.report(|| {
+        alarm.report_finding(|| {
             format!("node-ID {number} set by LSS but not stored within {seconds} s (lost at power-off)")
         });
     }

@@ -3,9 +3,9 @@
 use std::collections::VecDeque;
 
 use crate::event::{Event, EventKind, FrameRange, J1939Request, Kind};
-use crate::finding::About;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Need, Policy, Rule};
+use crate::finding::FindingSubject;
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{FrameNeed, Rule, RuleContext, RulePolicy};
 use crate::wire::NodeId;
 use crate::wire::j1939::{ALL, NO_ADDRESS, Pgn};
 
@@ -34,7 +34,7 @@ declare_rule! {
     needs: "a J1939 request to a known device",
     is_timing: true,
     word: "REQ",
-    tolerances: &[tolerance("answer-ms", 1_250.0, "ms", "to the response")],
+    tolerances: &[define_tolerance("answer-ms", 1_250.0, "ms", "to the response")],
 }
 
 /// Maximum number of open requests; the oldest one is evicted.
@@ -57,13 +57,13 @@ struct RequestUnanswered {
     count: u64,
 }
 
-fn new(policy: &Policy) -> RequestUnanswered {
-    let answer = policy.nanoseconds(&DECLARATION, "answer-ms");
+fn new(policy: &RulePolicy) -> RequestUnanswered {
+    let answer = policy.tolerance_ns(&DECLARATION, "answer-ms");
     RequestUnanswered { answer, open: VecDeque::new(), count: 0 }
 }
 
 impl RequestUnanswered {
-    fn asked(&mut self, event: &Event, request: &J1939Request, context: &mut Context<'_>) {
+    fn on_request(&mut self, event: &Event, request: &J1939Request, context: &mut RuleContext<'_>) {
         let of = request.destination;
         if matches!(of, ALL | NO_ADDRESS) || of == request.source || !context.has_time {
             return;
@@ -82,11 +82,11 @@ impl RequestUnanswered {
     }
 
     /// Closes the requests for a group from an address.
-    fn answered(&mut self, by: u8, pgn: Pgn, context: &mut Context<'_>) {
+    fn on_response(&mut self, by: u8, pgn: Pgn, context: &mut RuleContext<'_>) {
         self.open.retain(|asked| {
             let is_it = (asked.of, asked.pgn) == (by, pgn);
             if is_it {
-                context.pass();
+                context.count_pass();
                 context.ask_again();
             }
             !is_it
@@ -95,30 +95,32 @@ impl RequestUnanswered {
 }
 
 impl Rule for RequestUnanswered {
-    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
+    fn frame_need(&self, event: &Event, _context: &RuleContext<'_>) -> FrameNeed {
         match &event.kind {
             EventKind::J1939Message(message)
                 if self.open.iter().all(|asked| asked.of != message.id.source) =>
             {
-                Need::NOTHING
+                FrameNeed::NOTHING
             }
-            _ => Need::EACH,
+            _ => FrameNeed::EACH,
         }
     }
 
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         if let EventKind::J1939Request(request) = &event.kind {
-            return self.asked(event, request, context);
+            return self.on_request(event, request, context);
         }
         if self.open.is_empty() {
             return;
         }
         match &event.kind {
-            EventKind::J1939Message(message) => self.answered(message.id.source, message.id.pgn, context),
-            EventKind::Acknowledgement(answer) => self.answered(answer.source, answer.message.pgn, context),
+            EventKind::J1939Message(message) => self.on_response(message.id.source, message.id.pgn, context),
+            EventKind::Acknowledgement(answer) => {
+                self.on_response(answer.source, answer.message.pgn, context)
+            }
             EventKind::J1939Transfer(transfer) => {
                 if let Some(pgn) = transfer.pgn {
-                    self.answered(transfer.source, pgn, context);
+                    self.on_response(transfer.source, pgn, context);
                 }
             }
             // The response may be missing in the capture.
@@ -126,24 +128,24 @@ impl Rule for RequestUnanswered {
                 self.open.clear();
                 context.ask_again();
             }
-            EventKind::AddressClaim(claim) => self.answered(claim.source, Pgn::ADDRESS_CLAIMED, context),
+            EventKind::AddressClaim(claim) => self.on_response(claim.source, Pgn::ADDRESS_CLAIMED, context),
             _ => {}
         }
     }
 
-    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
+    fn on_wake(&mut self, token: u64, context: &mut RuleContext<'_>) {
         let Some(place) = self.open.iter().position(|asked| asked.token == token) else { return };
         let Some(asked) = self.open.remove(place) else { return };
         context.ask_again();
         // The response is being transferred in several packets.
         if context.bus.is_transferring(asked.of, asked.pgn) {
-            return context.pass();
+            return context.count_pass();
         }
         let node = NodeId::J1939(asked.of);
         let alarm = context.fail_at(context.now, Some(node), FrameRange::one(asked.frame));
         let milliseconds = self.answer / 1_000_000;
         let PendingRequest { source, pgn, frame, .. } = asked;
-        alarm.about(About::Pgn(pgn.number())).report(|| {
+        alarm.with_subject(FindingSubject::Pgn(pgn.number())).report_finding(|| {
             format!("no response within {milliseconds} ms to the request {{{frame}}} of {source:02X}")
         });
     }

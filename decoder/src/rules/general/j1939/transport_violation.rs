@@ -1,15 +1,15 @@
 //! Errors in J1939 multi-packet transfers.
 
 use crate::event::{
-    Event, EventKind, Irregularity, IrregularityKind, J1939Transfer, Kind, Outcome, Protocol, TransportAbort,
-    TransportMode,
+    Event, EventKind, EventProtocol, IrregularityKind, J1939Transfer, Kind, SdoOutcome, TransferIrregularity,
+    TransportAbort, TransportMode,
 };
-use crate::finding::{About, Severity};
+use crate::finding::{FindingSubject, Severity};
 use crate::profile;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::j1939::Pgn;
-use crate::words::plural;
+use crate::words::count_noun;
 
 declare_rule! {
     /// # What it checks
@@ -38,10 +38,10 @@ declare_rule! {
     skips_holes: true,
     word: "TP",
     tolerances: &[
-        tolerance("broadcast-note-ms", 50.0, "ms", "minimum broadcast packet spacing, else a note"),
-        tolerance("broadcast-least-ms", 10.0, "ms", "minimum broadcast packet spacing, else a warning"),
-        tolerance("broadcast-most-ms", 200.0, "ms", "maximum broadcast packet spacing, else a warning"),
-        tolerance("grace-ms", 2_000.0, "ms", "after the start of the capture, in which transfers may have begun earlier"),
+        define_tolerance("broadcast-note-ms", 50.0, "ms", "minimum broadcast packet spacing, else a note"),
+        define_tolerance("broadcast-least-ms", 10.0, "ms", "minimum broadcast packet spacing, else a warning"),
+        define_tolerance("broadcast-most-ms", 200.0, "ms", "maximum broadcast packet spacing, else a warning"),
+        define_tolerance("grace-ms", 2_000.0, "ms", "after the start of the capture, in which transfers may have begun earlier"),
     ],
 }
 
@@ -59,8 +59,8 @@ struct TransportViolation {
     began: i64,
 }
 
-fn new(policy: &Policy) -> TransportViolation {
-    let time = |key| policy.nanoseconds(&DECLARATION, key);
+fn new(policy: &RulePolicy) -> TransportViolation {
+    let time = |key| policy.tolerance_ns(&DECLARATION, key);
     TransportViolation {
         note: time("broadcast-note-ms"),
         least: time("broadcast-least-ms"),
@@ -70,12 +70,12 @@ fn new(policy: &Policy) -> TransportViolation {
     }
 }
 
-fn about(pgn: Option<Pgn>) -> About {
-    pgn.map_or(About::Whole, |pgn| About::Pgn(pgn.number()))
+fn group_subject(pgn: Option<Pgn>) -> FindingSubject {
+    pgn.map_or(FindingSubject::Whole, |pgn| FindingSubject::Pgn(pgn.number()))
 }
 
 impl TransportViolation {
-    fn transfer(&self, event: &Event, transfer: &J1939Transfer, context: &mut Context<'_>) {
+    fn on_transfer(&self, event: &Event, transfer: &J1939Transfer, context: &mut RuleContext<'_>) {
         if transfer.cut_start {
             return;
         }
@@ -83,46 +83,54 @@ impl TransportViolation {
             return Self::fast_packet(event, transfer, context);
         }
         match transfer.outcome {
-            Outcome::Complete => self.spacing(event, transfer, context),
-            Outcome::Timeout => Self::timed_out(event, transfer, context),
-            Outcome::Aborted => {
+            SdoOutcome::Complete => self.check_spacing(event, transfer, context),
+            SdoOutcome::Timeout => Self::timed_out(event, transfer, context),
+            SdoOutcome::Aborted => {
                 if let Some(abort) = transfer.abort {
-                    Self::aborted(event, transfer, abort, context);
+                    Self::on_aborted(event, transfer, abort, context);
                 }
             }
-            Outcome::Incomplete => {
+            SdoOutcome::Incomplete => {
                 let missing = transfer.missing;
-                let alarm = context.fail(event).about(about(transfer.pgn));
+                let alarm = context.start_finding(event).with_subject(group_subject(transfer.pgn));
                 let of = transfer.packets.map_or_else(String::new, |packets| format!(" of {packets}"));
-                alarm.report(|| format!("{missing}{of} packets missing"));
+                alarm.report_finding(|| format!("{missing}{of} packets missing"));
             }
-            Outcome::Superseded => {
-                let alarm = context.fail(event).about(about(transfer.pgn)).severity(Severity::Warning);
+            SdoOutcome::Superseded => {
+                let alarm = context
+                    .start_finding(event)
+                    .with_subject(group_subject(transfer.pgn))
+                    .with_severity(Severity::Warning);
                 let seen = transfer.size;
-                alarm.report(|| format!("cancelled after {seen} bytes: sender started another transfer"));
+                alarm.report_finding(|| {
+                    format!("cancelled after {seen} bytes: sender started another transfer")
+                });
             }
-            Outcome::Unfinished => {}
+            SdoOutcome::Unfinished => {}
         }
     }
 
-    fn fast_packet(event: &Event, transfer: &J1939Transfer, context: &mut Context<'_>) {
+    fn fast_packet(event: &Event, transfer: &J1939Transfer, context: &mut RuleContext<'_>) {
         match transfer.outcome {
-            Outcome::Complete => context.pass(),
-            Outcome::Unfinished => {}
+            SdoOutcome::Complete => context.count_pass(),
+            SdoOutcome::Unfinished => {}
             _ => {
-                let alarm = context.fail(event).about(about(transfer.pgn)).severity(Severity::Note);
+                let alarm = context
+                    .start_finding(event)
+                    .with_subject(group_subject(transfer.pgn))
+                    .with_severity(Severity::Note);
                 let (missing, repeated) = (transfer.missing, transfer.repeated);
                 let of = transfer.packets.map_or_else(String::new, |frames| format!(" of {frames}"));
-                alarm.report(|| match (missing, repeated) {
+                alarm.report_finding(|| match (missing, repeated) {
                     (0, 0) => "fast packet incomplete: frames out of order or too short".to_owned(),
-                    (0, _) => format!("fast packet incomplete: {} repeated", plural(repeated, "frame")),
+                    (0, _) => format!("fast packet incomplete: {} repeated", count_noun(repeated, "frame")),
                     _ => format!("fast packet incomplete: {missing}{of} frames missing"),
                 });
             }
         }
     }
 
-    fn timed_out(event: &Event, transfer: &J1939Transfer, context: &mut Context<'_>) {
+    fn timed_out(event: &Event, transfer: &J1939Transfer, context: &mut RuleContext<'_>) {
         let packets = u64::from(transfer.packets.unwrap_or(0));
         // Without any frame of the receiver, the capture may lack its frames.
         let is_one_sided = transfer.mode != Some(TransportMode::Broadcast)
@@ -133,8 +141,8 @@ impl TransportViolation {
         }
         let timer = transfer.timer.map_or("time-out", |timer| timer.name());
         let (missing, destination) = (transfer.missing, transfer.destination);
-        let alarm = context.fail(event).about(about(transfer.pgn));
-        alarm.report(|| match (transfer.size, missing) {
+        let alarm = context.start_finding(event).with_subject(group_subject(transfer.pgn));
+        alarm.report_finding(|| match (transfer.size, missing) {
             (0, _) if transfer.mode != Some(TransportMode::Broadcast) => {
                 format!("no response from {destination:02X} before the first packet ({timer} expired)")
             }
@@ -145,40 +153,53 @@ impl TransportViolation {
         });
     }
 
-    fn aborted(event: &Event, transfer: &J1939Transfer, abort: TransportAbort, context: &mut Context<'_>) {
+    fn on_aborted(
+        event: &Event,
+        transfer: &J1939Transfer,
+        abort: TransportAbort,
+        context: &mut RuleContext<'_>,
+    ) {
         let reason = u32::from(abort.reason);
         let severity = if BUSY.contains(&abort.reason) { Severity::Note } else { Severity::Warning };
         let by = if abort.by_sender { transfer.source } else { transfer.destination };
-        let alarm = context.fail(event).about(about(transfer.pgn)).severity(severity);
-        alarm.report(|| {
-            let text =
-                profile::transport_aborts().find(reason).map_or("unknown reason", |code| code.text.as_str());
+        let alarm =
+            context.start_finding(event).with_subject(group_subject(transfer.pgn)).with_severity(severity);
+        alarm.report_finding(|| {
+            let text = profile::transport_aborts()
+                .find_code(reason)
+                .map_or("unknown reason", |code| code.text.as_str());
             format!("aborted by {by:02X} (reason {reason}: {text})")
         });
     }
 
     /// Checks the packet spacing of a broadcast.
-    fn spacing(&self, event: &Event, transfer: &J1939Transfer, context: &mut Context<'_>) {
-        let Some((shortest, longest)) = transfer.spacing else { return context.pass() };
+    fn check_spacing(&self, event: &Event, transfer: &J1939Transfer, context: &mut RuleContext<'_>) {
+        let Some((shortest, longest)) = transfer.spacing else { return context.count_pass() };
         let milliseconds = |time: i64| time / 1_000_000;
         let (note, least, most) =
             (milliseconds(self.note), milliseconds(self.least), milliseconds(self.most));
         let (short, long) = (milliseconds(shortest), milliseconds(longest));
         if longest > self.most + STAMP {
-            let alarm = context.fail(event).about(about(transfer.pgn)).severity(Severity::Warning);
-            return alarm.report(|| format!("broadcast packet spacing {long} ms > {most} ms"));
+            let alarm = context
+                .start_finding(event)
+                .with_subject(group_subject(transfer.pgn))
+                .with_severity(Severity::Warning);
+            return alarm.report_finding(|| format!("broadcast packet spacing {long} ms > {most} ms"));
         }
         if shortest + STAMP < self.note {
             let severity = if shortest + STAMP < self.least { Severity::Warning } else { Severity::Note };
-            let alarm = context.fail(event).about(about(transfer.pgn)).severity(severity);
-            return alarm.report(|| {
+            let alarm = context
+                .start_finding(event)
+                .with_subject(group_subject(transfer.pgn))
+                .with_severity(severity);
+            return alarm.report_finding(|| {
                 format!("broadcast packet spacing {short} ms < {note} ms ({least} ms in ISO 11783)")
             });
         }
-        context.pass();
+        context.count_pass();
     }
 
-    fn irregular(&self, event: &Event, odd: &Irregularity, context: &mut Context<'_>) {
+    fn on_irregularity(&self, event: &Event, odd: &TransferIrregularity, context: &mut RuleContext<'_>) {
         let is_early = context.now.saturating_sub(self.began) < self.grace;
         let severity = match odd.what {
             // The outcome of the transfer includes the gap.
@@ -190,8 +211,8 @@ impl TransportViolation {
             }
         };
         let message = odd.message;
-        let alarm = context.fail(event).about(about(odd.pgn)).severity(severity);
-        alarm.report(|| match (odd.what, odd.packet, odd.expected, odd.timer.zip(odd.delay)) {
+        let alarm = context.start_finding(event).with_subject(group_subject(odd.pgn)).with_severity(severity);
+        alarm.report_finding(|| match (odd.what, odd.packet, odd.expected, odd.timer.zip(odd.delay)) {
             (IrregularityKind::Duplicate, Some(packet), ..) => format!("packet {packet} received twice"),
             (IrregularityKind::Retransmission, _, Some(from), _) => {
                 format!("packets requested again from {from} on")
@@ -206,21 +227,24 @@ impl TransportViolation {
 }
 
 impl Rule for TransportViolation {
-    fn begin(&mut self, context: &mut Context<'_>) {
+    fn begin_bus(&mut self, context: &mut RuleContext<'_>) {
         self.began = context.now;
     }
 
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match &event.kind {
-            EventKind::J1939Transfer(transfer) => self.transfer(event, transfer, context),
-            EventKind::TransportIrregularity(odd) if event.protocol == Protocol::J1939 => {
-                self.irregular(event, odd, context);
+            EventKind::J1939Transfer(transfer) => self.on_transfer(event, transfer, context),
+            EventKind::TransportIrregularity(odd) if event.protocol == EventProtocol::J1939 => {
+                self.on_irregularity(event, odd, context);
             }
             // The frame is long enough, but contradicts the protocol or itself.
             EventKind::Malformed { error, reason }
                 if error.needed == 0 && error.is_of_connection_management() =>
             {
-                context.fail(event).severity(Severity::Warning).report(|| (*reason).to_owned());
+                context
+                    .start_finding(event)
+                    .with_severity(Severity::Warning)
+                    .report_finding(|| (*reason).to_owned());
             }
             _ => {}
         }

@@ -3,11 +3,11 @@
 use std::fmt::Write as _;
 
 use crate::event::{Dtc, DtcAction, Event, EventKind, Kind};
-use crate::finding::About;
+use crate::finding::FindingSubject;
 use crate::profile;
 use crate::query::record;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Need, Policy, Rule};
+use crate::rules::{FrameNeed, Rule, RuleContext, RulePolicy};
 use crate::wire::NodeSet;
 use crate::wire::j1939::Pgn;
 
@@ -39,15 +39,16 @@ struct TroubleCode {
     seen: NodeSet,
 }
 
-fn new(_policy: &Policy) -> TroubleCode {
+fn new(_policy: &RulePolicy) -> TroubleCode {
     TroubleCode::default()
 }
 
 /// Description of the fault.
-fn words(dtc: &Dtc, event: &Event, context: &Context<'_>) -> String {
-    let own = record::device(event, context.bus).dtc(dtc.spn, dtc.fmi);
-    let parameter = context.bus.parameter(dtc.spn).map_or(String::new(), |known| format!("{}: ", known.name));
-    let mode = profile::failure_modes().find(u32::from(dtc.fmi));
+fn fault_text(dtc: &Dtc, event: &Event, context: &RuleContext<'_>) -> String {
+    let own = record::event_device(event, context.bus).trouble_code_entry(dtc.spn, dtc.fmi);
+    let parameter =
+        context.bus.suspect_parameter(dtc.spn).map_or(String::new(), |known| format!("{}: ", known.name));
+    let mode = profile::failure_modes().find_code(u32::from(dtc.fmi));
     let mut text = match (own, mode) {
         (Some(own), _) => format!("fault in DM1: {}", own.text),
         (None, Some(mode)) => format!("fault in DM1: {parameter}{}", mode.text),
@@ -60,31 +61,37 @@ fn words(dtc: &Dtc, event: &Event, context: &Context<'_>) -> String {
 }
 
 impl Rule for TroubleCode {
-    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
+    fn frame_need(&self, event: &Event, _context: &RuleContext<'_>) -> FrameNeed {
         match &event.kind {
-            EventKind::J1939Message(message) if message.id.pgn != Pgn::DM1 => Need::NOTHING,
-            _ => Need::EACH,
+            EventKind::J1939Message(message) if message.id.pgn != Pgn::DM1 => FrameNeed::NOTHING,
+            _ => FrameNeed::EACH,
         }
     }
 
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match &event.kind {
             EventKind::J1939Message(message) if message.id.pgn == Pgn::DM1 => {
-                let (Some(id), Some(node)) = (event.node, context.node(event)) else { return };
+                let (Some(id), Some(node)) = (event.node, context.event_node(event)) else { return };
                 // Faults in this DM1 are reported by later events; the previous DM1 listed none.
                 if !self.seen.insert(id) && node.active_dtcs().next().is_none() {
-                    context.pass();
+                    context.count_pass();
                 }
             }
             EventKind::Dtc(dtc) => {
-                let about = About::Fault(dtc.spn, dtc.fmi);
+                let about = FindingSubject::Fault(dtc.spn, dtc.fmi);
                 match dtc.action {
                     DtcAction::Raised | DtcAction::Recurred => {
-                        let text = words(dtc, event, context);
-                        context.fail(event).about(about).ongoing().report(|| text);
+                        let text = fault_text(dtc, event, context);
+                        context
+                            .start_finding(event)
+                            .with_subject(about)
+                            .mark_ongoing()
+                            .report_finding(|| text);
                     }
                     DtcAction::NoLongerReported if dtc.may_be_hidden => {}
-                    DtcAction::NoLongerReported | DtcAction::Cleared => context.close(event.node, about),
+                    DtcAction::NoLongerReported | DtcAction::Cleared => {
+                        context.close_condition(event.node, about)
+                    }
                     DtcAction::PreviouslyActive => {}
                 }
             }

@@ -2,9 +2,9 @@
 
 use crate::event::{Event, EventKind, FrameRange, Kind};
 use crate::finding::Severity;
-use crate::profile::device::Boot;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::profile::device::BootSign;
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::session::Node;
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap, NodeSet};
@@ -34,7 +34,7 @@ declare_rule! {
     cases: &["9.1", "10.1"],
     shows: &["10.1"],
     word: "BOOT",
-    tolerances: &[tolerance("error-ms", 2_000.0, "ms", "from the NMT reset to the boot-up")],
+    tolerances: &[define_tolerance("error-ms", 2_000.0, "ms", "from the NMT reset to the boot-up")],
 }
 
 /// Maximum silence before the reset, in nanoseconds; a node that was silent for longer may be absent.
@@ -47,95 +47,95 @@ struct BootUpMissing {
     booted: NodeSet,
 }
 
-fn new(policy: &Policy) -> BootUpMissing {
+fn new(policy: &RulePolicy) -> BootUpMissing {
     BootUpMissing {
-        limit: policy.nanoseconds(&DECLARATION, "error-ms"),
+        limit: policy.tolerance_ns(&DECLARATION, "error-ms"),
         waiting: NodeMap::default(),
         booted: NodeSet::default(),
     }
 }
 
 impl BootUpMissing {
-    fn reset(&mut self, event: &Event, node: NodeId, context: &mut Context<'_>) {
+    fn on_reset(&mut self, event: &Event, node: NodeId, context: &mut RuleContext<'_>) {
         let Some(known) = context.bus.node(node) else { return };
         let stamp = known.last_seen().1;
         let age =
             stamp.map_or(i64::MAX, |stamp| context.bus.now().saturating_sub(context.bus.monotonic(stamp)));
-        let has_sign = known.device().nmt.boot != Boot::BootUpAfterPowerOn;
+        let has_sign = known.device().nmt.boot != BootSign::BootUpAfterPowerOn;
         if age > HEARD || !has_sign || !context.has_time {
             return;
         }
         let due = context.now.saturating_add(self.limit);
         if let Some(waiting) = self.waiting.entry(node) {
             *waiting = (event.frames.last, due);
-            context.wake_at(due, node.place() as u64);
+            context.wake_at(due, node.table_place() as u64);
         }
     }
 
     /// Whether the node was reset, and its EMCY shows an error in place of the ready message.
-    fn is_started_with_error(&self, node: NodeId, context: &Context<'_>) -> bool {
+    fn is_started_with_error(&self, node: NodeId, context: &RuleContext<'_>) -> bool {
         self.waiting.get(node).is_some() && reports_its_start_by_emcy(node, context)
     }
 
-    fn booted(&mut self, node: NodeId, context: &mut Context<'_>) {
+    fn on_boot(&mut self, node: NodeId, context: &mut RuleContext<'_>) {
         if self.booted.insert(node) && self.waiting.get(node).is_none() {
             // The node that was reset may use another node-ID now.
             self.waiting = NodeMap::default();
         }
         if self.waiting.remove(node).is_some() {
-            context.pass();
+            context.count_pass();
         }
     }
 }
 
 /// Whether the device reports its start by EMCY: by an empty one, or by an error.
-fn reports_its_start_by_emcy(node: NodeId, context: &Context<'_>) -> bool {
-    context.bus.node(node).is_some_and(|node| node.device().nmt.boot == Boot::ReadyTelegram)
+fn reports_its_start_by_emcy(node: NodeId, context: &RuleContext<'_>) -> bool {
+    context.bus.node(node).is_some_and(|node| node.device().nmt.boot == BootSign::ReadyTelegram)
 }
 
 impl Rule for BootUpMissing {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
             (EventKind::NmtCommand { to: Some(NmtState::Initialising), target: 0, .. }, _) => {
                 let known: Vec<NodeId> = context.bus.nodes().map(Node::id).collect();
                 for node in known.into_iter().filter(|node| node.canopen().is_some()) {
-                    self.reset(event, node, context);
+                    self.on_reset(event, node, context);
                 }
             }
             (EventKind::NmtCommand { to: Some(NmtState::Initialising), .. }, Some(node)) => {
-                self.reset(event, node, context);
+                self.on_reset(event, node, context);
             }
             // The boot sign may follow the boot-up message.
             (EventKind::BootUp { .. }, Some(node)) if reports_its_start_by_emcy(node, context) => {
                 self.booted.insert(node);
             }
-            (EventKind::BootUp { .. }, Some(node)) => self.booted(node, context),
+            (EventKind::BootUp { .. }, Some(node)) => self.on_boot(node, context),
             (EventKind::NodeIdChange { from: Some(from), .. }, _) => {
                 self.waiting.remove(NodeId::Canopen(*from));
             }
             (EventKind::Emcy(emergency), Some(node))
                 if emergency.boot.is_some() || self.is_started_with_error(node, context) =>
             {
-                self.booted(node, context);
+                self.on_boot(node, context);
             }
             _ => {}
         }
     }
 
-    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
-        let Some(node) = NodeId::all().find(|node| node.place() as u64 == token) else { return };
+    fn on_wake(&mut self, token: u64, context: &mut RuleContext<'_>) {
+        let Some(node) = NodeId::all_ids().find(|node| node.table_place() as u64 == token) else { return };
         let Some((frame, due)) = self.waiting.get(node).copied().filter(|(_, due)| *due <= context.now)
         else {
             return;
         };
         self.waiting.remove(node);
-        let is_known = context.bus.node(node).is_some_and(|node| node.assigned().is_some());
+        let is_known = context.bus.node(node).is_some_and(|node| node.assigned_by().is_some());
         let severity =
             if is_known || self.booted.contains(node) { Severity::Warning } else { Severity::Note };
         let limit = self.limit / 1_000_000;
         let has_emcy = reports_its_start_by_emcy(node, context);
-        let alarm = context.fail_at(due, Some(node), FrameRange::one(frame)).severity(severity);
+        let alarm = context.fail_at(due, Some(node), FrameRange::one(frame)).with_severity(severity);
         let sign = if has_emcy { "ready message or EMCY" } else { "boot-up" };
-        alarm.report(|| format!("no {sign} within {limit} ms after the NMT reset {{{frame}}}"));
+        alarm.report_finding(|| format!("no {sign} within {limit} ms after the NMT reset {{{frame}}}"));
     }
 }

@@ -2,9 +2,9 @@
 
 use super::unexpected_boot::{boot_cause, is_first_frame};
 use crate::event::{BootCause, Event, Kind};
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
-use crate::statistics::span;
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy};
+use crate::statistics::format_span;
 
 declare_rule! {
     /// # What it checks
@@ -29,7 +29,7 @@ declare_rule! {
     needs: "a boot sign as the first frame of a node",
     is_timing: true,
     word: "START",
-    tolerances: &[tolerance(
+    tolerances: &[define_tolerance(
         "grace-ms", 10_000.0, "ms", "after the start of the capture, in which a node is expected to start",
     )],
 }
@@ -39,25 +39,25 @@ struct LateStart {
     began: i64,
 }
 
-fn new(policy: &Policy) -> LateStart {
-    LateStart { grace: policy.nanoseconds(&DECLARATION, "grace-ms"), began: 0 }
+fn new(policy: &RulePolicy) -> LateStart {
+    LateStart { grace: policy.tolerance_ns(&DECLARATION, "grace-ms"), began: 0 }
 }
 
 impl Rule for LateStart {
-    fn begin(&mut self, context: &mut Context<'_>) {
+    fn begin_bus(&mut self, context: &mut RuleContext<'_>) {
         self.began = context.now;
     }
 
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let Some(cause) = boot_cause(event).filter(|_| is_first_frame(event, context)) else { return };
         let after = context.now.saturating_sub(self.began);
         let is_commanded = matches!(cause, BootCause::Commanded { .. });
         if is_commanded || !context.has_time || after < self.grace {
-            return context.pass();
+            return context.count_pass();
         }
         let limit = self.grace;
-        context.fail(event).report(|| {
-            let (after, limit) = (span(after), span(limit));
+        context.start_finding(event).report_finding(|| {
+            let (after, limit) = (format_span(after), format_span(limit));
             format!("late start: first frame {after} after the start of the capture > {limit}, no NMT reset before")
         });
     }

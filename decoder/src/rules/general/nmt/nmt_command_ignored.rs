@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use crate::event::{Event, EventKind, FrameRange, Kind, StateCause};
-use crate::finding::About;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::finding::FindingSubject;
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::session::Node;
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::nmt::NmtService;
@@ -33,10 +33,10 @@ declare_rule! {
     needs: "an NMT command, then heartbeats or guarding responses",
     cases: &["9.2", "9.3", "9.4", "10.1", "10.2", "10.3", "10.4"],
     word: "NMT",
-    tolerances: &[tolerance("error-ms", 1_000.0, "ms", "from the command to the report of the state")],
+    tolerances: &[define_tolerance("error-ms", 1_000.0, "ms", "from the command to the report of the state")],
 }
 
-struct Command {
+struct PendingCommand {
     service: NmtService,
     to: NmtState,
     at: i64,
@@ -47,28 +47,28 @@ struct Command {
 
 struct NmtCommandIgnored {
     limit: i64,
-    commands: NodeMap<Option<Command>>,
+    commands: NodeMap<Option<PendingCommand>>,
 }
 
-fn new(policy: &Policy) -> NmtCommandIgnored {
-    NmtCommandIgnored { limit: policy.nanoseconds(&DECLARATION, "error-ms"), commands: NodeMap::default() }
+fn new(policy: &RulePolicy) -> NmtCommandIgnored {
+    NmtCommandIgnored { limit: policy.tolerance_ns(&DECLARATION, "error-ms"), commands: NodeMap::default() }
 }
 
 impl NmtCommandIgnored {
-    fn commanded(
+    fn on_command(
         &mut self,
         event: &Event,
         node: NodeId,
         service: NmtService,
         to: NmtState,
-        context: &Context<'_>,
+        context: &RuleContext<'_>,
     ) {
         let Some(known) = context.bus.node(node) else { return };
         let obeyed = &known.device().nmt.commands;
         let is_obeyed = obeyed.is_empty() || obeyed.iter().any(|name| name == service.name());
         let Some(command) = self.commands.entry(node) else { return };
         // A reset is confirmed by the boot-up.
-        *command = (is_obeyed && to != NmtState::Initialising).then_some(Command {
+        *command = (is_obeyed && to != NmtState::Initialising).then_some(PendingCommand {
             service,
             to,
             at: context.now,
@@ -77,12 +77,12 @@ impl NmtCommandIgnored {
         });
     }
 
-    fn on_state(&mut self, event: &Event, node: NodeId, state: NmtState, context: &mut Context<'_>) {
+    fn on_state(&mut self, event: &Event, node: NodeId, state: NmtState, context: &mut RuleContext<'_>) {
         let Some(known) = self.commands.get_mut(node) else { return };
         let Some(command) = known else { return };
         if state == command.to {
             *known = None;
-            return context.pass();
+            return context.count_pass();
         }
         command.other += 1;
         let after = context.now.saturating_sub(command.at);
@@ -93,8 +93,11 @@ impl NmtCommandIgnored {
         *known = None;
         let frames = FrameRange { first: frame, last: event.frames.last };
         let (after, limit) = (after / 1_000_000, self.limit / 1_000_000);
-        let alarm = context.fail(event).about(About::Name(Arc::from(service))).frames(frames);
-        alarm.report(|| {
+        let alarm = context
+            .start_finding(event)
+            .with_subject(FindingSubject::Name(Arc::from(service)))
+            .with_frames(frames);
+        alarm.report_finding(|| {
             format!(
                 "NMT state still {} {after} ms after the command {{{frame}}} (limit {limit} ms)",
                 state.name()
@@ -104,16 +107,16 @@ impl NmtCommandIgnored {
 }
 
 impl Rule for NmtCommandIgnored {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
             (EventKind::NmtCommand { service, to: Some(to), target: 0, .. }, _) => {
                 let known: Vec<NodeId> = context.bus.nodes().map(Node::id).collect();
                 for node in known {
-                    self.commanded(event, node, *service, *to, context);
+                    self.on_command(event, node, *service, *to, context);
                 }
             }
             (EventKind::NmtCommand { service, to: Some(to), .. }, Some(node)) => {
-                self.commanded(event, node, *service, *to, context);
+                self.on_command(event, node, *service, *to, context);
             }
             (
                 EventKind::Heartbeat { state: Some(state), .. }

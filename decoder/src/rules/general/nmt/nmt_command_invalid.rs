@@ -2,7 +2,7 @@
 
 use crate::event::{Event, EventKind, Kind};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::nmt::NmtService;
 
 declare_rule! {
@@ -29,20 +29,22 @@ declare_rule! {
 
 struct NmtCommandInvalid;
 
-fn new(_policy: &Policy) -> NmtCommandInvalid {
+fn new(_policy: &RulePolicy) -> NmtCommandInvalid {
     NmtCommandInvalid
 }
 
 impl Rule for NmtCommandInvalid {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match &event.kind {
             EventKind::NmtCommand { service: NmtService::Unknown(code), .. } => {
-                context.fail(event).report(|| format!("undefined NMT command {code:02X}h"));
+                context.start_finding(event).report_finding(|| format!("undefined NMT command {code:02X}h"));
             }
             EventKind::NmtCommand { target, .. } if *target > 127 => {
-                context.fail(event).report(|| format!("NMT command to node-ID {target} (max 127)"));
+                context
+                    .start_finding(event)
+                    .report_finding(|| format!("NMT command to node-ID {target} (max 127)"));
             }
-            EventKind::NmtCommand { .. } => context.pass(),
+            EventKind::NmtCommand { .. } => context.count_pass(),
             _ => {}
         }
     }

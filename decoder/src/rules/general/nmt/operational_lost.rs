@@ -2,7 +2,7 @@
 
 use crate::event::{BootCause, EmcyAction, Event, EventKind, FrameRange, Kind};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::NmtState;
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::{NodeId, NodeMap};
@@ -43,7 +43,7 @@ const CAUSE_DELAY: i64 = 100_000_000;
 const SILENCE: i64 = 5_000_000_000;
 
 /// A report of another state, until a later cause is excluded.
-struct Fall {
+struct StateFall {
     state: NmtState,
     time: i64,
     frame: u64,
@@ -56,7 +56,7 @@ struct NodeReports {
     commanded: Option<i64>,
     /// Time, code and frame of the last EMCY.
     emergency: Option<(i64, u16, u64)>,
-    fall: Option<Fall>,
+    fall: Option<StateFall>,
     /// The last change was to another state, without a command; operational again shows a second device.
     has_fallen: bool,
     /// Two devices report different states.
@@ -65,7 +65,7 @@ struct NodeReports {
 
 impl NodeReports {
     /// The node restarted, or a command was sent to it.
-    fn forget(&mut self) {
+    fn forget_reports(&mut self) {
         (self.operational, self.fall) = (None, None);
         (self.has_fallen, self.is_contradictory) = (false, false);
     }
@@ -79,7 +79,7 @@ impl NodeReports {
     }
 
     /// Handles a report of another state; whether the node left operational by itself.
-    fn falls(&mut self, now: i64, all_commanded: Option<i64>) -> bool {
+    fn on_other_state(&mut self, now: i64, all_commanded: Option<i64>) -> bool {
         let Some(last) = self.operational.take().filter(|_| !self.is_contradictory) else { return false };
         let is_commanded = |time: i64| time >= last || now.saturating_sub(time) <= WINDOW;
         now.saturating_sub(last) <= SILENCE && !self.commanded.max(all_commanded).is_some_and(is_commanded)
@@ -92,21 +92,21 @@ struct OperationalLost {
     all_commanded: Option<i64>,
 }
 
-fn new(_policy: &Policy) -> OperationalLost {
+fn new(_policy: &RulePolicy) -> OperationalLost {
     OperationalLost::default()
 }
 
 impl OperationalLost {
-    fn on_state(&mut self, event: &Event, node: NodeId, state: NmtState, context: &mut Context<'_>) {
+    fn on_state(&mut self, event: &Event, node: NodeId, state: NmtState, context: &mut RuleContext<'_>) {
         let (now, all_commanded) = (context.now, self.all_commanded);
         let Some(known) = self.nodes.entry(node) else { return };
         if state == NmtState::Operational {
             if known.is_steady(now) {
-                context.pass();
+                context.count_pass();
             }
-        } else if known.falls(now, all_commanded) && context.has_time {
+        } else if known.on_other_state(now, all_commanded) && context.has_time {
             known.has_fallen = true;
-            known.fall = Some(Fall { state, time: now, frame: event.frames.last });
+            known.fall = Some(StateFall { state, time: now, frame: event.frames.last });
             context.wake_at(now.saturating_add(CAUSE_DELAY), u64::from(node.number()));
         }
     }
@@ -130,7 +130,7 @@ impl OperationalLost {
     fn on_boot(&mut self, node: NodeId, is_commanded: bool) {
         if let Some(known) = self.nodes.get_mut(node) {
             let fall = known.fall.take().filter(|_| is_commanded);
-            known.forget();
+            known.forget_reports();
             known.fall = fall;
         }
     }
@@ -141,12 +141,12 @@ impl OperationalLost {
         }
     }
 
-    fn report(&mut self, node: NodeId, context: &mut Context<'_>) {
+    fn report_fall(&mut self, node: NodeId, context: &mut RuleContext<'_>) {
         let Some(known) = self.nodes.get_mut(node) else { return };
-        let Some(Fall { state, time, frame }) = known.fall.take() else { return };
+        let Some(StateFall { state, time, frame }) = known.fall.take() else { return };
         let is_cause = |emergency: &(i64, u16, u64)| time.saturating_sub(emergency.0) <= WINDOW;
         let cause = known.emergency.filter(is_cause);
-        context.fail_at(time, Some(node), FrameRange::one(frame)).report(|| {
+        context.fail_at(time, Some(node), FrameRange::one(frame)).report_finding(|| {
             let cause = cause.map_or_else(
                 || "not on the bus".to_owned(),
                 |(_, code, frame)| format!("EMCY {code:04X} {{{frame}}}"),
@@ -157,7 +157,7 @@ impl OperationalLost {
 }
 
 impl Rule for OperationalLost {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
             (EventKind::NmtCommand { service, target, .. }, _) => {
                 self.on_command(*target, *service, context.now);
@@ -180,17 +180,17 @@ impl Rule for OperationalLost {
         }
     }
 
-    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
+    fn on_wake(&mut self, token: u64, context: &mut RuleContext<'_>) {
         let Some(node) = u8::try_from(token).ok().map(NodeId::Canopen) else { return };
         let due = self.nodes.get(node).and_then(|known| known.fall.as_ref());
         if due.is_some_and(|fall| context.now >= fall.time.saturating_add(CAUSE_DELAY)) {
-            self.report(node, context);
+            self.report_fall(node, context);
         }
     }
 
-    fn finish(&mut self, context: &mut Context<'_>) {
-        for node in NodeId::all() {
-            self.report(node, context);
+    fn on_end(&mut self, context: &mut RuleContext<'_>) {
+        for node in NodeId::all_ids() {
+            self.report_fall(node, context);
         }
     }
 }

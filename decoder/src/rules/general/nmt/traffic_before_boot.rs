@@ -1,9 +1,9 @@
 //! Traffic between an NMT reset and the boot-up.
 
 use crate::event::{Event, EventKind, FrameRange, Kind};
-use crate::profile::device::Boot;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, PdoSubset, Policy, Rule};
+use crate::profile::device::BootSign;
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{PdoSubset, Rule, RuleContext, RulePolicy};
 use crate::session::Node;
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap, NodeSet};
@@ -29,7 +29,7 @@ declare_rule! {
     pdos: PdoSubset::Transmitted,
     needs: "an NMT reset of a node that is heard afterwards",
     word: "BOOT",
-    tolerances: &[tolerance("queued-ms", 100.0, "ms", "after the reset, in which queued frames are permitted")],
+    tolerances: &[define_tolerance("queued-ms", 100.0, "ms", "after the reset, in which queued frames are permitted")],
 }
 
 struct TrafficBeforeBoot {
@@ -39,17 +39,17 @@ struct TrafficBeforeBoot {
     starting: NodeSet,
 }
 
-fn new(policy: &Policy) -> TrafficBeforeBoot {
+fn new(policy: &RulePolicy) -> TrafficBeforeBoot {
     TrafficBeforeBoot {
-        queued: policy.nanoseconds(&DECLARATION, "queued-ms"),
+        queued: policy.tolerance_ns(&DECLARATION, "queued-ms"),
         resets: NodeMap::default(),
         starting: NodeSet::default(),
     }
 }
 
 impl TrafficBeforeBoot {
-    fn reset(&mut self, event: &Event, node: NodeId, context: &Context<'_>) {
-        let promises = |boot| matches!(boot, Boot::BootUp | Boot::ReadyTelegram);
+    fn on_reset(&mut self, event: &Event, node: NodeId, context: &RuleContext<'_>) {
+        let promises = |boot| matches!(boot, BootSign::BootUp | BootSign::ReadyTelegram);
         let has_sign = context.bus.node(node).is_some_and(|node| promises(node.device().nmt.boot));
         if let Some(reset) = self.resets.entry(node).filter(|_| has_sign) {
             *reset = (context.now, event.frames.last);
@@ -58,7 +58,7 @@ impl TrafficBeforeBoot {
     }
 
     #[cold]
-    fn sent(&mut self, event: &Event, node: NodeId, what: &str, context: &mut Context<'_>) {
+    fn on_sent(&mut self, event: &Event, node: NodeId, what: &str, context: &mut RuleContext<'_>) {
         let Some((at, frame)) = self.resets.get(node).copied() else { return };
         let after = context.now.saturating_sub(at);
         if after <= self.queued {
@@ -67,15 +67,14 @@ impl TrafficBeforeBoot {
         self.starting.remove(node);
         let frames = FrameRange { first: frame, last: event.frames.last };
         let (after, limit) = (after / 1_000_000, self.queued / 1_000_000);
-        context
-            .fail(event)
-            .frames(frames)
-            .report(|| format!("{what} {after} ms after the NMT reset without a boot-up (limit {limit} ms)"));
+        context.start_finding(event).with_frames(frames).report_finding(|| {
+            format!("{what} {after} ms after the NMT reset without a boot-up (limit {limit} ms)")
+        });
     }
 
-    fn booted(&mut self, node: NodeId, context: &mut Context<'_>) {
+    fn on_boot(&mut self, node: NodeId, context: &mut RuleContext<'_>) {
         if self.starting.remove(node) {
-            context.pass();
+            context.count_pass();
         }
     }
 }
@@ -86,28 +85,28 @@ impl Rule for TrafficBeforeBoot {
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let Some(node) = event.node else {
             if let EventKind::NmtCommand { to: Some(NmtState::Initialising), target: 0, .. } = event.kind {
                 let known: Vec<NodeId> = context.bus.nodes().map(Node::id).collect();
                 for node in known {
-                    self.reset(event, node, context);
+                    self.on_reset(event, node, context);
                 }
             }
             return;
         };
         match &event.kind {
             EventKind::Pdo(_) | EventKind::Heartbeat { .. } if !self.starting.contains(node) => {}
-            EventKind::Pdo(_) => self.sent(event, node, "TPDO", context),
+            EventKind::Pdo(_) => self.on_sent(event, node, "TPDO", context),
             EventKind::NmtCommand { to: Some(NmtState::Initialising), .. } => {
-                self.reset(event, node, context);
+                self.on_reset(event, node, context);
             }
-            EventKind::BootUp { .. } => self.booted(node, context),
-            EventKind::Emcy(emergency) if emergency.boot.is_some() => self.booted(node, context),
-            EventKind::Emcy(_) if self.starting.contains(node) => self.sent(event, node, "EMCY", context),
-            EventKind::Heartbeat { .. } => self.sent(event, node, "heartbeat", context),
+            EventKind::BootUp { .. } => self.on_boot(node, context),
+            EventKind::Emcy(emergency) if emergency.boot.is_some() => self.on_boot(node, context),
+            EventKind::Emcy(_) if self.starting.contains(node) => self.on_sent(event, node, "EMCY", context),
+            EventKind::Heartbeat { .. } => self.on_sent(event, node, "heartbeat", context),
             EventKind::GuardReply { .. } if self.starting.contains(node) => {
-                self.sent(event, node, "guarding response", context);
+                self.on_sent(event, node, "guarding response", context);
             }
             _ => {}
         }

@@ -1,9 +1,9 @@
 //! Node restarts without an NMT reset.
 
-use crate::event::{BootCause, Certainty, Event, EventKind, Kind};
+use crate::event::{BootCause, Event, EventKind, Kind, StateCertainty};
 use crate::finding::Severity;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::session::Node;
 use crate::wire::NodeSet;
 use crate::wire::canopen::NmtState;
@@ -33,7 +33,7 @@ declare_rule! {
     needs: "a boot sign",
     cases: &["9.1"],
     word: "BOOT",
-    tolerances: &[tolerance(
+    tolerances: &[define_tolerance(
         "grace-ms", 10_000.0, "ms", "after the start of the capture, in which the first boot sign of a node is expected",
     )],
 }
@@ -45,8 +45,8 @@ struct UnexpectedBoot {
     seen: NodeSet,
 }
 
-fn new(policy: &Policy) -> UnexpectedBoot {
-    let grace = policy.nanoseconds(&DECLARATION, "grace-ms");
+fn new(policy: &RulePolicy) -> UnexpectedBoot {
+    let grace = policy.tolerance_ns(&DECLARATION, "grace-ms");
     UnexpectedBoot { grace, began: 0, seen: NodeSet::default() }
 }
 
@@ -60,33 +60,35 @@ pub(in crate::rules::general) fn boot_cause(event: &Event) -> Option<BootCause> 
 }
 
 /// Whether the event is the first frame of its node.
-pub(super) fn is_first_frame(event: &Event, context: &Context<'_>) -> bool {
-    context.node(event).is_some_and(|node| node.first_seen() == event.frames.first && !node.was_present())
+pub(super) fn is_first_frame(event: &Event, context: &RuleContext<'_>) -> bool {
+    context
+        .event_node(event)
+        .is_some_and(|node| node.first_seen() == event.frames.first && !node.was_present())
 }
 
 impl Rule for UnexpectedBoot {
-    fn begin(&mut self, context: &mut Context<'_>) {
+    fn begin_bus(&mut self, context: &mut RuleContext<'_>) {
         self.began = context.now;
     }
 
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let Some(node) = event.node else { return };
         if let EventKind::NmtState(change) = &event.kind
-            && (change.to, change.certainty) == (NmtState::Operational, Certainty::Confirmed)
+            && (change.to, change.certainty) == (NmtState::Operational, StateCertainty::Confirmed)
         {
             self.seen.insert(node);
         }
         let Some(cause) = boot_cause(event) else { return };
         let is_first = self.seen.insert(node);
-        let BootCause::PresumedPowerOn { sign } = cause else { return context.pass() };
-        let was_present = context.node(event).is_some_and(Node::was_present);
+        let BootCause::PresumedPowerOn { sign } = cause else { return context.count_pass() };
+        let was_present = context.event_node(event).is_some_and(Node::was_present);
         let is_graced = is_first && !was_present && context.now.saturating_sub(self.began) < self.grace;
         if is_graced || is_first_frame(event, context) {
-            return context.pass();
+            return context.count_pass();
         }
         // Nodes that start together indicate a power-on of the machine, which is not a defect of this node.
         let severity = if sign.is_some() { Severity::Note } else { Severity::Warning };
-        context.fail(event).severity(severity).report(|| {
+        context.start_finding(event).with_severity(severity).report_finding(|| {
             let sign = sign.map_or_else(String::new, |sign| format!("; {}", sign.words()));
             format!("unexpected boot-up: power cycle or self-reset (no NMT reset before{sign})")
         });

@@ -1,13 +1,13 @@
 //! SDO access against the access type in the object dictionary.
 
-use crate::event::{Abort, Direction, Event, EventKind, Kind, Outcome, SdoTransfer};
-use crate::finding::Merge;
+use crate::event::{Event, EventKind, Kind, SdoAbort, SdoDirection, SdoOutcome, SdoTransfer};
+use crate::finding::MergedFindings;
 use crate::profile::PdoName;
-use crate::profile::object::Access;
-use crate::rules::general::facts::{INVALID, about, confirmed_number};
-use crate::rules::general::sdo::sdo_situation::{access, is_described, situations};
+use crate::profile::object::SdoAccess;
+use crate::rules::general::facts::{INVALID, confirmed_number, transfer_subject};
+use crate::rules::general::sdo::sdo_situation::{find_situations, is_described, object_access};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 
@@ -32,7 +32,7 @@ declare_rule! {
     "access-type", Warning, "object access differs from the dictionary",
     kinds: [Kind::SdoTransfer],
     needs: "SDO access to an object of an EDS or profile",
-    merge: Merge::Node,
+    merge: MergedFindings::Node,
     cases: &[
         "2.2", "2.3", "2.4", "2.5", "2.6", "3.1", "3.2", "4.1", "4.3", "4.4", "4.5", "4.7", "4.9", "7.1", "7.5",
         "7.101", "7.201",
@@ -48,25 +48,25 @@ const NO_SUB_INDEX: u32 = 0x0609_0011;
 
 struct AccessType;
 
-fn new(_policy: &Policy) -> AccessType {
+fn new(_policy: &RulePolicy) -> AccessType {
     AccessType
 }
 
 /// Violation by a completed or refused access.
-fn wrong(
+fn find_violation(
     transfer: &SdoTransfer,
-    access: Access,
-    direction: Direction,
+    access: SdoAccess,
+    direction: SdoDirection,
     is_free: bool,
 ) -> Option<&'static str> {
     let may = match direction {
-        Direction::Upload => access != Access::Wo,
-        Direction::Download => matches!(access, Access::Rw | Access::Wo),
+        SdoDirection::Upload => access != SdoAccess::Wo,
+        SdoDirection::Download => matches!(access, SdoAccess::Rw | SdoAccess::Wo),
     };
     match (transfer.outcome, transfer.abort) {
-        (Outcome::Complete, _) if !may && direction == Direction::Download => Some("write accepted"),
-        (Outcome::Complete, _) if !may => Some("read accepted"),
-        (Outcome::Aborted, Some(Abort { code, by_client: false })) if may && is_free => match code {
+        (SdoOutcome::Complete, _) if !may && direction == SdoDirection::Download => Some("write accepted"),
+        (SdoOutcome::Complete, _) if !may => Some("read accepted"),
+        (SdoOutcome::Aborted, Some(SdoAbort { code, by_client: false })) if may && is_free => match code {
             WRITE_ONLY => Some("refused as write-only"),
             READ_ONLY => Some("refused as read-only"),
             NO_OBJECT => Some("missing"),
@@ -93,26 +93,28 @@ fn depends_on_pdo(transfer: &SdoTransfer, object: ObjectAddress, node: &Node) ->
 }
 
 impl Rule for AccessType {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
         let (Some(object), Some(direction)) = (transfer.object, transfer.direction) else { return };
-        let Some(node) = context.node(event) else { return };
-        let Some(access) = access(node.device(), object) else { return };
+        let Some(node) = context.event_node(event) else { return };
+        let Some(access) = object_access(node.device(), object) else { return };
         let is_over = match transfer.outcome {
-            Outcome::Complete => !transfer.cut_start,
-            Outcome::Aborted => transfer.abort.is_some_and(|abort| !abort.by_client),
+            SdoOutcome::Complete => !transfer.cut_start,
+            SdoOutcome::Aborted => transfer.abort.is_some_and(|abort| !abort.by_client),
             _ => false,
         };
         if !is_over {
             return;
         }
         // A refusal may depend on the state of the PDO, or on another error in the request.
-        let is_free = transfer.outcome == Outcome::Complete
-            || !depends_on_pdo(transfer, object, node) && situations(transfer, node).is_empty();
-        let Some(what) = wrong(transfer, access, direction, is_free) else { return context.pass() };
+        let is_free = transfer.outcome == SdoOutcome::Complete
+            || !depends_on_pdo(transfer, object, node) && find_situations(transfer, node).is_empty();
+        let Some(what) = find_violation(transfer, access, direction, is_free) else {
+            return context.count_pass();
+        };
         let device = node.device();
-        let alarm = context.fail(event).about(about(transfer));
-        alarm.report(|| {
+        let alarm = context.start_finding(event).with_subject(transfer_subject(transfer));
+        alarm.report_finding(|| {
             let code = transfer.abort.map_or_else(String::new, |abort| format!("{:08X}, ", abort.code));
             let (access, source) = if is_described(device, object) {
                 (access.name(), device.default_origin(object).title())

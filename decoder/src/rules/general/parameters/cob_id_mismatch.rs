@@ -1,11 +1,11 @@
 //! Identifiers in use against the COB-ID objects.
 
-use crate::event::{Direction, Event, EventKind, Kind, SdoTransfer};
-use crate::finding::About;
+use crate::event::{Event, EventKind, Kind, SdoDirection, SdoTransfer};
+use crate::finding::FindingSubject;
 use crate::frame::CanId;
-use crate::rules::general::facts::{about, confirmed_number, identifier, number};
+use crate::rules::general::facts::{cob_identifier, confirmed_number, transfer_number, transfer_subject};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule, TransferSubset};
+use crate::rules::{Rule, RuleContext, RulePolicy, TransferSubset};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::{NodeId, NodeMap};
 
@@ -41,57 +41,57 @@ struct CobIdMismatch {
     moved: NodeMap<u64>,
 }
 
-fn new(_policy: &Policy) -> CobIdMismatch {
+fn new(_policy: &RulePolicy) -> CobIdMismatch {
     CobIdMismatch::default()
 }
 
 impl CobIdMismatch {
-    fn server(event: &Event, transfer: &SdoTransfer, context: &mut Context<'_>) {
+    fn check_server(event: &Event, transfer: &SdoTransfer, context: &mut RuleContext<'_>) {
         let used = match transfer.object.map(|object| (object.index, object.sub)) {
             Some((0x1200, 1)) => transfer.request,
             Some((0x1200, 2)) => transfer.response,
             _ => return,
         };
-        let is_read = transfer.direction == Some(Direction::Upload);
-        let Some(cob_id) = number(transfer).filter(|_| is_read) else { return };
-        if identifier(cob_id) == Some(used) {
-            return context.pass();
+        let is_read = transfer.direction == Some(SdoDirection::Upload);
+        let Some(cob_id) = transfer_number(transfer).filter(|_| is_read) else { return };
+        if cob_identifier(cob_id) == Some(used) {
+            return context.count_pass();
         }
         // Otherwise another SDO channel of the same server is in use.
         let predefined = event.node.and_then(NodeId::canopen).is_some_and(|node| {
             let offset = if used == transfer.request { 0x600 } else { 0x580 };
-            used == CanId::standard(offset + u16::from(node))
+            used == CanId::from_standard(offset + u16::from(node))
         });
         if predefined {
-            let alarm = context.fail(event).about(about(transfer));
-            alarm.report(|| format!("{cob_id:X}h, but the server uses {used}"));
+            let alarm = context.start_finding(event).with_subject(transfer_subject(transfer));
+            alarm.report_finding(|| format!("{cob_id:X}h, but the server uses {used}"));
         }
     }
 
-    fn emcy(&self, event: &Event, used: CanId, context: &mut Context<'_>) {
-        let Some(node) = context.node(event) else { return };
+    fn check_emcy(&self, event: &Event, used: CanId, context: &mut RuleContext<'_>) {
+        let Some(node) = context.event_node(event) else { return };
         let is_old = |frame: u64| self.moved.get(node.id()).is_some_and(|moved| frame < *moved);
-        let known = node.store().seen(EMCY_ID).filter(|entry| !is_old(entry.origin.frame));
+        let known = node.store().seen_value(EMCY_ID).filter(|entry| !is_old(entry.origin.frame));
         let Some(cob_id) = known.and_then(|_| confirmed_number(node, EMCY_ID.index, EMCY_ID.sub)) else {
-            let default = CanId::standard(0x80 + u16::from(node.id().number()));
+            let default = CanId::from_standard(0x80 + u16::from(node.id().number()));
             if used == default {
-                context.pass();
+                context.count_pass();
             }
             return;
         };
-        if identifier(cob_id) == Some(used) {
-            return context.pass();
+        if cob_identifier(cob_id) == Some(used) {
+            return context.count_pass();
         }
-        let alarm = context.fail(event).about(About::Id(used));
-        alarm.report(|| format!("EMCY on {used} (1014:00 = {cob_id:X}h)"));
+        let alarm = context.start_finding(event).with_subject(FindingSubject::Id(used));
+        alarm.report_finding(|| format!("EMCY on {used} (1014:00 = {cob_id:X}h)"));
     }
 }
 
 impl Rule for CobIdMismatch {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match &event.kind {
-            EventKind::SdoTransfer(transfer) => Self::server(event, transfer, context),
-            EventKind::Emcy(emergency) => self.emcy(event, emergency.cob_id, context),
+            EventKind::SdoTransfer(transfer) => Self::check_server(event, transfer, context),
+            EventKind::Emcy(emergency) => self.check_emcy(event, emergency.cob_id, context),
             EventKind::NodeIdChange { .. } => {
                 if let Some(moved) = event.node.and_then(|node| self.moved.entry(node)) {
                     *moved = event.frames.last;

@@ -1,9 +1,9 @@
 //! Restricted identifiers in COB-ID objects.
 
-use crate::event::{Direction, Event, EventKind, Kind, Outcome};
-use crate::rules::general::facts::{about, is_restricted_write, number};
+use crate::event::{Event, EventKind, Kind, SdoDirection, SdoOutcome};
+use crate::rules::general::facts::{is_restricted_write, transfer_number, transfer_subject};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule, TransferSubset};
+use crate::rules::{Rule, RuleContext, RulePolicy, TransferSubset};
 
 declare_rule! {
     /// # What it checks
@@ -34,30 +34,32 @@ declare_rule! {
 
 struct CobIdRestricted;
 
-fn new(_policy: &Policy) -> CobIdRestricted {
+fn new(_policy: &RulePolicy) -> CobIdRestricted {
     CobIdRestricted
 }
 
 impl Rule for CobIdRestricted {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
         let Some(object) = transfer.object else { return };
         if !matches!(object.index, 0x1005 | 0x1012 | 0x1014 | 0x1280..=0x12FF | 0x1400..=0x1BFF) {
             return;
         }
-        if transfer.outcome == Outcome::Aborted {
+        if transfer.outcome == SdoOutcome::Aborted {
             let written = crate::profile::little_endian(&transfer.data);
-            if transfer.direction == Some(Direction::Download) && is_restricted_write(object, written) {
-                context.pass();
+            if transfer.direction == Some(SdoDirection::Download) && is_restricted_write(object, written) {
+                context.count_pass();
             }
             return;
         }
-        let Some(cob_id) = number(transfer) else { return };
+        let Some(cob_id) = transfer_number(transfer) else { return };
         if !is_restricted_write(object, cob_id) {
-            return context.pass();
+            return context.count_pass();
         }
-        let verb = if transfer.direction == Some(Direction::Download) { "accepted" } else { "in use" };
-        let alarm = context.fail(event).about(about(transfer));
-        alarm.report(|| format!("restricted identifier {:03X} {verb} (CiA 301 table 40)", cob_id & 0x7FF));
+        let verb = if transfer.direction == Some(SdoDirection::Download) { "accepted" } else { "in use" };
+        let alarm = context.start_finding(event).with_subject(transfer_subject(transfer));
+        alarm.report_finding(|| {
+            format!("restricted identifier {:03X} {verb} (CiA 301 table 40)", cob_id & 0x7FF)
+        });
     }
 }

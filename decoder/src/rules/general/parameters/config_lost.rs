@@ -1,10 +1,10 @@
 //! Settings that a restart erased and that were not rewritten before the start.
 
-use crate::event::{BootCause, ChangeOrigin, Event, EventKind, FrameRange, Kind, Outcome, SdoTransfer};
+use crate::event::{BootCause, ChangeOrigin, Event, EventKind, FrameRange, Kind, SdoOutcome, SdoTransfer};
 use crate::finding::Severity;
-use crate::profile::{Persistence, Role};
+use crate::profile::{ObjectRole, Persistence};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 use crate::wire::{NodeId, NodeMap};
@@ -44,7 +44,7 @@ const NAMED: usize = 6;
 const COMMUNICATION_END: u16 = 0x2000;
 
 #[derive(Default)]
-struct Settings {
+struct NodeSettings {
     written: Vec<ObjectAddress>,
     lost: Vec<ObjectAddress>,
     /// Frame of the latest boot-up, and whether it was commanded.
@@ -55,23 +55,26 @@ struct Settings {
 
 #[derive(Default)]
 struct ConfigLost {
-    nodes: NodeMap<Settings>,
+    nodes: NodeMap<NodeSettings>,
 }
 
-fn new(_policy: &Policy) -> ConfigLost {
+fn new(_policy: &RulePolicy) -> ConfigLost {
     ConfigLost::default()
 }
 
 impl ConfigLost {
-    fn written(&mut self, event: &Event, node: NodeId, transfer: &SdoTransfer, context: &Context<'_>) {
-        let (Outcome::Complete, Some(object)) = (transfer.outcome, transfer.object) else { return };
+    fn on_written(&mut self, event: &Event, node: NodeId, transfer: &SdoTransfer, context: &RuleContext<'_>) {
+        let (SdoOutcome::Complete, Some(object)) = (transfer.outcome, transfer.object) else { return };
         if !matches!(transfer.persists, Some(Persistence::No | Persistence::NeedsSave)) {
             return;
         }
-        let meaning = context.node(event).and_then(|node| node.meaning(object));
+        let meaning = context.event_node(event).and_then(|node| node.meaning(object));
         let role = meaning.and_then(|meaning| meaning.role);
         // Commands and measured values are not settings.
-        if matches!(role, Some(Role::Control | Role::SetPoint | Role::Status | Role::Actual)) {
+        if matches!(
+            role,
+            Some(ObjectRole::Control | ObjectRole::SetPoint | ObjectRole::Status | ObjectRole::Actual)
+        ) {
             return;
         }
         let Some(settings) = self.nodes.entry(node) else { return };
@@ -81,7 +84,7 @@ impl ConfigLost {
         }
     }
 
-    fn booted(&mut self, event: &Event, node: NodeId, cause: BootCause) {
+    fn on_boot(&mut self, event: &Event, node: NodeId, cause: BootCause) {
         let Some(settings) = self.nodes.get_mut(node) else { return };
         let is_commanded = matches!(cause, BootCause::Commanded { .. });
         settings.communication_only &= is_commanded;
@@ -97,13 +100,13 @@ impl ConfigLost {
         }
     }
 
-    fn commanded(&mut self, target: u8, service: NmtService) {
-        let note = |settings: &mut Settings| match service {
+    fn on_command(&mut self, target: u8, service: NmtService) {
+        let note = |settings: &mut NodeSettings| match service {
             NmtService::ResetCommunication => settings.communication_only = true,
             NmtService::ResetNode => settings.communication_only = false,
             _ => {}
         };
-        let all = NodeId::all().filter(|node| match node {
+        let all = NodeId::all_ids().filter(|node| match node {
             NodeId::Canopen(number) => target == 0 || *number == target,
             NodeId::J1939(_) => false,
         });
@@ -114,7 +117,7 @@ impl ConfigLost {
         }
     }
 
-    fn started(&mut self, event: &Event, node: NodeId, context: &mut Context<'_>) {
+    fn on_start(&mut self, event: &Event, node: NodeId, context: &mut RuleContext<'_>) {
         let Some(settings) = self.nodes.get_mut(node) else { return };
         let Some((boot, is_commanded)) = settings.boot.take() else { return };
         if settings.written.is_empty() {
@@ -122,14 +125,14 @@ impl ConfigLost {
         }
         let mut lost = std::mem::take(&mut settings.lost);
         if lost.is_empty() {
-            return context.pass();
+            return context.count_pass();
         }
         settings.written.retain(|object| !lost.contains(object));
         lost.sort_unstable();
         let severity = if is_commanded { Severity::Warning } else { Severity::Error };
         let frames = FrameRange { first: boot, last: event.frames.last };
-        let alarm = context.fail(event).severity(severity).frames(frames);
-        alarm.report(|| {
+        let alarm = context.start_finding(event).with_severity(severity).with_frames(frames);
+        alarm.report_finding(|| {
             let named: Vec<_> = lost.iter().take(NAMED).map(ToString::to_string).collect();
             let more = if lost.len() > NAMED { ", …" } else { "" };
             let what = if lost.len() == 1 { "setting" } else { "settings" };
@@ -140,24 +143,24 @@ impl ConfigLost {
 }
 
 impl Rule for ConfigLost {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         if let EventKind::NmtCommand { target, service, .. } = event.kind {
-            return self.commanded(target, service);
+            return self.on_command(target, service);
         }
         let Some(node) = event.node else { return };
         match &event.kind {
-            EventKind::SdoTransfer(transfer) => self.written(event, node, transfer, context),
+            EventKind::SdoTransfer(transfer) => self.on_written(event, node, transfer, context),
             EventKind::ObjectChange(change) if change.origin == ChangeOrigin::Reset => {
                 self.fell_back(node, change.object);
             }
-            EventKind::BootUp { cause, .. } => self.booted(event, node, *cause),
+            EventKind::BootUp { cause, .. } => self.on_boot(event, node, *cause),
             EventKind::Emcy(emergency) => {
                 if let Some(cause) = emergency.boot {
-                    self.booted(event, node, cause);
+                    self.on_boot(event, node, cause);
                 }
             }
             EventKind::NmtState(change) if change.to == NmtState::Operational => {
-                self.started(event, node, context);
+                self.on_start(event, node, context);
             }
             _ => {}
         }

@@ -4,11 +4,11 @@ use std::collections::{HashMap, VecDeque};
 
 use foldhash::fast::FixedState;
 
-use crate::event::{Direction, Event, EventKind, Kind, Outcome, SdoTransfer};
-use crate::finding::{About, Severity};
-use crate::profile::{Role, Storage};
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::event::{Event, EventKind, Kind, SdoDirection, SdoOutcome, SdoTransfer};
+use crate::finding::{FindingSubject, Severity};
+use crate::profile::{ObjectRole, ValueStorage};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -34,8 +34,8 @@ declare_rule! {
     is_timing: true,
     word: "EEPROM",
     tolerances: &[
-        tolerance("minute-writes", 5.0, "", "maximum writes within 60 s, else an error"),
-        tolerance("hour-writes", 20.0, "", "maximum writes within 1 h, else a warning"),
+        define_tolerance("minute-writes", 5.0, "", "maximum writes within 60 s, else an error"),
+        define_tolerance("hour-writes", 20.0, "", "maximum writes within 1 h, else a warning"),
     ],
 }
 
@@ -54,16 +54,22 @@ struct EepromWear {
     writes: HashMap<(NodeId, ObjectAddress), VecDeque<i64>, FixedState>,
 }
 
-fn new(policy: &Policy) -> EepromWear {
+fn new(policy: &RulePolicy) -> EepromWear {
     EepromWear {
-        in_a_minute: policy.tolerance(&DECLARATION, "minute-writes"),
-        in_an_hour: policy.tolerance(&DECLARATION, "hour-writes"),
+        in_a_minute: policy.tolerance_value(&DECLARATION, "minute-writes"),
+        in_an_hour: policy.tolerance_value(&DECLARATION, "hour-writes"),
         writes: HashMap::default(),
     }
 }
 
 impl EepromWear {
-    fn written(&mut self, event: &Event, node: NodeId, object: ObjectAddress, context: &mut Context<'_>) {
+    fn on_written(
+        &mut self,
+        event: &Event,
+        node: NodeId,
+        object: ObjectAddress,
+        context: &mut RuleContext<'_>,
+    ) {
         if self.writes.len() >= OBJECT_LIMIT && !self.writes.contains_key(&(node, object)) {
             return;
         }
@@ -80,13 +86,17 @@ impl EepromWear {
         #[expect(clippy::cast_precision_loss, reason = "counts to compare")]
         let (is_error, is_warning) = (minute as f64 > self.in_a_minute, hour as f64 > self.in_an_hour);
         if !is_error && !is_warning {
-            return context.pass();
+            return context.count_pass();
         }
         let severity = if is_error { Severity::Error } else { Severity::Warning };
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
         let measure = if is_error { minute as f64 * 60.0 } else { hour as f64 };
-        let alarm = context.fail(event).about(About::Object(object)).severity(severity).measure(measure);
-        alarm.report(|| {
+        let alarm = context
+            .start_finding(event)
+            .with_subject(FindingSubject::Object(object))
+            .with_severity(severity)
+            .with_measure(measure);
+        alarm.report_finding(|| {
             if is_error {
                 format!("{minute} writes to non-volatile memory in 60 s (limit {})", self.in_a_minute)
             } else {
@@ -97,32 +107,33 @@ impl EepromWear {
 }
 
 /// Whether the object is the store command, or a setting that the device stores at each write.
-fn is_stored(event: &Event, object: ObjectAddress, context: &Context<'_>) -> bool {
+fn is_stored(event: &Event, object: ObjectAddress, context: &RuleContext<'_>) -> bool {
     if object.index == 0x1010 {
         return true;
     }
-    let Some(node) = context.node(event) else { return false };
-    let entry = node.device().dictionary.find(object).and_then(|found| found.entry);
-    if entry.is_none_or(|entry| entry.storage != Storage::EachWrite) {
+    let Some(node) = context.event_node(event) else { return false };
+    let entry = node.device().dictionary.find_object(object).and_then(|found| found.entry);
+    if entry.is_none_or(|entry| entry.storage != ValueStorage::EachWrite) {
         return false;
     }
     // Channels of CiA 408 devices are 0x800 apart.
     let is_command =
         matches!(object.index, 0x6000..=0x9FFF) && matches!(object.index & 0x7FF, 0x040 | 0x300 | 0x380);
     let role = node.meaning(object).and_then(|meaning| meaning.role);
-    !is_command && !matches!(role, Some(Role::Control | Role::SetPoint))
+    !is_command && !matches!(role, Some(ObjectRole::Control | ObjectRole::SetPoint))
 }
 
 impl Rule for EepromWear {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
-        let SdoTransfer { direction: Some(Direction::Download), outcome: Outcome::Complete, .. } = **transfer
+        let SdoTransfer { direction: Some(SdoDirection::Download), outcome: SdoOutcome::Complete, .. } =
+            **transfer
         else {
             return;
         };
         let (Some(node), Some(object)) = (event.node, transfer.object) else { return };
         if context.has_time && is_stored(event, object, context) {
-            self.written(event, node, object, context);
+            self.on_written(event, node, object, context);
         }
     }
 }

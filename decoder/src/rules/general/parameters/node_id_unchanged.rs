@@ -2,8 +2,8 @@
 
 use crate::event::{Event, EventKind, FrameRange, Kind};
 use crate::rules::general::nmt::unexpected_boot::boot_cause;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::session::PendingNodeId;
 use crate::wire::NodeId;
 
@@ -30,7 +30,7 @@ declare_rule! {
     needs: "an accepted change of the node-ID, then a restart",
     is_timing: true,
     word: "IDENT",
-    tolerances: &[tolerance(
+    tolerances: &[define_tolerance(
         "wait-ms", 2_000.0, "ms", "from the boot sign of the old node-ID to that of the new one",
     )],
 }
@@ -50,16 +50,16 @@ struct NodeIdUnchanged {
     open: Vec<OldBoot>,
 }
 
-fn new(policy: &Policy) -> NodeIdUnchanged {
-    NodeIdUnchanged { wait: policy.nanoseconds(&DECLARATION, "wait-ms"), open: Vec::new() }
+fn new(policy: &RulePolicy) -> NodeIdUnchanged {
+    NodeIdUnchanged { wait: policy.tolerance_ns(&DECLARATION, "wait-ms"), open: Vec::new() }
 }
 
 impl Rule for NodeIdUnchanged {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         if let EventKind::NodeIdChange { to, by, .. } = &event.kind {
             self.open.retain(|open| open.pending.to != *to);
             if by.service().is_some() {
-                context.pass();
+                context.count_pass();
             }
             return;
         }
@@ -67,15 +67,17 @@ impl Rule for NodeIdUnchanged {
         let Some(pending) = context.bus.pending_node_id(node) else { return };
         if self.open.len() < OPEN_LIMIT && !self.open.iter().any(|open| open.node == node) {
             self.open.push(OldBoot { node, pending, frame: event.frames.last });
-            context.wake_at(context.now.saturating_add(self.wait), node.place() as u64);
+            context.wake_at(context.now.saturating_add(self.wait), node.table_place() as u64);
         }
     }
 
-    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
-        let Some(place) = self.open.iter().position(|open| open.node.place() as u64 == token) else { return };
+    fn on_wake(&mut self, token: u64, context: &mut RuleContext<'_>) {
+        let Some(place) = self.open.iter().position(|open| open.node.table_place() as u64 == token) else {
+            return;
+        };
         let OldBoot { node, pending, frame } = self.open.swap_remove(place);
         let alarm = context.fail_at(context.now, Some(node), FrameRange::one(frame));
-        alarm.report(|| {
+        alarm.report_finding(|| {
             let (to, service) = (pending.to, pending.by.service().unwrap_or_default());
             format!("boots as node-ID {}, although {to} was accepted by {service}", node.number())
         });

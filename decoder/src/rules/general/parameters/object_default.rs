@@ -1,13 +1,16 @@
 //! Values after a restart against the defaults in the dictionary.
 
-use super::stored::{COMMUNICATION_END, OBJECT_LIMIT, Resets, boot, covers, read, written};
+use super::stored::{
+    COMMUNICATION_END, CommunicationResets, OBJECT_LIMIT, boot_cause, covers_object, read_object,
+    written_object,
+};
 use crate::event::{BootCause, Event, EventKind, Kind, SdoTransfer};
-use crate::profile::object::{Access, DefaultValue};
-use crate::profile::{DataType, Entry, Value, integer, word};
-use crate::rules::general::facts::about;
+use crate::profile::object::{DefaultValue, SdoAccess};
+use crate::profile::{DataType, DecodedValue, SubEntry, as_integer, as_word};
+use crate::rules::general::facts::transfer_subject;
 use crate::rules::general::sdo::sdo_situation::is_described;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::{NodeId, NodeMap};
@@ -41,7 +44,7 @@ declare_rule! {
 const LAST_AREA: u8 = 3;
 
 #[derive(Default)]
-struct StartState {
+struct DefaultState {
     /// The node has restarted in this capture.
     has_restarted: bool,
     /// Sub-index of 1011 of a restore that takes effect at the next restart.
@@ -59,11 +62,11 @@ struct StartState {
 
 #[derive(Default)]
 struct ObjectDefault {
-    nodes: NodeMap<StartState>,
-    resets: Resets,
+    nodes: NodeMap<DefaultState>,
+    resets: CommunicationResets,
 }
 
-fn new(_policy: &Policy) -> ObjectDefault {
+fn new(_policy: &RulePolicy) -> ObjectDefault {
     ObjectDefault::default()
 }
 
@@ -79,27 +82,27 @@ const fn is_own(object: ObjectAddress) -> bool {
 
 /// Whether the dictionary default applies to an object after a restore.
 fn is_judged(node: &Node, object: ObjectAddress) -> bool {
-    let found = node.device().dictionary.find(object);
+    let found = node.device().dictionary.find_object(object);
     let Some((found, entry)) = found.and_then(|found| Some((found, found.entry?))) else { return false };
     let is_count = object.sub == 0 && found.object.is_record;
-    let is_set = matches!(entry.access, Some(Access::Rw | Access::Const));
+    let is_set = matches!(entry.access, Some(SdoAccess::Rw | SdoAccess::Const));
     let is_compared = is_count || is_set || matches!(object.index, 0x1000..=0x101F);
     is_compared && !matches!(object.index, 0x1001 | 0x1003) && is_described(node.device(), object)
 }
 
 /// Whether data equals the default; `None` without a default or if they cannot be compared.
 fn is_default(node: &Node, object: ObjectAddress, data: &[u8]) -> Option<bool> {
-    let entry = node.device().dictionary.find(object)?.entry?;
-    equals(entry, node.id().number(), &node.meaning(object)?.decode(data))
+    let entry = node.device().dictionary.find_object(object)?.entry?;
+    equals_default(entry, node.id().number(), &node.meaning(object)?.decode(data))
 }
 
 /// Whether a value equals the default of an entry for this node-ID.
-fn equals(entry: &Entry, node: u8, value: &Value) -> Option<bool> {
-    let Value::Real(read) = *value else {
+fn equals_default(entry: &SubEntry, node: u8, value: &DecodedValue) -> Option<bool> {
+    let DecodedValue::Real(read) = *value else {
         let wanted = entry.default_number(Some(node))?;
-        return match integer(value) {
+        return match as_integer(value) {
             Some(read) => Some(read == wanted),
-            None => word(value).map(|read| read == wanted.cast_unsigned()),
+            None => as_word(value).map(|read| read == wanted.cast_unsigned()),
         };
     };
     #[expect(clippy::cast_precision_loss, reason = "a default written as a whole number")]
@@ -115,24 +118,24 @@ fn equals(entry: &Entry, node: u8, value: &Value) -> Option<bool> {
 }
 
 /// Value and default for display.
-fn shown(node: &Node, object: ObjectAddress, data: &[u8]) -> (String, String) {
+fn default_texts(node: &Node, object: ObjectAddress, data: &[u8]) -> (String, String) {
     let Some(meaning) = node.meaning(object) else { return (String::new(), String::new()) };
-    let entry = node.device().dictionary.find(object).and_then(|found| found.entry);
+    let entry = node.device().dictionary.find_object(object).and_then(|found| found.entry);
     let number = entry.and_then(|entry| entry.default_number(Some(node.id().number())));
     let real = match entry.and_then(|entry| entry.default.as_ref()) {
         Some(DefaultValue::Real(real)) => real.to_string(),
         _ => String::new(),
     };
-    let wanted = number.map_or(real, |number| meaning.show(&meaning.number(number)));
-    (meaning.show(&meaning.decode(data)), wanted)
+    let wanted = number.map_or(real, |number| meaning.format_value(&meaning.convert_raw(number)));
+    (meaning.format_value(&meaning.decode(data)), wanted)
 }
 
 impl ObjectDefault {
-    fn booted(&mut self, node: NodeId, cause: BootCause) {
+    fn on_boot(&mut self, node: NodeId, cause: BootCause) {
         let is_partial = self.resets.is_partial(node, cause);
         let Some(started) = self.nodes.entry(node) else { return };
         let loaded = started.loading.take();
-        *started = StartState {
+        *started = DefaultState {
             has_restarted: true,
             restored: loaded.or(started.restored).filter(|_| started.saved.is_none()),
             saved: started.saved.filter(|_| loaded.is_none()),
@@ -140,35 +143,41 @@ impl ObjectDefault {
             is_full: started.is_full,
             loading: None,
         };
-        started.written.retain(|(object, _)| !loaded.is_some_and(|sub| covers(sub, object.index)));
+        started.written.retain(|(object, _)| !loaded.is_some_and(|sub| covers_object(sub, object.index)));
         for (object, is_since) in &mut started.written {
             *is_since &= is_partial && object.index >= COMMUNICATION_END;
         }
     }
 
-    fn transfer(&mut self, event: &Event, id: NodeId, transfer: &SdoTransfer, context: &mut Context<'_>) {
-        let Some(node) = context.node(event) else { return };
+    fn on_transfer(
+        &mut self,
+        event: &Event,
+        id: NodeId,
+        transfer: &SdoTransfer,
+        context: &mut RuleContext<'_>,
+    ) {
+        let Some(node) = context.event_node(event) else { return };
         let Some(started) = self.nodes.entry(id) else { return };
-        if let Some(object) = written(transfer) {
-            started.wrote(node, object, &transfer.data);
-        } else if let Some(object) = read(transfer)
-            && let Some(is_right) = started.judge(node, object, &transfer.data)
+        if let Some(object) = written_object(transfer) {
+            started.on_written(node, object, &transfer.data);
+        } else if let Some(object) = read_object(transfer)
+            && let Some(is_right) = started.judge_value(node, object, &transfer.data)
         {
             if is_right {
-                return context.pass();
+                return context.count_pass();
             }
             let by = node.device().default_origin(object).title();
-            let alarm = context.fail(event).about(about(transfer));
-            alarm.report(|| {
-                let (read, wanted) = shown(node, object, &transfer.data);
+            let alarm = context.start_finding(event).with_subject(transfer_subject(transfer));
+            alarm.report_finding(|| {
+                let (read, wanted) = default_texts(node, object, &transfer.data);
                 format!("{read} after restore and restart (default {wanted}, {by})")
             });
         }
     }
 }
 
-impl StartState {
-    fn wrote(&mut self, node: &Node, object: ObjectAddress, data: &[u8]) {
+impl DefaultState {
+    fn on_written(&mut self, node: &Node, object: ObjectAddress, data: &[u8]) {
         match (object.index, object.sub) {
             (0x1010, sub @ 1..) => {
                 self.saved = self.saved.max(Some(sub));
@@ -195,14 +204,14 @@ impl StartState {
     }
 
     /// Whether a read value equals the default; `None` if there is no verdict.
-    fn judge(&self, node: &Node, object: ObjectAddress, data: &[u8]) -> Option<bool> {
+    fn judge_value(&self, node: &Node, object: ObjectAddress, data: &[u8]) -> Option<bool> {
         let written = self.written.iter().find(|(known, _)| *known == object).map(|(_, is_since)| *is_since);
         if !self.has_restarted || self.is_full || written == Some(true) || !is_judged(node, object) {
             return None;
         }
         let is_right = is_default(node, object, data)?;
         // In other areas, the device or a PDO may change values at any time.
-        let is_restored = self.restored.is_some_and(|sub| covers(sub, object.index));
+        let is_restored = self.restored.is_some_and(|sub| covers_object(sub, object.index));
         let is_promised =
             is_restored && object.index < COMMUNICATION_END && !is_own(object) && written.is_none();
         (is_right || is_promised).then_some(is_right)
@@ -210,15 +219,15 @@ impl StartState {
 }
 
 impl Rule for ObjectDefault {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         if let EventKind::NmtCommand { service, target, .. } = event.kind {
-            return self.resets.command(service, target);
+            return self.resets.on_command(service, target);
         }
         let Some(node) = event.node else { return };
-        if let Some(cause) = boot(event) {
-            self.booted(node, cause);
+        if let Some(cause) = boot_cause(event) {
+            self.on_boot(node, cause);
         } else if let EventKind::SdoTransfer(transfer) = &event.kind {
-            self.transfer(event, node, transfer, context);
+            self.on_transfer(event, node, transfer, context);
         }
     }
 }
@@ -237,10 +246,13 @@ mod tests {
             [2000]\nParameterName=c\nDataType=8\nAccessType=rw\nDefaultValue=0.1\n\
             [2001]\nParameterName=d\nDataType=3\nAccessType=rw\nDefaultValue=0xFFFF\n\
             [2002]\nParameterName=e\nDataType=5\nAccessType=rw\n";
-        let device = imported::device(&Arc::new(device_file::parse(text.as_bytes()).unwrap()), "a.eds");
+        let device = imported::describe_device(
+            &Arc::new(device_file::parse_device_file(text.as_bytes()).unwrap()),
+            "a.eds",
+        );
         let of = |index, sub, data: &[u8]| {
-            let entry = device.dictionary.find(ObjectAddress::new(index, sub)).unwrap().entry.unwrap();
-            equals(entry, 5, &entry.data_type.unwrap().decode(data))
+            let entry = device.dictionary.find_object(ObjectAddress::new(index, sub)).unwrap().entry.unwrap();
+            equals_default(entry, 5, &entry.data_type.unwrap().decode(data))
         };
         assert_eq!(of(0x1400, 1, &[0x05, 0x02, 0, 0x80]), Some(true));
         assert_eq!(of(0x1400, 1, &[0x06, 0x02, 0, 0x80]), Some(false));

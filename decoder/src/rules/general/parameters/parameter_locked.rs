@@ -1,11 +1,11 @@
 //! Writes to locked parameters.
 
-use crate::event::{Abort, Direction, Event, EventKind, Kind, Outcome};
+use crate::event::{Event, EventKind, Kind, SdoAbort, SdoDirection, SdoOutcome};
 use crate::finding::Severity;
 use crate::profile::{PdoDirection, PdoName, little_endian};
-use crate::rules::general::facts::{INVALID, about, confirmed_number, number};
+use crate::rules::general::facts::{INVALID, confirmed_number, transfer_number, transfer_subject};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 
@@ -36,13 +36,13 @@ declare_rule! {
 
 struct ParameterLocked;
 
-fn new(_policy: &Policy) -> ParameterLocked {
+fn new(_policy: &RulePolicy) -> ParameterLocked {
     ParameterLocked
 }
 
 /// Reason for the lock, if it is active, and severity of an accepted write; `None` if unknown or never
 /// locked.
-fn lock(node: &Node, object: ObjectAddress) -> Option<(Option<String>, Severity)> {
+fn active_lock(node: &Node, object: ObjectAddress) -> Option<(Option<String>, Severity)> {
     let is_on = |index| {
         confirmed_number(node, index, 0)
             .map(|value| (value != 0).then(|| format!("{index:04X}:00 = {value}")))
@@ -63,26 +63,30 @@ fn lock(node: &Node, object: ObjectAddress) -> Option<(Option<String>, Severity)
 }
 
 impl Rule for ParameterLocked {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
-        let Some(object) = transfer.object.filter(|_| transfer.direction == Some(Direction::Download)) else {
+        let Some(object) = transfer.object.filter(|_| transfer.direction == Some(SdoDirection::Download))
+        else {
             return;
         };
-        let Some(node) = context.node(event) else { return };
-        let Some((locked, severity)) = lock(node, object) else { return };
+        let Some(node) = context.event_node(event) else { return };
+        let Some((locked, severity)) = active_lock(node, object) else { return };
         let before = confirmed_number(node, object.index, object.sub);
         match (locked, transfer.outcome, transfer.abort) {
-            (None, Outcome::Complete, _)
-            | (Some(_), Outcome::Aborted, Some(Abort { by_client: false, .. })) => context.pass(),
-            (Some(by), Outcome::Complete, _) => {
-                let Some(written) = number(transfer).filter(|_| !transfer.cut_start) else { return };
+            (None, SdoOutcome::Complete, _)
+            | (Some(_), SdoOutcome::Aborted, Some(SdoAbort { by_client: false, .. })) => context.count_pass(),
+            (Some(by), SdoOutcome::Complete, _) => {
+                let Some(written) = transfer_number(transfer).filter(|_| !transfer.cut_start) else { return };
                 // The same value changes nothing, and 0 disables guarding.
                 let is_off = severity == Severity::Note && little_endian(&transfer.data) == 0;
                 if before == Some(written) || is_off {
-                    return context.pass();
+                    return context.count_pass();
                 }
-                let alarm = context.fail(event).about(about(transfer)).severity(severity);
-                alarm.report(|| format!("write of {written} accepted while {by}"));
+                let alarm = context
+                    .start_finding(event)
+                    .with_subject(transfer_subject(transfer))
+                    .with_severity(severity);
+                alarm.report_finding(|| format!("write of {written} accepted while {by}"));
             }
             _ => {}
         }

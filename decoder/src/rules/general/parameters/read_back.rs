@@ -1,10 +1,10 @@
 //! Read values against the written values.
 
-use crate::event::{Direction, Event, EventKind, Kind};
+use crate::event::{Event, EventKind, Kind, SdoDirection};
 use crate::profile::little_endian;
-use crate::rules::general::facts::{about, number};
+use crate::rules::general::facts::{transfer_number, transfer_subject};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule, TransferSubset};
+use crate::rules::{Rule, RuleContext, RulePolicy, TransferSubset};
 use crate::session::OriginKind;
 
 declare_rule! {
@@ -34,7 +34,7 @@ declare_rule! {
 
 struct ReadBack;
 
-fn new(_policy: &Policy) -> ReadBack {
+fn new(_policy: &RulePolicy) -> ReadBack {
     ReadBack
 }
 
@@ -47,26 +47,28 @@ const fn own_bits(index: u16) -> u64 {
 }
 
 impl Rule for ReadBack {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
         let is_command =
             |index: u16| matches!(index, 0x1003 | 0x1010 | 0x1011 | 0x1023..=0x1026 | 0x1F50..=0x1FFF);
         let object =
             transfer.object.filter(|it| (0x1000..0x2000).contains(&it.index) && !is_command(it.index));
-        let Some(object) = object.filter(|_| transfer.direction == Some(Direction::Upload)) else { return };
-        let (Some(read), Some(node)) = (number(transfer), context.node(event)) else { return };
-        let Some(entry) = node.store().seen(object) else { return };
+        let Some(object) = object.filter(|_| transfer.direction == Some(SdoDirection::Upload)) else {
+            return;
+        };
+        let (Some(read), Some(node)) = (transfer_number(transfer), context.event_node(event)) else { return };
+        let Some(entry) = node.store().seen_value(object) else { return };
         let is_written = entry.origin.kind == OriginKind::Download && !entry.stale && entry.value.len() <= 8;
-        if !is_written || node.store().waiting(object).is_some() {
+        if !is_written || node.store().waiting_value(object).is_some() {
             return;
         }
         let written = little_endian(&entry.value);
         if (read ^ written) & !own_bits(object.index) == 0 {
-            return context.pass();
+            return context.count_pass();
         }
         let frame = entry.origin.frame;
-        let alarm = context.fail(event).about(about(transfer));
-        alarm.report(|| {
+        let alarm = context.start_finding(event).with_subject(transfer_subject(transfer));
+        alarm.report_finding(|| {
             format!("read-back {read:X}h differs from the written value {written:X}h {{{frame}}}")
         });
     }

@@ -1,12 +1,15 @@
 //! Saved parameters after a restart.
 
-use super::stored::{COMMUNICATION_END, OBJECT_LIMIT, Resets, boot, covers, read, written};
+use super::stored::{
+    COMMUNICATION_END, CommunicationResets, OBJECT_LIMIT, boot_cause, covers_object, read_object,
+    written_object,
+};
 use crate::event::{BootCause, Event, EventKind, Kind, SdoTransfer};
 use crate::finding::Severity;
-use crate::profile::{Persistence, Role, little_endian};
-use crate::rules::general::facts::{about, confirmed_number};
+use crate::profile::{ObjectRole, Persistence, little_endian};
+use crate::rules::general::facts::{confirmed_number, transfer_subject};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::{NodeId, NodeMap};
 
@@ -41,7 +44,7 @@ const LONGEST: usize = 8;
 
 /// Setting that was written.
 #[derive(Clone)]
-struct Setting {
+struct WrittenSetting {
     object: ObjectAddress,
     value: u64,
     /// Frame that confirmed the write, or the save that covers it.
@@ -54,9 +57,9 @@ struct Setting {
 #[derive(Default)]
 struct StoredSettings {
     /// Settings written since the last restart, and saved settings.
-    settings: Vec<Setting>,
+    settings: Vec<WrittenSetting>,
     /// Settings expected after the last restart, until they are read or written.
-    expected: Vec<Setting>,
+    expected: Vec<WrittenSetting>,
     /// The device stores on command only (1010).
     on_command: bool,
 }
@@ -64,10 +67,10 @@ struct StoredSettings {
 #[derive(Default)]
 struct StoreNotEffective {
     nodes: NodeMap<StoredSettings>,
-    resets: Resets,
+    resets: CommunicationResets,
 }
 
-fn new(_policy: &Policy) -> StoreNotEffective {
+fn new(_policy: &RulePolicy) -> StoreNotEffective {
     StoreNotEffective::default()
 }
 
@@ -84,7 +87,10 @@ fn is_setting(object: ObjectAddress, transfer: &SdoTransfer) -> bool {
 fn is_stored(transfer: &SdoTransfer) -> bool {
     let role = transfer.meaning.as_ref().and_then(|meaning| meaning.role);
     transfer.persists == Some(Persistence::Yes)
-        && !matches!(role, Some(Role::Control | Role::SetPoint | Role::Status | Role::Actual))
+        && !matches!(
+            role,
+            Some(ObjectRole::Control | ObjectRole::SetPoint | ObjectRole::Status | ObjectRole::Actual)
+        )
 }
 
 /// Flags of a COB-ID that the device may set.
@@ -96,11 +102,11 @@ const fn own_bits(index: u16) -> u64 {
 }
 
 impl StoredSettings {
-    fn wrote(&mut self, object: ObjectAddress, transfer: &SdoTransfer, frame: u64) {
+    fn on_written(&mut self, object: ObjectAddress, transfer: &SdoTransfer, frame: u64) {
         self.expected.retain(|setting| setting.object != object);
         match (object.index, object.sub) {
             (0x1010, sub @ 1..) if transfer.data == b"save" => {
-                for setting in self.settings.iter_mut().filter(|it| covers(sub, it.object.index)) {
+                for setting in self.settings.iter_mut().filter(|it| covers_object(sub, it.object.index)) {
                     setting.is_saved = true;
                     setting.frame = frame;
                 }
@@ -123,43 +129,54 @@ impl StoredSettings {
         let before = transfer.previous.as_deref().filter(|_| !transfer.previous_assumed);
         let before = before.filter(|bytes| bytes.len() <= LONGEST).map(little_endian);
         let before = before.filter(|before| *before != value);
-        self.settings.push(Setting { object, value, frame, before, is_saved: is_stored(transfer) });
+        self.settings.push(WrittenSetting { object, value, frame, before, is_saved: is_stored(transfer) });
     }
 
-    fn booted(&mut self, is_partial: bool, on_command: bool) {
+    fn on_boot(&mut self, is_partial: bool, on_command: bool) {
         self.on_command = on_command;
-        let concerns = |setting: &Setting| !is_partial || setting.object.index < COMMUNICATION_END;
+        let concerns = |setting: &WrittenSetting| !is_partial || setting.object.index < COMMUNICATION_END;
         self.expected = self.settings.iter().filter(|it| concerns(it)).cloned().collect();
         self.settings.retain(|setting| setting.is_saved || !concerns(setting));
     }
 }
 
 impl StoreNotEffective {
-    fn transfer(&mut self, event: &Event, id: NodeId, transfer: &SdoTransfer, context: &mut Context<'_>) {
+    fn on_transfer(
+        &mut self,
+        event: &Event,
+        id: NodeId,
+        transfer: &SdoTransfer,
+        context: &mut RuleContext<'_>,
+    ) {
         let Some(stored) = self.nodes.entry(id) else { return };
-        if let Some(object) = written(transfer) {
-            return stored.wrote(object, transfer, event.frames.last);
+        if let Some(object) = written_object(transfer) {
+            return stored.on_written(object, transfer, event.frames.last);
         }
-        let Some(object) = read(transfer).filter(|_| transfer.data.len() <= LONGEST) else { return };
+        let Some(object) = read_object(transfer).filter(|_| transfer.data.len() <= LONGEST) else { return };
         let Some(place) = stored.expected.iter().position(|it| it.object == object) else { return };
-        let Setting { value, frame, before, is_saved, .. } = stored.expected.swap_remove(place);
+        let WrittenSetting { value, frame, before, is_saved, .. } = stored.expected.swap_remove(place);
         let found = little_endian(&transfer.data);
         let is_there = (found ^ value) & !own_bits(object.index) == 0;
         // Another write may have reset the object, such as a new mode and its mapping; the profile defines
         // this.
-        let is_void = context.node(event).is_none_or(|node| {
-            node.store().seen(object).is_none_or(|entry| entry.stale && node.assigned().is_some())
+        let is_void = context.event_node(event).is_none_or(|node| {
+            node.store().seen_value(object).is_none_or(|entry| entry.stale && node.assigned_by().is_some())
         });
         match (is_saved, is_there) {
-            (true, true) | (false, false) => context.pass(),
+            (true, true) | (false, false) => context.count_pass(),
             (true, false) if is_void => {}
             (true, false) => {
-                let alarm = context.fail(event).about(about(transfer));
-                alarm.report(|| format!("{found:X}h after the restart, but {value:X}h stored {{{frame}}}"));
+                let alarm = context.start_finding(event).with_subject(transfer_subject(transfer));
+                alarm.report_finding(|| {
+                    format!("{found:X}h after the restart, but {value:X}h stored {{{frame}}}")
+                });
             }
             (false, true) if stored.on_command && before.is_some() => {
-                let alarm = context.fail(event).about(about(transfer)).severity(Severity::Note);
-                alarm.report(|| {
+                let alarm = context
+                    .start_finding(event)
+                    .with_subject(transfer_subject(transfer))
+                    .with_severity(Severity::Note);
+                alarm.report_finding(|| {
                     format!("unsaved value {value:X}h {{{frame}}} still present after the restart")
                 });
             }
@@ -167,29 +184,30 @@ impl StoreNotEffective {
         }
     }
 
-    fn booted(&mut self, event: &Event, id: NodeId, cause: BootCause, context: &Context<'_>) {
+    fn on_boot(&mut self, event: &Event, id: NodeId, cause: BootCause, context: &RuleContext<'_>) {
         let is_partial = self.resets.is_partial(id, cause);
         let Some(stored) = self.nodes.get_mut(id) else { return };
         // 1010:01 bit 0: on command; bit 1: autonomously. The value remains valid after the restart.
-        let says = context.node(event).and_then(|node| {
-            let entry = node.store().seen(ObjectAddress::new(0x1010, 1))?;
+        let says = context.event_node(event).and_then(|node| {
+            let entry = node.store().seen_value(ObjectAddress::new(0x1010, 1))?;
             (entry.value.len() <= LONGEST && entry.value != b"save").then(|| little_endian(&entry.value))
         });
-        let says = says.or_else(|| context.node(event).and_then(|node| confirmed_number(node, 0x1010, 1)));
-        stored.booted(is_partial, says.is_some_and(|says| says & 3 == 1));
+        let says =
+            says.or_else(|| context.event_node(event).and_then(|node| confirmed_number(node, 0x1010, 1)));
+        stored.on_boot(is_partial, says.is_some_and(|says| says & 3 == 1));
     }
 }
 
 impl Rule for StoreNotEffective {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         if let EventKind::NmtCommand { service, target, .. } = event.kind {
-            return self.resets.command(service, target);
+            return self.resets.on_command(service, target);
         }
         let Some(node) = event.node else { return };
-        if let Some(cause) = boot(event) {
-            self.booted(event, node, cause, context);
+        if let Some(cause) = boot_cause(event) {
+            self.on_boot(event, node, cause, context);
         } else if let EventKind::SdoTransfer(transfer) = &event.kind {
-            self.transfer(event, node, transfer, context);
+            self.on_transfer(event, node, transfer, context);
         }
     }
 }

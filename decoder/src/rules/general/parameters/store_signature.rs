@@ -1,10 +1,10 @@
 //! Signatures of store and restore commands.
 
-use crate::event::{Abort, Direction, Event, EventKind, Kind, Outcome, SdoTransfer};
+use crate::event::{Event, EventKind, Kind, SdoAbort, SdoDirection, SdoOutcome, SdoTransfer};
 use crate::profile::device::{DeviceRule, RuleKind};
-use crate::rules::general::facts::{about, confirmed_number};
+use crate::rules::general::facts::{confirmed_number, transfer_subject};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule, TransferSubset};
+use crate::rules::{Rule, RuleContext, RulePolicy, TransferSubset};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 
@@ -47,54 +47,57 @@ const LAST: u8 = 3;
 
 struct StoreSignature;
 
-fn new(_policy: &Policy) -> StoreSignature {
+fn new(_policy: &RulePolicy) -> StoreSignature {
     StoreSignature
 }
 
 /// Whether a rule of the device profile defines the signatures of this object.
 fn is_device_s(node: Option<&Node>, object: ObjectAddress) -> bool {
-    let Some(node) = node.filter(|node| node.assigned().is_some()) else { return false };
+    let Some(node) = node.filter(|node| node.assigned_by().is_some()) else { return false };
     let names = |rule: &DeviceRule| {
-        rule.objects.iter().chain(&rule.object).any(|named| named.shifted(0, 0) == object)
+        rule.objects.iter().chain(&rule.object).any(|named| named.shift_object(0, 0) == object)
     };
     node.device().rules.iter().any(|rule| matches!(rule.kind, RuleKind::Permitted) && names(rule))
 }
 
 /// Required signature of a write.
-fn wanted(transfer: &SdoTransfer) -> Option<&'static [u8; 4]> {
+fn required_signature(transfer: &SdoTransfer) -> Option<&'static [u8; 4]> {
     let object = transfer.object.filter(|object| (1..=LAST).contains(&object.sub))?;
     let is_whole = !transfer.truncated && !transfer.cut_start && !transfer.data.is_empty();
     match (object.index, transfer.direction) {
-        (0x1010, Some(Direction::Download)) if is_whole => Some(b"save"),
-        (0x1011, Some(Direction::Download)) if is_whole => Some(b"load"),
+        (0x1010, Some(SdoDirection::Download)) if is_whole => Some(b"save"),
+        (0x1011, Some(SdoDirection::Download)) if is_whole => Some(b"load"),
         _ => None,
     }
 }
 
 impl Rule for StoreSignature {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
-        let (Some(wanted), Some(object)) = (wanted(transfer), transfer.object) else { return };
-        if is_device_s(context.node(event), object) {
+        let (Some(wanted), Some(object)) = (required_signature(transfer), transfer.object) else { return };
+        if is_device_s(context.event_node(event), object) {
             return;
         }
         let is_right = transfer.data == wanted;
         match (transfer.outcome, transfer.abort) {
-            (Outcome::Complete, _) if is_right => context.pass(),
-            (Outcome::Complete, _) => {
-                let alarm = context.fail(event).about(about(transfer));
-                alarm.report(|| {
+            (SdoOutcome::Complete, _) if is_right => context.count_pass(),
+            (SdoOutcome::Complete, _) => {
+                let alarm = context.start_finding(event).with_subject(transfer_subject(transfer));
+                alarm.report_finding(|| {
                     let (written, wanted) = (transfer.data.escape_ascii(), wanted.escape_ascii());
                     format!("signature \"{written}\" accepted (expected \"{wanted}\")")
                 });
             }
-            (Outcome::Aborted, Some(Abort { by_client: false, .. })) if !is_right => context.pass(),
-            (Outcome::Aborted, Some(Abort { by_client: false, code })) if !CAUSES.contains(&code) => {
-                let says =
-                    context.node(event).and_then(|node| confirmed_number(node, object.index, object.sub));
+            (SdoOutcome::Aborted, Some(SdoAbort { by_client: false, .. })) if !is_right => {
+                context.count_pass()
+            }
+            (SdoOutcome::Aborted, Some(SdoAbort { by_client: false, code })) if !CAUSES.contains(&code) => {
+                let says = context
+                    .event_node(event)
+                    .and_then(|node| confirmed_number(node, object.index, object.sub));
                 if says.is_some_and(|says| says & ON_COMMAND != 0) {
-                    let alarm = context.fail(event).about(about(transfer));
-                    alarm.report(|| {
+                    let alarm = context.start_finding(event).with_subject(transfer_subject(transfer));
+                    alarm.report_finding(|| {
                         let wanted = wanted.escape_ascii();
                         format!(
                             "signature \"{wanted}\" refused ({code:08X}) although bit 0 of {object} is set"

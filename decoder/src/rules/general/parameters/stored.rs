@@ -1,6 +1,6 @@
 //! Store and restore commands, and their effect at a restart.
 
-use crate::event::{BootCause, Direction, Event, EventKind, Outcome, SdoTransfer};
+use crate::event::{BootCause, Event, EventKind, SdoDirection, SdoOutcome, SdoTransfer};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::{NodeId, NodeSet};
@@ -12,7 +12,7 @@ pub(super) const COMMUNICATION_END: u16 = 0x2000;
 pub(super) const OBJECT_LIMIT: usize = 1024;
 
 /// Whether a sub-index of 1010 or 1011 covers an object; manufacturer sub-indices are unknown.
-pub(super) fn covers(sub: u8, index: u16) -> bool {
+pub(super) fn covers_object(sub: u8, index: u16) -> bool {
     match sub {
         1 => index >= 0x1000,
         2 => (0x1000..COMMUNICATION_END).contains(&index),
@@ -22,26 +22,26 @@ pub(super) fn covers(sub: u8, index: u16) -> bool {
 }
 
 /// Object of a completely captured, confirmed download.
-pub(super) fn written(transfer: &SdoTransfer) -> Option<ObjectAddress> {
-    let is_whole = transfer.outcome == Outcome::Complete && !transfer.cut_start && !transfer.truncated;
-    transfer.object.filter(|_| is_whole && transfer.direction == Some(Direction::Download))
+pub(super) fn written_object(transfer: &SdoTransfer) -> Option<ObjectAddress> {
+    let is_whole = transfer.outcome == SdoOutcome::Complete && !transfer.cut_start && !transfer.truncated;
+    transfer.object.filter(|_| is_whole && transfer.direction == Some(SdoDirection::Download))
 }
 
 /// Object of a completely captured upload.
-pub(super) fn read(transfer: &SdoTransfer) -> Option<ObjectAddress> {
-    let is_whole = transfer.outcome == Outcome::Complete && !transfer.cut_start && !transfer.truncated;
-    transfer.object.filter(|_| is_whole && transfer.direction == Some(Direction::Upload))
+pub(super) fn read_object(transfer: &SdoTransfer) -> Option<ObjectAddress> {
+    let is_whole = transfer.outcome == SdoOutcome::Complete && !transfer.cut_start && !transfer.truncated;
+    transfer.object.filter(|_| is_whole && transfer.direction == Some(SdoDirection::Upload))
 }
 
 /// Nodes whose latest reset was a communication reset.
 #[derive(Default)]
-pub(super) struct Resets {
+pub(super) struct CommunicationResets {
     communication_only: NodeSet,
 }
 
-impl Resets {
+impl CommunicationResets {
     /// Records an NMT command.
-    pub(super) fn command(&mut self, service: NmtService, target: u8) {
+    pub(super) fn on_command(&mut self, service: NmtService, target: u8) {
         let is_partial = match service {
             NmtService::ResetCommunication => true,
             NmtService::ResetNode => false,
@@ -64,7 +64,7 @@ impl Resets {
 }
 
 /// Cause of the boot-up that an event reports.
-pub(super) fn boot(event: &Event) -> Option<BootCause> {
+pub(super) fn boot_cause(event: &Event) -> Option<BootCause> {
     match &event.kind {
         EventKind::BootUp { cause, .. } => Some(*cause),
         EventKind::Emcy(emergency) => emergency.boot,

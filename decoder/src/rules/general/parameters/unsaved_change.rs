@@ -1,12 +1,12 @@
 //! Changed settings without a store command.
 
-use crate::event::{Direction, Event, EventKind, Kind, Outcome};
+use crate::event::{Event, EventKind, Kind, SdoDirection, SdoOutcome};
 use crate::profile::Persistence;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::NodeMap;
 use crate::wire::canopen::ObjectAddress;
-use crate::words::plural;
+use crate::words::count_noun;
 
 declare_rule! {
     /// # What it checks
@@ -44,15 +44,15 @@ struct UnsavedChange {
     written: NodeMap<Vec<(ObjectAddress, u64)>>,
 }
 
-fn new(_policy: &Policy) -> UnsavedChange {
+fn new(_policy: &RulePolicy) -> UnsavedChange {
     UnsavedChange::default()
 }
 
 impl Rule for UnsavedChange {
-    fn event(&mut self, event: &Event, _context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, _context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
         let is_write =
-            transfer.direction == Some(Direction::Download) && transfer.outcome == Outcome::Complete;
+            transfer.direction == Some(SdoDirection::Download) && transfer.outcome == SdoOutcome::Complete;
         let (Some(node), Some(object), true) = (event.node, transfer.object, is_write) else { return };
         if transfer.persists != Some(Persistence::NeedsSave) {
             return;
@@ -64,23 +64,23 @@ impl Rule for UnsavedChange {
         }
     }
 
-    fn finish(&mut self, context: &mut Context<'_>) {
+    fn on_end(&mut self, context: &mut RuleContext<'_>) {
         for (id, written) in self.written.iter() {
             let Some(node) = context.bus.node(id) else { continue };
             let mut unsaved = written.clone();
-            unsaved.retain(|(object, _)| node.persists(*object) == Some(Persistence::NotStored));
+            unsaved.retain(|(object, _)| node.persistence_text(*object) == Some(Persistence::NotStored));
             let frames = unsaved.iter().map(|(_, frame)| *frame);
             let Some((first, last)) = frames.clone().min().zip(frames.max()) else {
-                context.pass();
+                context.count_pass();
                 continue;
             };
             unsaved.sort_unstable();
             let alarm = context.fail_at(context.now, Some(id), crate::event::FrameRange { first, last });
-            alarm.report(|| {
+            alarm.report_finding(|| {
                 let named: Vec<_> =
                     unsaved.iter().take(NAMED).map(|(object, _)| object.to_string()).collect();
                 let more = if unsaved.len() > NAMED { ", …" } else { "" };
-                let objects = plural(unsaved.len() as u64, "object");
+                let objects = count_noun(unsaved.len() as u64, "object");
                 format!("{objects} written but not stored with 1010 ({}{more})", named.join(", "))
             });
         }

@@ -3,13 +3,15 @@
 use std::sync::Arc;
 
 use crate::event::{
-    Direction, Event, EventKind, ExchangeOutcome, Kind, Outcome, Pdo, SdoTransfer, UdsExchange,
+    DecodedPdo, Event, EventKind, ExchangeOutcome, Kind, SdoDirection, SdoOutcome, SdoTransfer, UdsExchange,
 };
-use crate::finding::About;
-use crate::profile::{Field, IntegerPosition, Layout, Meaning, Role, SignalId, Value};
-use crate::rules::general::uds::uds_negative::subject;
+use crate::finding::FindingSubject;
+use crate::profile::{
+    DecodedValue, IntegerPosition, ObjectMeaning, ObjectRole, PayloadLayout, SignalField, SignalId,
+};
+use crate::rules::general::uds::uds_negative::exchange_subject;
 use crate::rules::rule::declare_rule;
-use crate::rules::{BySlot, Context, Need, PdoSubset, Policy, Rule};
+use crate::rules::{BySlot, FrameNeed, PdoSubset, Rule, RuleContext, RulePolicy};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 
@@ -40,8 +42,8 @@ declare_rule! {
 /// Fields of a layout with a range.
 #[derive(Default)]
 struct RangedFields {
-    layout: Option<Arc<Layout>>,
-    fields: Vec<Range>,
+    layout: Option<Arc<PayloadLayout>>,
+    fields: Vec<FieldRange>,
     /// Bits of these fields in the first eight bytes.
     bits: u64,
     /// One of them is a measured value, which changes all the time.
@@ -51,7 +53,7 @@ struct RangedFields {
 }
 
 /// Field with a range.
-struct Range {
+struct FieldRange {
     /// Index of the field in the layout.
     field: usize,
     /// Position of the raw number, and its permitted range.
@@ -63,16 +65,16 @@ struct ValueOutOfRange {
     checked: BySlot<RangedFields>,
 }
 
-fn new(_policy: &Policy) -> ValueOutOfRange {
+fn new(_policy: &RulePolicy) -> ValueOutOfRange {
     ValueOutOfRange::default()
 }
 
 impl ValueOutOfRange {
-    fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
-        let (Some(layout), Some(slot)) = (&pdo.layout, context.traffic.current()) else { return };
-        let Some(checked) = self.checked.of(slot) else { return };
+    fn on_pdo(&mut self, event: &Event, pdo: &DecodedPdo, context: &mut RuleContext<'_>) {
+        let (Some(layout), Some(slot)) = (&pdo.layout, context.traffic.current_slot()) else { return };
+        let Some(checked) = self.checked.entry_of(slot) else { return };
         if checked.layout.as_ref().is_none_or(|known| !Arc::ptr_eq(known, layout)) {
-            checked.learn(layout, context.node(event));
+            checked.learn_ranges(layout, context.event_node(event));
             context.ask_again();
         }
         if checked.fields.is_empty() {
@@ -80,14 +82,14 @@ impl ValueOutOfRange {
         }
         let payload = pdo.payload();
         let mut is_right = true;
-        let word = pdo.word();
+        let word = pdo.first_word();
         for range in &checked.fields {
-            if range.has(word, payload.len()) {
+            if range.has_number(word, payload.len()) {
                 continue;
             }
             let Some(field) = layout.fields.get(range.field) else { continue };
-            let (Some(meaning), Some(raw)) = (&field.meaning, field.extract(payload)) else { continue };
-            let value = field.value(raw);
+            let (Some(meaning), Some(raw)) = (&field.meaning, field.extract_bits(payload)) else { continue };
+            let value = field.convert_raw(raw);
             if meaning.is_outside(&value) {
                 is_right = false;
                 report_value(event, meaning, &value, &pdo.name.to_string(), context);
@@ -97,20 +99,20 @@ impl ValueOutOfRange {
             context.ask_again();
         }
         if is_right {
-            context.pass();
+            context.count_pass();
         }
     }
 }
 
-impl Range {
-    fn new(place: usize, field: &Field) -> Self {
-        let inside = field.meaning.as_deref().and_then(Meaning::inside);
-        Self { field: place, inside: IntegerPosition::of(field).zip(inside) }
+impl FieldRange {
+    fn new(place: usize, field: &SignalField) -> Self {
+        let inside = field.meaning.as_deref().and_then(ObjectMeaning::permitted_range);
+        Self { field: place, inside: IntegerPosition::position_of(field).zip(inside) }
     }
 
     /// Whether the raw number in a payload is within the range; false if unknown.
     #[inline]
-    fn has(&self, word: u64, length: usize) -> bool {
+    fn has_number(&self, word: u64, length: usize) -> bool {
         self.inside.is_some_and(|(cut, [least, most])| {
             cut.number(word, length).is_some_and(|number| (least..=most).contains(&number))
         })
@@ -119,16 +121,17 @@ impl Range {
 
 impl RangedFields {
     #[cold]
-    fn learn(&mut self, layout: &Arc<Layout>, node: Option<&Node>) {
+    fn learn_ranges(&mut self, layout: &Arc<PayloadLayout>, node: Option<&Node>) {
         let fields = layout.fields.iter().enumerate().filter(|(_, field)| {
             !layout.assumed
                 && matches!(field.id, SignalId::Object(_))
                 && field.meaning.as_deref().is_some_and(|meaning| has_confirmed_range(meaning, node))
         });
-        self.fields = fields.map(|(place, field)| Range::new(place, field)).collect();
+        self.fields = fields.map(|(place, field)| FieldRange::new(place, field)).collect();
         let ranged = self.fields.iter().filter_map(|range| layout.fields.get(range.field));
-        let is_measured =
-            |field: &Field| field.meaning.as_ref().is_some_and(|it| it.role == Some(Role::Actual));
+        let is_measured = |field: &SignalField| {
+            field.meaning.as_ref().is_some_and(|it| it.role == Some(ObjectRole::Actual))
+        };
         self.is_measured = ranged.clone().any(is_measured);
         self.bits = ranged.fold(0, |bits, field| bits | field.payload_bits());
         self.layout = Some(Arc::clone(layout));
@@ -137,16 +140,16 @@ impl RangedFields {
 
 /// Whether a field has a range without assumptions. A raw range is independent of the scale, but not of the
 /// mode.
-fn has_confirmed_range(meaning: &Meaning, node: Option<&Node>) -> bool {
+fn has_confirmed_range(meaning: &ObjectMeaning, node: Option<&Node>) -> bool {
     if !meaning.assumed || !has_range(meaning) {
         return has_range(meaning);
     }
-    let found = node.and_then(|node| node.device().dictionary.find(meaning.object));
+    let found = node.and_then(|node| node.device().dictionary.find_object(meaning.object));
     let entry = found.and_then(|found| found.entry);
     meaning.limits.is_none() && entry.is_some_and(|entry| entry.modes.is_empty())
 }
 
-fn has_range(meaning: &Meaning) -> bool {
+fn has_range(meaning: &ObjectMeaning) -> bool {
     meaning.range.is_some() || meaning.limits.is_some()
 }
 
@@ -155,14 +158,14 @@ fn is_for_writes(object: ObjectAddress) -> bool {
     object == ObjectAddress::new(0x1003, 0)
 }
 
-fn transferred(event: &Event, transfer: &SdoTransfer, context: &mut Context<'_>) {
+fn on_transfer(event: &Event, transfer: &SdoTransfer, context: &mut RuleContext<'_>) {
     let (Some(direction), Some(object)) = (transfer.direction, transfer.object) else { return };
-    let is_read = direction == Direction::Upload;
-    let is_whole = transfer.outcome == Outcome::Complete && !transfer.truncated;
+    let is_read = direction == SdoDirection::Upload;
+    let is_whole = transfer.outcome == SdoOutcome::Complete && !transfer.truncated;
     if !is_whole || is_read && (transfer.cut_start || is_for_writes(object)) {
         return;
     }
-    let node = context.node(event);
+    let node = context.event_node(event);
     let meaning = transfer.meaning.as_ref().filter(|meaning| has_confirmed_range(meaning, node));
     let Some(meaning) = meaning else { return };
     let value = meaning.decode(&transfer.data);
@@ -170,58 +173,65 @@ fn transferred(event: &Event, transfer: &SdoTransfer, context: &mut Context<'_>)
         let by = if is_read { "SDO upload" } else { "SDO" };
         report_value(event, meaning, &value, by, context);
     } else {
-        context.pass();
+        context.count_pass();
     }
 }
 
-fn exchanged(event: &Event, exchange: &UdsExchange, context: &mut Context<'_>) {
+fn on_exchange(event: &Event, exchange: &UdsExchange, context: &mut RuleContext<'_>) {
     let meaning = exchange.meaning.as_ref().filter(|meaning| !meaning.assumed && has_range(meaning));
     let is_positive = exchange.outcome == ExchangeOutcome::Positive;
-    let (Some(meaning), Some(value), true) = (meaning, exchange.decoded(), is_positive) else { return };
+    let (Some(meaning), Some(value), true) = (meaning, exchange.decoded_value(), is_positive) else { return };
     if !meaning.is_outside(&value) {
-        return context.pass();
+        return context.count_pass();
     }
-    let alarm = context.fail(event).about(About::Name(subject(event, exchange)));
-    alarm.report(|| out_of_range(meaning, &value, "UDS"));
+    let alarm =
+        context.start_finding(event).with_subject(FindingSubject::Name(exchange_subject(event, exchange)));
+    alarm.report_finding(|| out_of_range(meaning, &value, "UDS"));
 }
 
 #[cold]
-fn report_value(event: &Event, meaning: &Meaning, value: &Value, by: &str, context: &mut Context<'_>) {
-    let alarm = context.fail(event).about(About::Object(meaning.object));
-    alarm.report(|| out_of_range(meaning, value, by));
+fn report_value(
+    event: &Event,
+    meaning: &ObjectMeaning,
+    value: &DecodedValue,
+    by: &str,
+    context: &mut RuleContext<'_>,
+) {
+    let alarm = context.start_finding(event).with_subject(FindingSubject::Object(meaning.object));
+    alarm.report_finding(|| out_of_range(meaning, value, by));
 }
 
 /// `500 bar by SDO out of range 1 to 450 bar (raw 500)`
-fn out_of_range(meaning: &Meaning, value: &Value, by: &str) -> String {
+fn out_of_range(meaning: &ObjectMeaning, value: &DecodedValue, by: &str) -> String {
     let permitted = match (meaning.range, meaning.limits) {
         (_, Some([least, most])) => format!("{least} to {most} {}", meaning.unit),
         (Some([least, most]), None) => format!("{least} to {most} raw"),
         (None, None) => String::new(),
     };
-    let (shown, permitted) = (meaning.show(value), permitted.trim_end());
+    let (shown, permitted) = (meaning.format_value(value), permitted.trim_end());
     format!("{shown} by {by} out of range {permitted} (raw {value})")
 }
 
 impl Rule for ValueOutOfRange {
-    fn need(&self, event: &Event, context: &Context<'_>) -> Need {
-        let EventKind::Pdo(_) = &event.kind else { return Need::EACH };
-        let checked = context.traffic.current().and_then(|slot| self.checked.get(slot.place));
+    fn frame_need(&self, event: &Event, context: &RuleContext<'_>) -> FrameNeed {
+        let EventKind::Pdo(_) = &event.kind else { return FrameNeed::EACH };
+        let checked = context.traffic.current_slot().and_then(|slot| self.checked.get(slot.place));
         match checked {
-            Some(checked) if checked.layout.is_none() => Need::EACH,
-            Some(checked) if checked.fields.is_empty() => Need::NOTHING,
+            Some(checked) if checked.layout.is_none() => FrameNeed::EACH,
+            Some(checked) if checked.fields.is_empty() => FrameNeed::NOTHING,
             // The events alone cost less than the other rules at most of them.
-            Some(checked) if checked.is_measured => Need::EACH,
-            Some(checked) if checked.is_right => Need { bits: checked.bits, ..Need::PASSED },
-            _ => Need::EACH,
+            Some(checked) if checked.is_measured => FrameNeed::EACH,
+            Some(checked) if checked.is_right => FrameNeed { bits: checked.bits, ..FrameNeed::PASSED },
+            _ => FrameNeed::EACH,
         }
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match &event.kind {
-            EventKind::Pdo(pdo) => self.pdo(event, pdo, context),
-            EventKind::SdoTransfer(transfer) => transferred(event, transfer, context),
-            EventKind::UdsExchange(exchange) => exchanged(event, exchange, context),
+            EventKind::Pdo(pdo) => self.on_pdo(event, pdo, context),
+            EventKind::SdoTransfer(transfer) => on_transfer(event, transfer, context),
+            EventKind::UdsExchange(exchange) => on_exchange(event, exchange, context),
             _ => {}
         }
     }

@@ -1,11 +1,11 @@
 //! Invalid PDO mappings.
 
-use crate::event::{Abort, Direction, Event, EventKind, Kind, Outcome, SdoTransfer};
-use crate::profile::device_file::Access;
-use crate::profile::{DataType, Device, PdoDirection, PdoName, little_endian};
-use crate::rules::general::facts::{about, confirmed_number, number};
+use crate::event::{Event, EventKind, Kind, SdoAbort, SdoDirection, SdoOutcome, SdoTransfer};
+use crate::profile::device_file::EntryAccess;
+use crate::profile::{DataType, DeviceProfile, PdoDirection, PdoName, little_endian};
+use crate::rules::general::facts::{confirmed_number, transfer_number, transfer_subject};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule, TransferSubset};
+use crate::rules::{Rule, RuleContext, RulePolicy, TransferSubset};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 
@@ -45,7 +45,7 @@ const DUMMY_END: u16 = 0x20;
 
 struct MappingInvalid;
 
-fn new(_policy: &Policy) -> MappingInvalid {
+fn new(_policy: &RulePolicy) -> MappingInvalid {
     MappingInvalid
 }
 
@@ -60,7 +60,7 @@ enum MappingVerdict {
 }
 
 /// Checks the value of a mapping parameter.
-fn judge(node: &Node, name: PdoName, object: ObjectAddress, value: u64) -> MappingVerdict {
+fn judge_mapping(node: &Node, name: PdoName, object: ObjectAddress, value: u64) -> MappingVerdict {
     if object.sub == 0 {
         return of_count(node, object.index, value);
     }
@@ -94,10 +94,15 @@ fn of_count(node: &Node, index: u16, count: u64) -> MappingVerdict {
 }
 
 /// Checks a mapped object against the EDS of the device.
-fn of_file(device: &Device, direction: PdoDirection, mapped: ObjectAddress, bits: u64) -> MappingVerdict {
+fn of_file(
+    device: &DeviceProfile,
+    direction: PdoDirection,
+    mapped: ObjectAddress,
+    bits: u64,
+) -> MappingVerdict {
     let Some(file) = device.file.as_ref().map(|import| &import.file) else { return MappingVerdict::Unknown };
     let by = file.kind.name().to_ascii_uppercase();
-    let Some(entry) = file.find(mapped) else {
+    let Some(entry) = file.find_object(mapped) else {
         // The profile may describe the object.
         let is_missing = device.is_file_alone();
         let wrong = || MappingVerdict::Wrong(format!("{mapped} not in the {by}"));
@@ -106,8 +111,8 @@ fn of_file(device: &Device, direction: PdoDirection, mapped: ObjectAddress, bits
     let wide = entry.data_type.and_then(DataType::bits).map(u64::from);
     let what = match (direction, entry.access) {
         _ if entry.mappable == Some(false) => "not mappable",
-        (PdoDirection::Receive, Some(Access::Ro | Access::Const)) => "read-only",
-        (PdoDirection::Transmit, Some(Access::Wo)) => "write-only",
+        (PdoDirection::Receive, Some(EntryAccess::Ro | EntryAccess::Const)) => "read-only",
+        (PdoDirection::Transmit, Some(EntryAccess::Wo)) => "write-only",
         _ => {
             // Single bits are often mapped as bytes.
             return match wide.filter(|wide| *wide >= 8 && bits > *wide) {
@@ -122,44 +127,44 @@ fn of_file(device: &Device, direction: PdoDirection, mapped: ObjectAddress, bits
 }
 
 /// Value of a write, including a refused one.
-fn value(transfer: &SdoTransfer) -> Option<u64> {
+fn written_value(transfer: &SdoTransfer) -> Option<u64> {
     let is_whole = !transfer.truncated && !transfer.cut_start && (1..=8).contains(&transfer.data.len());
     match transfer.outcome {
-        Outcome::Complete => number(transfer),
-        Outcome::Aborted if is_whole => Some(little_endian(&transfer.data)),
+        SdoOutcome::Complete => transfer_number(transfer),
+        SdoOutcome::Aborted if is_whole => Some(little_endian(&transfer.data)),
         _ => None,
     }
 }
 
 impl Rule for MappingInvalid {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
         let (Some(object), Some(direction)) = (transfer.object, transfer.direction) else { return };
         if !matches!(object.index, 0x1600..=0x17FF | 0x1A00..=0x1BFF) {
             return;
         }
-        let (Some(name), Some(value)) = (PdoName::of_parameter(object.index), value(transfer)) else {
+        let (Some(name), Some(value)) = (PdoName::of_parameter(object.index), written_value(transfer)) else {
             return;
         };
         // Entries beyond the number of entries are not in use.
-        let is_set = direction == Direction::Download || object.sub != 0;
-        let Some(node) = context.node(event).filter(|_| is_set) else { return };
-        let is_unused = direction == Direction::Upload
+        let is_set = direction == SdoDirection::Download || object.sub != 0;
+        let Some(node) = context.event_node(event).filter(|_| is_set) else { return };
+        let is_unused = direction == SdoDirection::Upload
             && confirmed_number(node, object.index, 0).is_none_or(|count| u64::from(object.sub) > count);
         if is_unused {
             return;
         }
-        match (transfer.outcome, judge(node, name, object, value)) {
-            (Outcome::Complete, MappingVerdict::Right) => context.pass(),
-            (Outcome::Complete, MappingVerdict::Wrong(wrong)) => {
-                let verb = if direction == Direction::Download { "accepted" } else { "present" };
-                let alarm = context.fail(event).about(about(transfer));
-                alarm.report(|| format!("invalid mapping {verb}: {wrong}"));
+        match (transfer.outcome, judge_mapping(node, name, object, value)) {
+            (SdoOutcome::Complete, MappingVerdict::Right) => context.count_pass(),
+            (SdoOutcome::Complete, MappingVerdict::Wrong(wrong)) => {
+                let verb = if direction == SdoDirection::Download { "accepted" } else { "present" };
+                let alarm = context.start_finding(event).with_subject(transfer_subject(transfer));
+                alarm.report_finding(|| format!("invalid mapping {verb}: {wrong}"));
             }
             (_, MappingVerdict::Wrong(_))
-                if matches!(transfer.abort, Some(Abort { by_client: false, .. })) =>
+                if matches!(transfer.abort, Some(SdoAbort { by_client: false, .. })) =>
             {
-                context.pass();
+                context.count_pass();
             }
             _ => {}
         }
@@ -178,8 +183,8 @@ mod tests {
         let text = "[2000]\nParameterName=a\nDataType=6\nAccessType=ro\nPDOMapping=1\n\
             [2001]\nParameterName=b\nDataType=6\nAccessType=rw\nPDOMapping=0\n\
             [2002]\nParameterName=c\nDataType=6\nAccessType=wo\nPDOMapping=1\n";
-        let file = Arc::new(device_file::parse(text.as_bytes()).unwrap());
-        let device = imported::device(&file, "a.eds");
+        let file = Arc::new(device_file::parse_device_file(text.as_bytes()).unwrap());
+        let device = imported::describe_device(&file, "a.eds");
         let of = |direction, index, bits| of_file(&device, direction, ObjectAddress::new(index, 0), bits);
         let wrong = |text: &str| MappingVerdict::Wrong(text.to_owned());
         let (receive, transmit) = (PdoDirection::Receive, PdoDirection::Transmit);

@@ -1,11 +1,11 @@
 //! PDO remapping in another order than CiA 301 requires.
 
-use crate::event::{DeviceCause, DeviceState, Direction, Event, EventKind, Kind, Outcome, SdoTransfer};
-use crate::finding::{About, Merge};
+use crate::event::{DeviceCause, DeviceState, Event, EventKind, Kind, SdoDirection, SdoOutcome, SdoTransfer};
+use crate::finding::{FindingSubject, MergedFindings};
 use crate::profile::{PdoDirection, PdoName};
 use crate::rules::general::facts::value_or_default;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule, TransferSubset};
+use crate::rules::{Rule, RuleContext, RulePolicy, TransferSubset};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::{NodeId, NodeMap};
@@ -37,7 +37,7 @@ declare_rule! {
     ],
     transfers: TransferSubset::Communication,
     needs: "a write to a PDO mapping, and the COB-ID of that PDO",
-    merge: Merge::Node,
+    merge: MergedFindings::Node,
     cases: &["3.22", "3.23", "3.24"],
     word: "MAP",
 }
@@ -67,7 +67,7 @@ struct KnownMapping {
 
 /// Evidence that a PDO is valid.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Evidence {
+enum ValidityEvidence {
     Setting,
     /// A frame of the TPDO.
     Sent(u64),
@@ -88,12 +88,12 @@ struct MappingProcedure {
     is_unknown: bool,
 }
 
-fn new(_policy: &Policy) -> MappingProcedure {
+fn new(_policy: &RulePolicy) -> MappingProcedure {
     MappingProcedure::default()
 }
 
 impl MappingProcedure {
-    fn known(&mut self, node: NodeId, name: PdoName) -> Option<&mut KnownMapping> {
+    fn known_mapping(&mut self, node: NodeId, name: PdoName) -> Option<&mut KnownMapping> {
         let boot = self.boots.get(node).copied().unwrap_or(0);
         let all = self.nodes.entry(node)?;
         let place = match all.iter().position(|known| known.name == name) {
@@ -108,27 +108,33 @@ impl MappingProcedure {
         all.get_mut(place)
     }
 
-    fn transfer(&mut self, event: &Event, node: NodeId, transfer: &SdoTransfer, context: &mut Context<'_>) {
+    fn on_transfer(
+        &mut self,
+        event: &Event,
+        node: NodeId,
+        transfer: &SdoTransfer,
+        context: &mut RuleContext<'_>,
+    ) {
         let (Some(object), Some(direction)) = (transfer.object, transfer.direction) else { return };
-        let Some((name, is_mapping)) = parameter(object) else { return };
+        let Some((name, is_mapping)) = mapping_parameter(object) else { return };
         let boot = self.boots.get(node).copied().unwrap_or(0);
-        let Some(known) = self.known(node, name) else { return };
-        if is_mapping && direction == Direction::Download {
-            let valid = known.validity(node, boot, context);
-            let has_judged = known.judge(event, (object, transfer.outcome), valid, context);
+        let Some(known) = self.known_mapping(node, name) else { return };
+        if is_mapping && direction == SdoDirection::Download {
+            let valid = known.pdo_validity(node, boot, context);
+            let has_judged = known.judge_write(event, (object, transfer.outcome), valid, context);
             self.has_judged |= has_judged;
             self.is_unknown |= !has_judged;
         }
-        let Some(known) = self.known(node, name) else { return };
-        if transfer.outcome != Outcome::Complete {
+        let Some(known) = self.known_mapping(node, name) else { return };
+        if transfer.outcome != SdoOutcome::Complete {
             // Without a response it is unknown whether the device took the value.
-            if direction == Direction::Download && transfer.outcome != Outcome::Aborted {
+            if direction == SdoDirection::Download && transfer.outcome != SdoOutcome::Aborted {
                 known.is_unclear |= !is_mapping && object.sub == 1;
                 known.entries = known.entries.filter(|_| !is_mapping);
             }
             return;
         }
-        let value = number(context.node(event), object, &transfer.data);
+        let value = transferred_number(context.event_node(event), object, &transfer.data);
         match (is_mapping, object.sub) {
             (true, 0) => known.entries = value,
             // A COB-ID whose value the capture does not contain may be valid or invalid.
@@ -142,7 +148,7 @@ impl MappingProcedure {
 }
 
 /// PDO of a communication or mapping parameter, and whether it is a mapping parameter.
-fn parameter(object: ObjectAddress) -> Option<(PdoName, bool)> {
+fn mapping_parameter(object: ObjectAddress) -> Option<(PdoName, bool)> {
     let is_mapping = object.index & 0x0200 != 0;
     let name = match object.index {
         0x1400..=0x1BFF => PdoName::of_parameter(object.index),
@@ -152,36 +158,41 @@ fn parameter(object: ObjectAddress) -> Option<(PdoName, bool)> {
 }
 
 /// Transferred value without the padding of a transfer that has no size indicator.
-fn number(node: Option<&Node>, object: ObjectAddress, data: &[u8]) -> Option<u64> {
+fn transferred_number(node: Option<&Node>, object: ObjectAddress, data: &[u8]) -> Option<u64> {
     let value = node?.meaning(object)?.decode(data);
-    crate::profile::word(&value)
+    crate::profile::as_word(&value)
 }
 
 impl KnownMapping {
     /// Whether the PDO is valid, and the evidence; `None` if unknown.
-    fn validity(&self, id: NodeId, boot: u64, context: &Context<'_>) -> Option<(bool, Evidence)> {
+    fn pdo_validity(
+        &self,
+        id: NodeId,
+        boot: u64,
+        context: &RuleContext<'_>,
+    ) -> Option<(bool, ValidityEvidence)> {
         if self.is_unclear {
             return None;
         }
         if let Some(is_valid) = self.is_valid {
-            return Some((is_valid, Evidence::Setting));
+            return Some((is_valid, ValidityEvidence::Setting));
         }
         let node = context.bus.node(id)?;
         let cob_id = value_or_default(node, ObjectAddress::new(self.name.communication_index(), 1));
         if let Some(setting) = cob_id.filter(|setting| !setting.is_default) {
-            return Some((setting.value & INVALID == 0, Evidence::Setting));
+            return Some((setting.value & INVALID == 0, ValidityEvidence::Setting));
         }
         if let Some(frame) = self.last_frame(id, context).filter(|frame| *frame > boot) {
-            return Some((true, Evidence::Sent(frame)));
+            return Some((true, ValidityEvidence::Sent(frame)));
         }
         if let Some(frame) = self.followed {
-            return Some((true, Evidence::Followed(frame)));
+            return Some((true, ValidityEvidence::Followed(frame)));
         }
-        cob_id.map(|setting| (setting.value & INVALID == 0, Evidence::Default))
+        cob_id.map(|setting| (setting.value & INVALID == 0, ValidityEvidence::Default))
     }
 
     /// Last frame of a TPDO; frames of an RPDO prove only its producer.
-    fn last_frame(&self, node: NodeId, context: &Context<'_>) -> Option<u64> {
+    fn last_frame(&self, node: NodeId, context: &RuleContext<'_>) -> Option<u64> {
         if self.name.direction != PdoDirection::Transmit {
             return None;
         }
@@ -191,12 +202,12 @@ impl KnownMapping {
     }
 
     /// Judges a write to the mapping; returns whether the state of the PDO was known.
-    fn judge(
+    fn judge_write(
         &self,
         event: &Event,
-        (object, outcome): (ObjectAddress, Outcome),
-        valid: Option<(bool, Evidence)>,
-        context: &mut Context<'_>,
+        (object, outcome): (ObjectAddress, SdoOutcome),
+        valid: Option<(bool, ValidityEvidence)>,
+        context: &mut RuleContext<'_>,
     ) -> bool {
         let is_entry = object.sub != 0;
         let (wrong, case) = match (valid, self.entries, is_entry) {
@@ -207,38 +218,41 @@ impl KnownMapping {
             _ => (None, "3.22"),
         };
         match (wrong, outcome) {
-            (Some(wrong), Outcome::Complete) => {
+            (Some(wrong), SdoOutcome::Complete) => {
                 context.fail_case(case);
-                self.report(event, (object, wrong), valid, context);
+                self.report_procedure(event, (object, wrong), valid, context);
             }
-            (Some(_), Outcome::Aborted) | (None, Outcome::Complete) => context.pass_case(case),
+            (Some(_), SdoOutcome::Aborted) | (None, SdoOutcome::Complete) => context.pass_case(case),
             _ => return false,
         }
         true
     }
 
-    fn report(
+    fn report_procedure(
         &self,
         event: &Event,
         (object, wrong): (ObjectAddress, &str),
-        valid: Option<(bool, Evidence)>,
-        context: &mut Context<'_>,
+        valid: Option<(bool, ValidityEvidence)>,
+        context: &mut RuleContext<'_>,
     ) {
         let name = self.name;
         let evidence = valid.filter(|(is_valid, _)| *is_valid).map(|(_, evidence)| evidence);
-        let assumed = (evidence == Some(Evidence::Default)).then_some(ASSUMED);
-        let alarm = context.fail(event).about(About::Name(name.to_string().into())).assumed(assumed);
-        alarm.report(|| {
+        let assumed = (evidence == Some(ValidityEvidence::Default)).then_some(ASSUMED);
+        let alarm = context
+            .start_finding(event)
+            .with_subject(FindingSubject::Name(name.to_string().into()))
+            .with_assumption(assumed);
+        alarm.report_finding(|| {
             let communication = name.communication_index();
             let first = match evidence {
                 None => format!("{:04X}:00 must be set to 0 first", name.mapping_index()),
                 Some(_) => format!("{communication:04X}:01 bit 31 must be set first"),
             };
             let proof = match evidence {
-                None | Some(Evidence::Setting) => String::new(),
-                Some(Evidence::Sent(frame)) => format!("{name} sent {{{frame}}}; "),
-                Some(Evidence::Followed(frame)) => format!("{name} {{{frame}}} took effect; "),
-                Some(Evidence::Default) => format!("{communication:04X}:01 default; "),
+                None | Some(ValidityEvidence::Setting) => String::new(),
+                Some(ValidityEvidence::Sent(frame)) => format!("{name} sent {{{frame}}}; "),
+                Some(ValidityEvidence::Followed(frame)) => format!("{name} {{{frame}}} took effect; "),
+                Some(ValidityEvidence::Default) => format!("{communication:04X}:01 default; "),
             };
             format!("{object} write accepted {wrong} ({proof}{first})")
         });
@@ -252,7 +266,7 @@ impl MappingProcedure {
     }
 
     /// A device that follows a control word received its RPDO.
-    fn on_state(&mut self, id: NodeId, state: &DeviceState, context: &Context<'_>) {
+    fn on_state(&mut self, id: NodeId, state: &DeviceState, context: &RuleContext<'_>) {
         let Some(node) = context.bus.node(id).filter(|_| state.cause == DeviceCause::ControlWord) else {
             return;
         };
@@ -262,7 +276,7 @@ impl MappingProcedure {
         let Some((name, owner)) = control.and_then(|control| context.bus.pdo_on(control)) else { return };
         if owner == id
             && state.cause_frame > 0
-            && let Some(known) = self.known(id, name)
+            && let Some(known) = self.known_mapping(id, name)
         {
             known.followed = Some(state.cause_frame);
         }
@@ -270,7 +284,7 @@ impl MappingProcedure {
 }
 
 impl Rule for MappingProcedure {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         if let EventKind::BusSilent { .. } | EventKind::LostFrames { .. } | EventKind::Link { .. } =
             &event.kind
         {
@@ -279,7 +293,7 @@ impl Rule for MappingProcedure {
         }
         let Some(node) = event.node else { return };
         match &event.kind {
-            EventKind::SdoTransfer(transfer) => self.transfer(event, node, transfer, context),
+            EventKind::SdoTransfer(transfer) => self.on_transfer(event, node, transfer, context),
             EventKind::BootUp { .. } => self.on_boot(event, node),
             EventKind::Emcy(emergency) if emergency.boot.is_some() => self.on_boot(event, node),
             EventKind::DeviceState(state) => self.on_state(node, state, context),
@@ -287,9 +301,9 @@ impl Rule for MappingProcedure {
         }
     }
 
-    fn finish(&mut self, context: &mut Context<'_>) {
+    fn on_end(&mut self, context: &mut RuleContext<'_>) {
         if self.is_unknown && !self.has_judged {
-            context.unexercised(UNKNOWN.to_owned());
+            context.note_unexercised(UNKNOWN.to_owned());
         }
     }
 }

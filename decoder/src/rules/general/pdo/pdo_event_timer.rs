@@ -1,10 +1,10 @@
 //! TPDOs against their event timer.
 
 use super::pdo_parameter::{LookedUp, PdoParameter};
-use crate::event::{Event, EventKind, Kind, Pdo};
-use crate::finding::About;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Need, PdoSubset, Policy, Rule, TransferSubset};
+use crate::event::{DecodedPdo, Event, EventKind, Kind};
+use crate::finding::FindingSubject;
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{BySlot, FrameNeed, PdoSubset, Rule, RuleContext, RulePolicy, TransferSubset};
 
 declare_rule! {
     /// # What it checks
@@ -34,7 +34,7 @@ declare_rule! {
     shows: &["3.5"],
     is_timing: true,
     word: "PDO",
-    tolerances: &[tolerance("warning-percent", 150.0, "%", "of the event timer, plus 10 ms")],
+    tolerances: &[define_tolerance("warning-percent", 150.0, "%", "of the event timer, plus 10 ms")],
 }
 
 /// General tolerance, in nanoseconds.
@@ -46,35 +46,39 @@ struct PdoEventTimer {
     seen: BySlot<u32>,
 }
 
-fn new(policy: &Policy) -> PdoEventTimer {
+fn new(policy: &RulePolicy) -> PdoEventTimer {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-    let percent = policy.tolerance(&DECLARATION, "warning-percent") as i64;
+    let percent = policy.tolerance_value(&DECLARATION, "warning-percent") as i64;
     PdoEventTimer { percent, timer: PdoParameter::new(5), seen: BySlot::default() }
 }
 
 impl PdoEventTimer {
     /// Longest interval in ns with an event timer in ms; `None` if it is switched off.
-    fn limit(&self, timer: u64) -> Option<i64> {
+    fn longest_interval(&self, timer: u64) -> Option<i64> {
         let timer = i64::try_from(timer).ok().filter(|timer| *timer > 0)?;
         Some(timer.saturating_mul(self.percent).saturating_mul(10_000).saturating_add(SLACK))
     }
 
     #[inline]
-    fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
-        let Some(slot) = context.traffic.current() else { return };
-        let Some(timer) = self.timer.of(event, pdo, slot, context) else { return };
-        let Some(limit) = self.limit(timer) else { return };
-        let Some(seen) = self.seen.of(slot) else { return };
+    fn on_pdo(&mut self, event: &Event, pdo: &DecodedPdo, context: &mut RuleContext<'_>) {
+        let Some(slot) = context.traffic.current_slot() else { return };
+        let Some(timer) = self.timer.value_for(event, pdo, slot, context) else { return };
+        let Some(limit) = self.longest_interval(timer) else { return };
+        let Some(seen) = self.seen.entry_of(slot) else { return };
         let is_first = std::mem::replace(seen, self.timer.generation()) != self.timer.generation();
         let Some(interval) = slot.interval().filter(|_| !is_first) else { return };
         if interval <= limit {
-            return context.pass();
+            return context.count_pass();
         }
         let (name, [after, limit]) = (pdo.name, [interval, limit].map(|time| time / 1_000_000));
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
         let measure = interval as f64;
-        let alarm = context.fail(event).about(About::Id(pdo.cob_id)).frames(slot.between()).measure(measure);
-        alarm.report(|| format!("{name} interval {after} ms > {limit} ms (event timer {timer} ms)"));
+        let alarm = context
+            .start_finding(event)
+            .with_subject(FindingSubject::Id(pdo.cob_id))
+            .with_frames(slot.frames_between())
+            .with_measure(measure);
+        alarm.report_finding(|| format!("{name} interval {after} ms > {limit} ms (event timer {timer} ms)"));
     }
 }
 
@@ -83,23 +87,23 @@ impl Rule for PdoEventTimer {
         self.timer.may_be_known()
     }
 
-    fn need(&self, _event: &Event, context: &Context<'_>) -> Need {
-        let Some(slot) = context.traffic.current() else { return Need::EACH };
+    fn frame_need(&self, _event: &Event, context: &RuleContext<'_>) -> FrameNeed {
+        let Some(slot) = context.traffic.current_slot() else { return FrameNeed::EACH };
         let limit = match self.timer.looked_up(slot) {
-            LookedUp::NotYet => return Need::EACH,
+            LookedUp::NotYet => return FrameNeed::EACH,
             LookedUp::Unknown => None,
-            LookedUp::Value(timer) => self.limit(timer),
+            LookedUp::Value(timer) => self.longest_interval(timer),
         };
-        let Some(limit) = limit else { return Need::NOTHING };
+        let Some(limit) = limit else { return FrameNeed::NOTHING };
         let is_first = self.seen.get(slot.place) != Some(&self.timer.generation());
-        if is_first { Need::EACH } else { Need { longest: limit, ..Need::PASSED } }
+        if is_first { FrameNeed::EACH } else { FrameNeed { longest: limit, ..FrameNeed::PASSED } }
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         if let EventKind::Pdo(pdo) = &event.kind {
-            self.pdo(event, pdo, context);
-        } else if self.timer.changes(event) {
+            self.on_pdo(event, pdo, context);
+        } else if self.timer.on_event(event) {
             context.ask_again();
         }
     }

@@ -1,10 +1,10 @@
 //! TPDOs against their inhibit time.
 
 use super::pdo_parameter::{LookedUp, PdoParameter};
-use crate::event::{Event, EventKind, Kind, Pdo};
-use crate::finding::About;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Need, PdoSubset, Policy, Rule, TransferSubset};
+use crate::event::{DecodedPdo, Event, EventKind, Kind};
+use crate::finding::FindingSubject;
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{BySlot, FrameNeed, PdoSubset, Rule, RuleContext, RulePolicy, TransferSubset};
 
 declare_rule! {
     /// # What it checks
@@ -33,7 +33,7 @@ declare_rule! {
     needs: "a TPDO of type 254 or 255 with a known inhibit time (18xx:03) above 0",
     is_timing: true,
     word: "PDO",
-    tolerances: &[tolerance("warning-percent", 80.0, "%", "of the inhibit time, minus 1 ms")],
+    tolerances: &[define_tolerance("warning-percent", 80.0, "%", "of the inhibit time, minus 1 ms")],
 }
 
 /// Unit of the inhibit time, in nanoseconds.
@@ -52,9 +52,9 @@ struct PdoInhibitTime {
     short: BySlot<u8>,
 }
 
-fn new(policy: &Policy) -> PdoInhibitTime {
+fn new(policy: &RulePolicy) -> PdoInhibitTime {
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-    let percent = policy.tolerance(&DECLARATION, "warning-percent") as i64;
+    let percent = policy.tolerance_value(&DECLARATION, "warning-percent") as i64;
     PdoInhibitTime {
         percent,
         inhibit: PdoParameter::new(3),
@@ -63,29 +63,29 @@ fn new(policy: &Policy) -> PdoInhibitTime {
     }
 }
 
-fn positive(time: u64) -> Option<i64> {
+fn positive_time(time: u64) -> Option<i64> {
     i64::try_from(time).ok().filter(|time| *time > 0)
 }
 
 /// Shortest permitted interval in ns, with an inhibit time above 0.
-const fn shortest(inhibit: i64, percent: i64) -> i64 {
+const fn shortest_interval(inhibit: i64, percent: i64) -> i64 {
     inhibit.saturating_mul(STEP) / 100 * percent - DIGIT
 }
 
 impl PdoInhibitTime {
     #[inline]
-    fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
-        let Some(slot) = context.traffic.current() else { return };
-        let inhibit = self.inhibit.of(event, pdo, slot, context).and_then(positive);
+    fn on_pdo(&mut self, event: &Event, pdo: &DecodedPdo, context: &mut RuleContext<'_>) {
+        let Some(slot) = context.traffic.current_slot() else { return };
+        let inhibit = self.inhibit.value_for(event, pdo, slot, context).and_then(positive_time);
         let Some(inhibit) = inhibit else { return };
-        let Some(254 | 255) = self.kind.of(event, pdo, slot, context) else { return };
-        let (Some(short), Some(interval)) = (self.short.of(slot), slot.interval()) else { return };
-        let shortest = shortest(inhibit, self.percent);
+        let Some(254 | 255) = self.kind.value_for(event, pdo, slot, context) else { return };
+        let (Some(short), Some(interval)) = (self.short.entry_of(slot), slot.interval()) else { return };
+        let shortest = shortest_interval(inhibit, self.percent);
         if interval >= shortest {
             if std::mem::take(short) > 0 {
                 context.ask_again();
             }
-            return context.pass();
+            return context.count_pass();
         }
         *short += 1;
         context.ask_again();
@@ -94,8 +94,11 @@ impl PdoInhibitTime {
         }
         *short = 0;
         let (name, after, limit) = (pdo.name, interval / STEP, shortest / STEP);
-        let alarm = context.fail(event).about(About::Id(pdo.cob_id)).frames(slot.between());
-        alarm.report(|| {
+        let alarm = context
+            .start_finding(event)
+            .with_subject(FindingSubject::Id(pdo.cob_id))
+            .with_frames(slot.frames_between());
+        alarm.report_finding(|| {
             let tenths = |time: i64| format!("{}.{} ms", time / 10, time % 10);
             let [after, limit, inhibit] = [after, limit, inhibit].map(tenths);
             format!("{name} interval {after} < {limit} (inhibit time {inhibit})")
@@ -108,30 +111,30 @@ impl Rule for PdoInhibitTime {
         self.inhibit.may_be_known()
     }
 
-    fn need(&self, _event: &Event, context: &Context<'_>) -> Need {
-        let Some(slot) = context.traffic.current() else { return Need::EACH };
+    fn frame_need(&self, _event: &Event, context: &RuleContext<'_>) -> FrameNeed {
+        let Some(slot) = context.traffic.current_slot() else { return FrameNeed::EACH };
         let inhibit = match self.inhibit.looked_up(slot) {
-            LookedUp::NotYet => return Need::EACH,
+            LookedUp::NotYet => return FrameNeed::EACH,
             LookedUp::Unknown => None,
-            LookedUp::Value(time) => positive(time),
+            LookedUp::Value(time) => positive_time(time),
         };
-        let Some(inhibit) = inhibit else { return Need::NOTHING };
+        let Some(inhibit) = inhibit else { return FrameNeed::NOTHING };
         match (self.kind.looked_up(slot), self.short.get(slot.place)) {
             (LookedUp::Value(254 | 255), Some(0)) => {
-                Need { shortest: shortest(inhibit, self.percent), ..Need::PASSED }
+                FrameNeed { shortest: shortest_interval(inhibit, self.percent), ..FrameNeed::PASSED }
             }
-            (LookedUp::NotYet | LookedUp::Value(254 | 255), _) => Need::EACH,
-            (LookedUp::Unknown | LookedUp::Value(_), _) => Need::NOTHING,
+            (LookedUp::NotYet | LookedUp::Value(254 | 255), _) => FrameNeed::EACH,
+            (LookedUp::Unknown | LookedUp::Value(_), _) => FrameNeed::NOTHING,
         }
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         if let EventKind::Pdo(pdo) = &event.kind {
-            return self.pdo(event, pdo, context);
+            return self.on_pdo(event, pdo, context);
         }
-        let is_other = self.inhibit.changes(event);
-        if self.kind.changes(event) {
+        let is_other = self.inhibit.on_event(event);
+        if self.kind.on_event(event) {
             self.short.clear();
         }
         if is_other {

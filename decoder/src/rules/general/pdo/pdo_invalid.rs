@@ -1,12 +1,12 @@
 //! PDOs whose COB-ID is marked as not valid.
 
-use crate::event::{Direction, Event, EventKind, FrameRange, Kind, Pdo, SdoTransfer};
-use crate::finding::{About, Severity};
+use crate::event::{DecodedPdo, Event, EventKind, FrameRange, Kind, SdoDirection, SdoTransfer};
+use crate::finding::{FindingSubject, Severity};
 use crate::frame::CanId;
-use crate::profile::{Effect, PdoName};
-use crate::rules::general::facts::{INVALID, identifier, number};
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule, TransferSubset};
+use crate::profile::{PdoName, WriteEffect};
+use crate::rules::general::facts::{INVALID, cob_identifier, transfer_number};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy, TransferSubset};
 use crate::wire::NodeId;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
@@ -36,8 +36,8 @@ declare_rule! {
     is_timing: true,
     word: "PDO",
     tolerances: &[
-        tolerance("send-ms", 20.0, "ms", "after bit 31 of 18xx:01 was set, in which a queued TPDO is permitted"),
-        tolerance("receive-ms", 1_000.0, "ms", "after bit 31 of 14xx:01 was set, in which RPDOs are permitted"),
+        define_tolerance("send-ms", 20.0, "ms", "after bit 31 of 18xx:01 was set, in which a queued TPDO is permitted"),
+        define_tolerance("receive-ms", 1_000.0, "ms", "after bit 31 of 14xx:01 was set, in which RPDOs are permitted"),
     ],
 }
 
@@ -59,10 +59,10 @@ struct PdoInvalid {
     all: Vec<InvalidPdo>,
 }
 
-fn new(policy: &Policy) -> PdoInvalid {
+fn new(policy: &RulePolicy) -> PdoInvalid {
     PdoInvalid {
-        send: policy.nanoseconds(&DECLARATION, "send-ms"),
-        receive: policy.nanoseconds(&DECLARATION, "receive-ms"),
+        send: policy.tolerance_ns(&DECLARATION, "send-ms"),
+        receive: policy.tolerance_ns(&DECLARATION, "receive-ms"),
         all: Vec::new(),
     }
 }
@@ -70,16 +70,16 @@ fn new(policy: &Policy) -> PdoInvalid {
 impl PdoInvalid {
     /// Updates a PDO after its COB-ID was written or read.
     #[cold]
-    fn configured(
+    fn on_cob_id(
         &mut self,
         event: &Event,
         (name, node): (PdoName, NodeId),
         cob_id: u64,
-        context: &mut Context<'_>,
+        context: &mut RuleContext<'_>,
     ) {
         let invalid = Some(cob_id).filter(|cob_id| cob_id & INVALID != 0);
         let place = self.all.iter().position(|known| (known.name, known.node) == (name, node));
-        let id = invalid.and_then(|cob_id| identifier(cob_id & !INVALID));
+        let id = invalid.and_then(|cob_id| cob_identifier(cob_id & !INVALID));
         match (place, id) {
             (Some(place), None) => {
                 self.all.swap_remove(place);
@@ -87,14 +87,14 @@ impl PdoInvalid {
             (None, Some(id)) if self.all.len() < PDO_LIMIT => {
                 let (since, frame) = (context.now, event.frames.last);
                 self.all.push(InvalidPdo { name, node, id, since, frame });
-                context.pass();
+                context.count_pass();
             }
             _ => {}
         }
     }
 
     #[cold]
-    fn judge(&self, event: &Event, pdo: &Pdo, node: NodeId, context: &mut Context<'_>) {
+    fn judge_pdo(&self, event: &Event, pdo: &DecodedPdo, node: NodeId, context: &mut RuleContext<'_>) {
         let is_same =
             |known: &&InvalidPdo| (known.name, known.node, known.id) == (pdo.name, node, pdo.cob_id);
         let Some(known) = self.all.iter().find(is_same) else { return };
@@ -105,8 +105,12 @@ impl PdoInvalid {
             return;
         }
         let frames = FrameRange { first: known.frame, last: event.frames.last };
-        let alarm = context.fail(event).about(About::Id(pdo.cob_id)).severity(severity).frames(frames);
-        alarm.report(|| {
+        let alarm = context
+            .start_finding(event)
+            .with_subject(FindingSubject::Id(pdo.cob_id))
+            .with_severity(severity)
+            .with_frames(frames);
+        alarm.report_finding(|| {
             let (name, object) = (pdo.name, pdo.name.communication_index());
             let (ms, limit, frame) = (after / 1_000_000, limit / 1_000_000, known.frame);
             let consumer = if name.is_sent() { "" } else { ", no known consumer" };
@@ -116,7 +120,7 @@ impl PdoInvalid {
 }
 
 /// Whether an RPDO reaches an operational node that does not receive it, and no other one.
-fn is_unheard(node: NodeId, pdo: &Pdo, context: &Context<'_>) -> bool {
+fn is_unheard(node: NodeId, pdo: &DecodedPdo, context: &RuleContext<'_>) -> bool {
     let is_operational = context.confirmed_state(node) == Some(NmtState::Operational);
     let users = context.bus.pdo_users(pdo.cob_id);
     is_operational && !context.is_tested && users.iter().all(|(name, _)| name.is_sent())
@@ -129,10 +133,10 @@ fn of_cob_id(object: ObjectAddress) -> Option<PdoName> {
 }
 
 /// Whether the value of a transfer is in effect: it was read, or the device does not wait for a restart.
-fn is_effective(transfer: &SdoTransfer, node: NodeId, context: &Context<'_>) -> bool {
-    let entry = |object| context.bus.node(node)?.device().dictionary.find(object)?.entry;
+fn is_effective(transfer: &SdoTransfer, node: NodeId, context: &RuleContext<'_>) -> bool {
+    let entry = |object| context.bus.node(node)?.device().dictionary.find_object(object)?.entry;
     let effect = transfer.object.and_then(entry).map(|entry| entry.effect);
-    transfer.direction == Some(Direction::Upload) || !effect.is_some_and(Effect::waits)
+    transfer.direction == Some(SdoDirection::Upload) || !effect.is_some_and(WriteEffect::needs_restart)
 }
 
 impl Rule for PdoInvalid {
@@ -141,16 +145,18 @@ impl Rule for PdoInvalid {
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let Some(node) = event.node else { return };
         match &event.kind {
             EventKind::Pdo(pdo) if !pdo.is_request && !self.all.is_empty() => {
-                self.judge(event, pdo, node, context);
+                self.judge_pdo(event, pdo, node, context);
             }
             EventKind::SdoTransfer(transfer) => {
                 let Some(name) = transfer.object.and_then(of_cob_id) else { return };
-                if let Some(cob_id) = number(transfer).filter(|_| is_effective(transfer, node, context)) {
-                    self.configured(event, (name, node), cob_id, context);
+                if let Some(cob_id) =
+                    transfer_number(transfer).filter(|_| is_effective(transfer, node, context))
+                {
+                    self.on_cob_id(event, (name, node), cob_id, context);
                 }
             }
             EventKind::BootUp { .. } | EventKind::NodeIdChange { .. } => {

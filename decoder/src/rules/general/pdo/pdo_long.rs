@@ -1,11 +1,11 @@
 //! PDOs longer than their mapping.
 
 use crate::event::{Event, EventKind, Kind};
-use crate::finding::About;
+use crate::finding::FindingSubject;
 use crate::rules::general::facts::mapped_bytes;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Need, PdoSubset, Policy, Rule};
-use crate::words::plural;
+use crate::rules::{FrameNeed, PdoSubset, Rule, RuleContext, RulePolicy};
+use crate::words::count_noun;
 
 declare_rule! {
     /// # What it checks
@@ -31,31 +31,31 @@ declare_rule! {
 
 struct PdoLong;
 
-fn new(_policy: &Policy) -> PdoLong {
+fn new(_policy: &RulePolicy) -> PdoLong {
     PdoLong
 }
 
 impl Rule for PdoLong {
-    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
-        let EventKind::Pdo(pdo) = &event.kind else { return Need::EACH };
+    fn frame_need(&self, event: &Event, _context: &RuleContext<'_>) -> FrameNeed {
+        let EventKind::Pdo(pdo) = &event.kind else { return FrameNeed::EACH };
         match mapped_bytes(pdo) {
-            None => Need::NOTHING,
-            Some(mapped) if u16::from(pdo.length) <= mapped => Need::PASSED,
-            Some(_) => Need::EACH,
+            None => FrameNeed::NOTHING,
+            Some(mapped) if u16::from(pdo.length) <= mapped => FrameNeed::PASSED,
+            Some(_) => FrameNeed::EACH,
         }
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::Pdo(pdo) = &event.kind else { return };
         let Some(mapped) = mapped_bytes(pdo) else { return };
         if u16::from(pdo.length) <= mapped {
-            return context.pass();
+            return context.count_pass();
         }
         let (name, length) = (pdo.name, pdo.length);
-        let alarm = context.fail(event).about(About::Id(pdo.cob_id));
-        alarm.report(|| {
-            format!("{name} with {} > {} (mapping)", plural(length, "byte"), plural(mapped, "byte"))
+        let alarm = context.start_finding(event).with_subject(FindingSubject::Id(pdo.cob_id));
+        alarm.report_finding(|| {
+            format!("{name} with {} > {} (mapping)", count_noun(length, "byte"), count_noun(mapped, "byte"))
         });
     }
 }

@@ -1,11 +1,11 @@
 //! Periodic TPDOs that end.
 
-use super::pdo_period::{MISSING, Period, is_operational, silence};
-use crate::event::{Event, EventKind, FrameRange, Kind, Outcome};
-use crate::finding::{About, Severity};
+use super::pdo_period::{MISSING, PeriodSource, is_operational, tpdo_silence};
+use crate::event::{Event, EventKind, FrameRange, Kind, SdoOutcome};
+use crate::finding::{FindingSubject, Severity};
 use crate::profile::PdoName;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, PdoSlot, PdoSubset, Policy, Rule, Traffic, TransferSubset};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{PdoSlot, PdoSubset, PdoTraffic, Rule, RuleContext, RulePolicy, TransferSubset};
 use crate::wire::canopen::nmt::NmtService;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 use crate::wire::{NodeId, NodeMap};
@@ -40,8 +40,8 @@ declare_rule! {
     is_timing: true,
     word: "LOST",
     tolerances: &[
-        tolerance("periods", 3.0, "", "missing periods of a TPDO with an event timer or a usual interval"),
-        tolerance("least-ms", 500.0, "ms", "minimum silence of such a TPDO"),
+        define_tolerance("periods", 3.0, "", "missing periods of a TPDO with an event timer or a usual interval"),
+        define_tolerance("least-ms", 500.0, "ms", "minimum silence of such a TPDO"),
     ],
 }
 
@@ -53,12 +53,12 @@ const SILENT: i64 = 2_000_000_000;
 
 /// A TPDO, by the index of its identifier.
 #[derive(Debug, Default)]
-struct Stream {
-    of: Option<(PdoName, NodeId, Period)>,
+struct TpdoStream {
+    of: Option<(PdoName, NodeId, PeriodSource)>,
     /// Time and frame of the SYNC of the first missing PDO.
     expected: Option<(i64, u64)>,
     /// The finding is open, about this subject.
-    reported: Option<About>,
+    reported: Option<FindingSubject>,
     /// The TPDO is overdue, and the state of its node is not reported yet.
     is_overdue: bool,
     /// A wake-up is scheduled.
@@ -68,7 +68,7 @@ struct Stream {
 struct PdoLost {
     times: f64,
     least: i64,
-    streams: Vec<Stream>,
+    streams: Vec<TpdoStream>,
     /// Indices of the streams with a number of SYNCs.
     synced: Vec<usize>,
     /// Time of the last report of operational.
@@ -81,10 +81,10 @@ struct PdoLost {
     may_be_overdue: bool,
 }
 
-fn new(policy: &Policy) -> PdoLost {
+fn new(policy: &RulePolicy) -> PdoLost {
     PdoLost {
-        times: policy.tolerance(&DECLARATION, "periods"),
-        least: policy.nanoseconds(&DECLARATION, "least-ms"),
+        times: policy.tolerance_value(&DECLARATION, "periods"),
+        least: policy.tolerance_ns(&DECLARATION, "least-ms"),
         streams: Vec::new(),
         synced: Vec::new(),
         operational: NodeMap::default(),
@@ -96,7 +96,7 @@ fn new(policy: &Policy) -> PdoLost {
 
 impl PdoLost {
     /// Starts to watch a TPDO once its period is known.
-    fn watch(&mut self, slot: &PdoSlot, context: &mut Context<'_>) {
+    fn watch_tpdo(&mut self, slot: &PdoSlot, context: &mut RuleContext<'_>) {
         let Some((name, node)) = context.bus.pdo_on(slot.id).filter(|(name, _)| name.is_sent()) else {
             return;
         };
@@ -104,26 +104,26 @@ impl PdoLost {
         if slot.last < changed {
             return;
         }
-        let Some(period) = Period::of((name, node), slot, changed, context) else { return };
+        let Some(period) = PeriodSource::period_of((name, node), slot, changed, context) else { return };
         let Some(stream) = self.streams.get_mut(slot.place) else { return };
         stream.of = Some((name, node, period));
-        if matches!(period, Period::Syncs(_)) {
+        if matches!(period, PeriodSource::Syncs(_)) {
             self.synced.push(slot.place);
         } else if !std::mem::replace(&mut stream.is_queued, true) {
-            let limit = period.limit(self.times, self.least);
+            let limit = period.loss_limit(self.times, self.least);
             context.wake_at(slot.last.saturating_add(limit), slot.place as u64);
         }
-        context.pass();
+        context.count_pass();
     }
 
     /// Ends the observation of a node's TPDOs: their periods may have changed.
     #[cold]
-    fn forget(&mut self, node: NodeId, context: &mut Context<'_>) {
+    fn forget_node(&mut self, node: NodeId, context: &mut RuleContext<'_>) {
         self.changed.insert(node, context.now);
         for place in 0..self.streams.len() {
             let of = self.streams.get(place).and_then(|stream| stream.of);
             if of.is_some_and(|(_, of, _)| of == node) {
-                self.close(place, context);
+                self.close_finding(place, context);
                 if let Some(stream) = self.streams.get_mut(place) {
                     (stream.of, stream.is_overdue, stream.expected) = (None, false, None);
                 }
@@ -133,16 +133,16 @@ impl PdoLost {
     }
 
     /// Ends a finding.
-    fn close(&mut self, place: usize, context: &mut Context<'_>) {
+    fn close_finding(&mut self, place: usize, context: &mut RuleContext<'_>) {
         let Some(stream) = self.streams.get_mut(place) else { return };
         if let (Some(about), Some((_, node, _))) = (stream.reported.take(), stream.of) {
             self.open -= 1;
-            context.close(Some(node), about);
+            context.close_condition(Some(node), about);
         }
     }
 
     /// Checks the TPDOs with a number of SYNCs.
-    fn sync(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_sync(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let mut due = 0;
         for place in &self.synced {
             let (Some(stream), Some(slot)) =
@@ -150,7 +150,7 @@ impl PdoLost {
             else {
                 continue;
             };
-            let Some((_, _, Period::Syncs(syncs))) = stream.of else { continue };
+            let Some((_, _, PeriodSource::Syncs(syncs))) = stream.of else { continue };
             let since = context.traffic.syncs_since(slot);
             if since == syncs {
                 stream.expected = Some((context.now, event.frames.last));
@@ -166,10 +166,10 @@ impl PdoLost {
     }
 
     #[cold]
-    fn judge_overdue(&mut self, context: &mut Context<'_>) {
+    fn judge_overdue(&mut self, context: &mut RuleContext<'_>) {
         for place in 0..self.streams.len() {
             if self.streams.get(place).is_some_and(|stream| stream.is_overdue) {
-                self.judge(place, context);
+                self.judge_tpdo(place, context);
             }
         }
         self.may_be_overdue = self.streams.iter().any(|stream| stream.is_overdue);
@@ -177,22 +177,22 @@ impl PdoLost {
 
     /// Reports an overdue TPDO if a sign after its silence shows that the node is operational, or if nothing
     /// monitors the node.
-    fn judge(&mut self, place: usize, context: &mut Context<'_>) {
+    fn judge_tpdo(&mut self, place: usize, context: &mut RuleContext<'_>) {
         let Some(slot) = context.traffic.slots().get(place) else { return };
         let Some(stream) = self.streams.get(place).filter(|stream| stream.reported.is_none()) else { return };
         let Some((_, node, period)) = stream.of else { return };
-        let limit = period.limit(self.times, self.least);
-        let Some(silence) = silence(period, node, slot, limit, context) else { return };
+        let limit = period.loss_limit(self.times, self.least);
+        let Some(silence) = tpdo_silence(period, node, slot, limit, context) else { return };
         if !is_operational(node, context) || !context.bus.is_settled(Some(node)) {
             return;
         }
         let first_missing = match (period, stream.expected) {
-            (Period::Timer(time) | Period::Usual(time), _) => slot.last.saturating_add(time),
-            (Period::Syncs(_), expected) => expected.map_or(slot.last, |(time, _)| time),
+            (PeriodSource::Timer(time) | PeriodSource::Usual(time), _) => slot.last.saturating_add(time),
+            (PeriodSource::Syncs(_), expected) => expected.map_or(slot.last, |(time, _)| time),
         };
         if self.is_alive(node, first_missing, context) {
-            let is_configured = !matches!(period, Period::Usual(_));
-            return self.report(
+            let is_configured = !matches!(period, PeriodSource::Usual(_));
+            return self.report_lost(
                 place,
                 if is_configured { Severity::Error } else { Severity::Warning },
                 context,
@@ -204,38 +204,42 @@ impl PdoLost {
             return;
         }
         if !is_silent(node, context) {
-            self.report(place, Severity::Warning, context);
+            self.report_lost(place, Severity::Warning, context);
         } else if silence >= SILENT {
             self.report_silent(node, context);
         }
     }
 
     /// Whether the node reported operational or sent another TPDO after a time.
-    fn is_alive(&self, node: NodeId, time: i64, context: &Context<'_>) -> bool {
+    fn is_alive(&self, node: NodeId, time: i64, context: &RuleContext<'_>) -> bool {
         self.operational.get(node).is_some_and(|reported| *reported > time)
-            || sent(node, context).any(|(_, slot)| slot.last > time)
+            || sent_tpdos(node, context).any(|(_, slot)| slot.last > time)
     }
 
-    fn report(&mut self, place: usize, severity: Severity, context: &mut Context<'_>) {
+    fn report_lost(&mut self, place: usize, severity: Severity, context: &mut RuleContext<'_>) {
         let limits = (self.times, self.least);
         let Some(stream) = self.streams.get_mut(place) else { return };
         let (Some((name, node, period)), Some(slot)) = (stream.of, context.traffic.slots().get(place)) else {
             return;
         };
         stream.is_overdue = false;
-        stream.reported = Some(About::Id(slot.id));
+        stream.reported = Some(FindingSubject::Id(slot.id));
         self.open += 1;
         let (first, last) = (stream.expected.map_or(slot.frames.0, |(_, frame)| frame), slot.frames.0);
         let since = context.timestamp_of(stream.expected.map_or(slot.last, |(time, _)| time));
         let values = actual_values(slot, context);
-        let about = About::Id(slot.id);
+        let about = FindingSubject::Id(slot.id);
         let alarm = context.fail_at(context.now, Some(node), FrameRange::one(first));
-        alarm.about(about).severity(severity).since(since).report(|| {
-            let limit = milliseconds(period.limit(limits.0, limits.1));
+        alarm.with_subject(about).with_severity(severity).started_at(since).report_finding(|| {
+            let limit = milliseconds_text(period.loss_limit(limits.0, limits.1));
             let reason = match period {
-                Period::Timer(time) => format!("limit {limit}; event timer {}", milliseconds(time)),
-                Period::Usual(time) => format!("limit {limit}; usual period {}", milliseconds(time)),
-                Period::Syncs(syncs) => {
+                PeriodSource::Timer(time) => {
+                    format!("limit {limit}; event timer {}", milliseconds_text(time))
+                }
+                PeriodSource::Usual(time) => {
+                    format!("limit {limit}; usual period {}", milliseconds_text(time))
+                }
+                PeriodSource::Syncs(syncs) => {
                     format!("{MISSING} missing, transmission type {syncs}; first missing at SYNC {{{first}}}")
                 }
             };
@@ -249,15 +253,15 @@ impl PdoLost {
     }
 
     /// Reports one finding for all TPDOs of a node that sends nothing, once all of them are overdue.
-    fn report_silent(&mut self, node: NodeId, context: &mut Context<'_>) {
+    fn report_silent(&mut self, node: NodeId, context: &mut RuleContext<'_>) {
         let (times, least) = (self.times, self.least);
         let of_node =
-            |stream: &Stream| stream.reported.is_none() && stream.of.is_some_and(|(_, of, _)| of == node);
-        let is_due = |(place, stream): (usize, &Stream)| {
+            |stream: &TpdoStream| stream.reported.is_none() && stream.of.is_some_and(|(_, of, _)| of == node);
+        let is_due = |(place, stream): (usize, &TpdoStream)| {
             let (Some((.., period)), Some(slot)) = (stream.of, context.traffic.slots().get(place)) else {
                 return true;
             };
-            silence(period, node, slot, period.limit(times, least), context).is_some()
+            tpdo_silence(period, node, slot, period.loss_limit(times, least), context).is_some()
         };
         if !self.streams.iter().enumerate().filter(|(_, stream)| of_node(stream)).all(is_due) {
             return;
@@ -271,12 +275,12 @@ impl PdoLost {
             names.push(name.to_string());
             newest = newest.max((slot.last, slot.frames.0));
             stream.is_overdue = false;
-            stream.reported = Some(About::Whole);
+            stream.reported = Some(FindingSubject::Whole);
             self.open += 1;
         }
         let since = context.timestamp_of(newest.0);
         let alarm = context.fail_at(context.now, Some(node), FrameRange::one(newest.1));
-        alarm.severity(Severity::Warning).since(since).report(|| {
+        alarm.with_severity(Severity::Warning).started_at(since).report_finding(|| {
             let names = names.join(", ");
             format!("node silent after {{{}}}: {names} missing; not monitored, NMT state unknown", newest.1)
         });
@@ -284,7 +288,7 @@ impl PdoLost {
 }
 
 /// TPDOs of a node on the bus.
-fn sent<'a>(node: NodeId, context: &Context<'a>) -> impl Iterator<Item = (PdoName, &'a PdoSlot)> {
+fn sent_tpdos<'a>(node: NodeId, context: &RuleContext<'a>) -> impl Iterator<Item = (PdoName, &'a PdoSlot)> {
     let bus = context.bus;
     context.traffic.slots().iter().filter_map(move |slot| {
         let (name, _) = bus.pdo_on(slot.id).filter(|(name, of)| *of == node && name.is_sent())?;
@@ -293,20 +297,20 @@ fn sent<'a>(node: NodeId, context: &Context<'a>) -> impl Iterator<Item = (PdoNam
 }
 
 /// Whether the last frame of a node is one of its TPDOs, apart from the present frame: a deadline precedes it.
-fn is_silent(node: NodeId, context: &Context<'_>) -> bool {
+fn is_silent(node: NodeId, context: &RuleContext<'_>) -> bool {
     let last = context.bus.node(node).map_or(0, |node| node.last_seen().0);
-    last == context.bus.last_frame() || sent(node, context).any(|(_, slot)| slot.frames.0 == last)
+    last == context.bus.last_frame() || sent_tpdos(node, context).any(|(_, slot)| slot.frames.0 == last)
 }
 
 /// Names of the actual values in a PDO that a set point is paired with; `None` without any.
-fn actual_values(slot: &PdoSlot, context: &Context<'_>) -> Option<String> {
+fn actual_values(slot: &PdoSlot, context: &RuleContext<'_>) -> Option<String> {
     let fields = context.bus.pdo_layout(slot.id)?.fields.iter();
     let names = fields.filter_map(|field| field.meaning.as_deref().filter(|meaning| meaning.of.is_some()));
     let names: Vec<_> = names.map(|meaning| meaning.name.as_str()).collect();
     (!names.is_empty()).then(|| names.join(", "))
 }
 
-fn milliseconds(time: i64) -> String {
+fn milliseconds_text(time: i64) -> String {
     #[expect(clippy::cast_precision_loss, reason = "a time to read")]
     let milliseconds = time as f64 / 1e6;
     if milliseconds < 10.0 { format!("{milliseconds:.1} ms") } else { format!("{milliseconds:.0} ms") }
@@ -318,16 +322,16 @@ fn concerns_period(object: ObjectAddress) -> bool {
 }
 
 impl Rule for PdoLost {
-    /// Only a missing TPDO is awaited; [`Context::traffic`] has the times of all others.
+    /// Only a missing TPDO is awaited; [`RuleContext::traffic`] has the times of all others.
     fn wants_pdos(&self) -> bool {
         self.open > 0
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
             (EventKind::Pdo(pdo), _) if !pdo.is_request => self.on_pdo(context),
-            (EventKind::Sync { .. }, _) if !self.synced.is_empty() => self.sync(event, context),
+            (EventKind::Sync { .. }, _) if !self.synced.is_empty() => self.on_sync(event, context),
             (
                 EventKind::Heartbeat { state: Some(NmtState::Operational), .. }
                 | EventKind::GuardReply { state: Some(NmtState::Operational), .. },
@@ -338,22 +342,23 @@ impl Rule for PdoLost {
                     self.judge_overdue(context);
                 }
             }
-            (EventKind::BootUp { .. }, Some(node)) => self.forget(node, context),
+            (EventKind::BootUp { .. }, Some(node)) => self.forget_node(node, context),
             (EventKind::NmtCommand { service, target, .. }, _) if *service != NmtService::Start => {
                 for node in (1..=127).filter(|node| [0, *node].contains(target)) {
-                    self.forget(NodeId::Canopen(node), context);
+                    self.forget_node(NodeId::Canopen(node), context);
                 }
             }
             (EventKind::SdoTransfer(transfer), Some(node))
-                if transfer.object.is_some_and(concerns_period) && transfer.outcome == Outcome::Complete =>
+                if transfer.object.is_some_and(concerns_period)
+                    && transfer.outcome == SdoOutcome::Complete =>
             {
-                self.forget(node, context);
+                self.forget_node(node, context);
             }
             _ => {}
         }
     }
 
-    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
+    fn on_wake(&mut self, token: u64, context: &mut RuleContext<'_>) {
         let Some(place) = usize::try_from(token).ok() else { return };
         let (Some(stream), Some(slot)) = (self.streams.get_mut(place), context.traffic.slots().get(place))
         else {
@@ -361,12 +366,12 @@ impl Rule for PdoLost {
         };
         stream.is_queued = false;
         let Some((.., period)) = stream.of.filter(|_| stream.reported.is_none()) else { return };
-        let limit = period.limit(self.times, self.least);
+        let limit = period.loss_limit(self.times, self.least);
         let due = slot.last.saturating_add(limit);
         stream.is_overdue = due <= context.now;
         if stream.is_overdue {
             self.may_be_overdue = true;
-            self.judge(place, context);
+            self.judge_tpdo(place, context);
         }
         let Some(stream) = self.streams.get_mut(place).filter(|stream| stream.reported.is_none()) else {
             return;
@@ -376,21 +381,21 @@ impl Rule for PdoLost {
     }
 
     /// The TPDO arrived in time.
-    fn postpone(&self, token: u64, now: i64, traffic: &Traffic) -> Option<i64> {
+    fn postponed_wake(&self, token: u64, now: i64, traffic: &PdoTraffic) -> Option<i64> {
         let place = usize::try_from(token).ok()?;
         let stream =
             self.streams.get(place).filter(|stream| stream.reported.is_none() && !stream.is_overdue)?;
         let (.., period) = stream.of?;
-        let due = traffic.slots().get(place)?.last.saturating_add(period.limit(self.times, self.least));
+        let due = traffic.slots().get(place)?.last.saturating_add(period.loss_limit(self.times, self.least));
         (due > now).then_some(due)
     }
 
-    fn second(&mut self, context: &mut Context<'_>) {
+    fn on_second(&mut self, context: &mut RuleContext<'_>) {
         let slots = context.traffic.slots();
-        self.streams.resize_with(slots.len(), Stream::default);
+        self.streams.resize_with(slots.len(), TpdoStream::default);
         for slot in slots {
             if self.streams.get(slot.place).is_some_and(|stream| stream.of.is_none()) {
-                self.watch(slot, context);
+                self.watch_tpdo(slot, context);
             }
         }
     }
@@ -398,22 +403,22 @@ impl Rule for PdoLost {
 
 impl PdoLost {
     /// Closes the finding about a TPDO that returned.
-    fn on_pdo(&mut self, context: &mut Context<'_>) {
-        let Some(place) = context.traffic.current().map(|slot| slot.place) else { return };
+    fn on_pdo(&mut self, context: &mut RuleContext<'_>) {
+        let Some(place) = context.traffic.current_slot().map(|slot| slot.place) else { return };
         if let Some(stream) = self.streams.get_mut(place) {
             (stream.is_overdue, stream.expected) = (false, None);
             if stream.reported.is_some() {
-                self.close(place, context);
-                self.rewatch(place, context);
+                self.close_finding(place, context);
+                self.restart_watch(place, context);
             }
         }
     }
 
-    fn rewatch(&mut self, place: usize, context: &mut Context<'_>) {
+    fn restart_watch(&mut self, place: usize, context: &mut RuleContext<'_>) {
         let Some(stream) = self.streams.get_mut(place) else { return };
         let Some((.., period)) = stream.of else { return };
-        if !matches!(period, Period::Syncs(_)) && !std::mem::replace(&mut stream.is_queued, true) {
-            let limit = period.limit(self.times, self.least);
+        if !matches!(period, PeriodSource::Syncs(_)) && !std::mem::replace(&mut stream.is_queued, true) {
+            let limit = period.loss_limit(self.times, self.least);
             context.wake_at(context.now.saturating_add(limit), place as u64);
         }
     }

@@ -1,11 +1,11 @@
 //! PDOs of nodes that are not operational.
 
-use crate::event::{Event, EventKind, FrameRange, Kind, Pdo};
-use crate::finding::{About, Severity};
+use crate::event::{DecodedPdo, Event, EventKind, FrameRange, Kind};
+use crate::finding::{FindingSubject, Severity};
 use crate::frame::CanId;
 use crate::profile::{PdoDirection, PdoName};
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Need, Policy, Rule};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{FrameNeed, Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap, NodeSet};
 
@@ -37,14 +37,14 @@ declare_rule! {
     ],
     word: "PDO",
     tolerances: &[
-        tolerance("command-ms", 100.0, "ms", "from the command to the last TPDO"),
-        tolerance("receive-ms", 1_000.0, "ms", "after the report of another state, in which RPDOs are permitted"),
+        define_tolerance("command-ms", 100.0, "ms", "from the command to the last TPDO"),
+        define_tolerance("receive-ms", 1_000.0, "ms", "after the report of another state, in which RPDOs are permitted"),
     ],
 }
 
 /// PDO that the next state report of the node decides on.
 #[derive(Clone, Copy)]
-struct Pending {
+struct PendingPdo {
     name: PdoName,
     id: CanId,
     frame: u64,
@@ -52,28 +52,28 @@ struct Pending {
 
 /// State information about a node.
 #[derive(Default)]
-struct Watch {
+struct StateWatch {
     /// Latest reported state, time and frame of its first report.
     told: Option<(NmtState, i64, u64)>,
     /// Command to leave operational, its time and frame; `None` after a report of the state.
     commanded: Option<(NmtState, i64, u64)>,
-    sent: Option<Pending>,
-    received: Option<Pending>,
+    sent: Option<PendingPdo>,
+    received: Option<PendingPdo>,
 }
 
 struct PdoOutsideOperational {
     command: i64,
     receive: i64,
-    watches: NodeMap<Watch>,
+    watches: NodeMap<StateWatch>,
     /// Nodes that must not send PDOs.
     silent: NodeSet,
     operational: NodeSet,
 }
 
-fn new(policy: &Policy) -> PdoOutsideOperational {
+fn new(policy: &RulePolicy) -> PdoOutsideOperational {
     PdoOutsideOperational {
-        command: policy.nanoseconds(&DECLARATION, "command-ms"),
-        receive: policy.nanoseconds(&DECLARATION, "receive-ms"),
+        command: policy.tolerance_ns(&DECLARATION, "command-ms"),
+        receive: policy.tolerance_ns(&DECLARATION, "receive-ms"),
         watches: NodeMap::default(),
         silent: NodeSet::default(),
         operational: NodeSet::default(),
@@ -81,9 +81,9 @@ fn new(policy: &Policy) -> PdoOutsideOperational {
 }
 
 impl PdoOutsideOperational {
-    fn commanded(&mut self, event: &Event, node: NodeId, to: NmtState, context: &mut Context<'_>) {
+    fn on_command(&mut self, event: &Event, node: NodeId, to: NmtState, context: &mut RuleContext<'_>) {
         let Some(watch) = self.watches.entry(node) else { return };
-        *watch = Watch::default();
+        *watch = StateWatch::default();
         self.silent.remove(node);
         self.operational.remove(node);
         context.ask_again();
@@ -93,17 +93,17 @@ impl PdoOutsideOperational {
         }
     }
 
-    fn on_state(&mut self, event: &Event, node: NodeId, state: NmtState, context: &mut Context<'_>) {
+    fn on_state(&mut self, event: &Event, node: NodeId, state: NmtState, context: &mut RuleContext<'_>) {
         let Some(watch) = self.watches.entry(node) else { return };
         let (sent, received) = (watch.sent.take(), watch.received.take());
         if state == NmtState::Operational {
-            *watch = Watch::default();
+            *watch = StateWatch::default();
             if !self.operational.contains(node) {
                 context.ask_again();
             }
             self.silent.remove(node);
             self.operational.insert(node);
-            return context.pass();
+            return context.count_pass();
         }
         context.ask_again();
         self.operational.remove(node);
@@ -114,21 +114,25 @@ impl PdoOutsideOperational {
             return;
         };
         for (pending, severity) in [(sent, Severity::Error), (received, Severity::Warning)] {
-            let Some(Pending { name, id, frame: pdo }) = pending else { continue };
+            let Some(PendingPdo { name, id, frame: pdo }) = pending else { continue };
             let frames = FrameRange { first: frame, last: event.frames.last };
-            let alarm = context.fail(event).about(About::Id(id)).severity(severity).frames(frames);
+            let alarm = context
+                .start_finding(event)
+                .with_subject(FindingSubject::Id(id))
+                .with_severity(severity)
+                .with_frames(frames);
             let verb = if severity == Severity::Error { "sent" } else { "received" };
-            alarm.report(|| format!("{name} {verb} in NMT state {} {{{pdo}}}", state.name()));
+            alarm.report_finding(|| format!("{name} {verb} in NMT state {} {{{pdo}}}", state.name()));
         }
         if sent.is_none() {
-            context.pass();
+            context.count_pass();
         }
     }
 
     #[cold]
-    fn looked_at(&mut self, event: &Event, node: NodeId, pdo: &Pdo, context: &mut Context<'_>) {
+    fn looked_at(&mut self, event: &Event, node: NodeId, pdo: &DecodedPdo, context: &mut RuleContext<'_>) {
         let Some(watch) = self.watches.entry(node) else { return };
-        let pending = Pending { name: pdo.name, id: pdo.cob_id, frame: event.frames.last };
+        let pending = PendingPdo { name: pdo.name, id: pdo.cob_id, frame: event.frames.last };
         let now = context.now;
         if pdo.name.direction == PdoDirection::Receive {
             let is_long = watch.told.is_some_and(|(_, since, _)| now.saturating_sub(since) > self.receive);
@@ -146,8 +150,9 @@ impl PdoOutsideOperational {
             let name = pdo.name;
             let [after, limit] = [now.saturating_sub(at), self.command].map(|time| time / 1_000_000);
             let frames = FrameRange { first: frame, last: event.frames.last };
-            let alarm = context.fail(event).about(About::Id(pdo.cob_id)).frames(frames);
-            alarm.report(|| {
+            let alarm =
+                context.start_finding(event).with_subject(FindingSubject::Id(pdo.cob_id)).with_frames(frames);
+            alarm.report_finding(|| {
                 let state = state.name();
                 format!("{name} sent {after} ms after the command for state {state} (limit {limit} ms)")
             });
@@ -156,41 +161,41 @@ impl PdoOutsideOperational {
 }
 
 impl Rule for PdoOutsideOperational {
-    fn need(&self, event: &Event, _context: &Context<'_>) -> Need {
+    fn frame_need(&self, event: &Event, _context: &RuleContext<'_>) -> FrameNeed {
         match event.node {
-            Some(node) if self.silent.contains(node) => Need::EACH,
-            Some(node) if self.operational.contains(node) => Need::PASSED,
-            _ => Need::NOTHING,
+            Some(node) if self.silent.contains(node) => FrameNeed::EACH,
+            Some(node) if self.operational.contains(node) => FrameNeed::PASSED,
+            _ => FrameNeed::NOTHING,
         }
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         if let EventKind::Pdo(pdo) = &event.kind {
             let Some(node) = event.node.filter(|_| !pdo.is_request) else { return };
             if self.silent.contains(node) {
                 self.looked_at(event, node, pdo, context);
             } else if self.operational.contains(node) {
-                context.pass();
+                context.count_pass();
             }
             return;
         }
-        self.other(event, context);
+        self.on_other(event, context);
     }
 }
 
 impl PdoOutsideOperational {
     #[cold]
-    fn other(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_other(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
             (EventKind::NmtCommand { target: 0, to: Some(to), .. }, _) => {
                 let known: Vec<NodeId> = self.watches.iter().map(|(node, _)| node).collect();
                 for node in known {
-                    self.commanded(event, node, *to, context);
+                    self.on_command(event, node, *to, context);
                 }
             }
             (EventKind::NmtCommand { to: Some(to), .. }, Some(node)) => {
-                self.commanded(event, node, *to, context);
+                self.on_command(event, node, *to, context);
             }
             (
                 EventKind::Heartbeat { state: Some(state), .. }

@@ -1,10 +1,10 @@
 //! Cache for communication parameters of TPDOs. PDO rules run for every frame, so a parameter is only looked
 //! up again after it may have changed.
 
-use crate::event::{Event, EventKind, Pdo};
+use crate::event::{DecodedPdo, Event, EventKind};
 use crate::profile::PdoDirection;
 use crate::rules::general::facts::confirmed_number;
-use crate::rules::{BySlot, Context, PdoSlot};
+use crate::rules::{BySlot, PdoSlot, RuleContext};
 use crate::wire::NodeId;
 
 /// Number of PDOs without the parameter before it counts as absent on this bus; more than there are
@@ -41,7 +41,7 @@ impl PdoParameter {
     }
 
     /// Processes an event; returns whether the parameter may have changed.
-    pub(super) fn changes(&mut self, event: &Event) -> bool {
+    pub(super) fn on_event(&mut self, event: &Event) -> bool {
         let changes = match &event.kind {
             EventKind::SdoTransfer(transfer) => transfer
                 .object
@@ -82,14 +82,14 @@ impl PdoParameter {
 
     /// Confirmed value of the parameter for a TPDO.
     #[inline]
-    pub(super) fn of(
+    pub(super) fn value_for(
         &mut self,
         event: &Event,
-        pdo: &Pdo,
+        pdo: &DecodedPdo,
         slot: &PdoSlot,
-        context: &Context<'_>,
+        context: &RuleContext<'_>,
     ) -> Option<u64> {
-        let value = match self.known.of(slot) {
+        let value = match self.known.entry_of(slot) {
             Some((generation, value)) if *generation == self.generation => *value,
             _ => self.look_up(event.node?, pdo, slot, context),
         };
@@ -100,12 +100,18 @@ impl PdoParameter {
     }
 
     #[cold]
-    fn look_up(&mut self, node: NodeId, pdo: &Pdo, slot: &PdoSlot, context: &Context<'_>) -> Option<u64> {
+    fn look_up(
+        &mut self,
+        node: NodeId,
+        pdo: &DecodedPdo,
+        slot: &PdoSlot,
+        context: &RuleContext<'_>,
+    ) -> Option<u64> {
         let is_sent = pdo.name.direction == PdoDirection::Transmit;
         let node = context.bus.node(node).filter(|_| is_sent);
         let value = node.and_then(|node| confirmed_number(node, pdo.name.communication_index(), self.sub));
         self.is_known |= value.is_some();
-        if let Some(known) = self.known.of(slot) {
+        if let Some(known) = self.known.entry_of(slot) {
             *known = (self.generation, value);
         }
         value

@@ -3,7 +3,7 @@
 use super::pdo_sync_cyclic::has_several_syncs;
 use crate::profile::PdoName;
 use crate::rules::general::facts::confirmed_number;
-use crate::rules::{Context, PdoSlot};
+use crate::rules::{PdoSlot, RuleContext};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
@@ -15,7 +15,7 @@ pub(super) const MISSING: u64 = 3;
 
 /// Source of a period.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Period {
+pub(super) enum PeriodSource {
     /// Event timer (18xx:05), in ns.
     Timer(i64),
     /// Usual interval of unchanged PDOs, in ns.
@@ -24,9 +24,9 @@ pub(super) enum Period {
     Syncs(u64),
 }
 
-impl Period {
+impl PeriodSource {
     /// Time without a PDO after which it is lost, in ns; for a number of SYNCs only the minimum.
-    pub(super) fn limit(self, times: f64, least: i64) -> i64 {
+    pub(super) fn loss_limit(self, times: f64, least: i64) -> i64 {
         let (Self::Timer(time) | Self::Usual(time)) = self else { return least };
         #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "a time to compare")]
         let limit = (time as f64 * times) as i64;
@@ -36,11 +36,11 @@ impl Period {
     /// Period of a TPDO with observed PDOs; `None` for one that is sent on change, on request or with type 0
     /// (CiA 301 §7.2.2.2, §7.5.2.37).
     #[cold]
-    pub(super) fn of(
+    pub(super) fn period_of(
         (name, node): (PdoName, NodeId),
         slot: &PdoSlot,
         changed: i64,
-        context: &Context<'_>,
+        context: &RuleContext<'_>,
     ) -> Option<Self> {
         if slot.is_requested || slot.count < SEEN {
             return None;
@@ -68,32 +68,34 @@ impl Period {
 
 /// Silence of a TPDO that is due, in ns. `None` before the limit, and if another reason than the node is
 /// possible: its SYNC or the RPDOs that it answers ended with it.
-pub(super) fn silence(
-    period: Period,
+pub(super) fn tpdo_silence(
+    period: PeriodSource,
     node: NodeId,
     slot: &PdoSlot,
     limit: i64,
-    context: &Context<'_>,
+    context: &RuleContext<'_>,
 ) -> Option<i64> {
-    let entered = context.bus.node(node)?.nmt().map_or(i64::MIN, |nmt| nmt.since());
+    let entered = context.bus.node(node)?.nmt().map_or(i64::MIN, |nmt| nmt.changed_at());
     // The clock of rules excludes the silences of the bus.
     let since = slot.last.max(entered.saturating_sub(context.silence));
     let silence = context.now.saturating_sub(since);
     match period {
-        Period::Syncs(syncs) => {
+        PeriodSource::Syncs(syncs) => {
             // The TPDO of the last SYNC may still follow.
             let is_due = context.traffic.syncs_since(slot) > MISSING * syncs && since == slot.last;
             is_due.then_some(silence)
         }
-        Period::Timer(_) => (silence >= limit).then_some(silence),
-        Period::Usual(_) => (silence >= limit && !ended_with_trigger(node, slot, context)).then_some(silence),
+        PeriodSource::Timer(_) => (silence >= limit).then_some(silence),
+        PeriodSource::Usual(_) => {
+            (silence >= limit && !ended_with_trigger(node, slot, context)).then_some(silence)
+        }
     }
 }
 
 /// Whether SYNC, or all RPDOs to the node, ended before the next TPDO was due.
-fn ended_with_trigger(node: NodeId, slot: &PdoSlot, context: &Context<'_>) -> bool {
+fn ended_with_trigger(node: NodeId, slot: &PdoSlot, context: &RuleContext<'_>) -> bool {
     let traffic = context.traffic;
-    let by_sync = slot.since_sync == 1 && traffic.syncs() > SEEN && traffic.syncs_since(slot) == 0;
+    let by_sync = slot.since_sync == 1 && traffic.sync_count() > SEEN && traffic.syncs_since(slot) == 0;
     let received = traffic.slots().iter().filter(|other| {
         let pdo = context.bus.pdo_on(other.id);
         other.count > SEEN && pdo.is_some_and(|(name, of)| of == node && !name.is_sent())
@@ -102,7 +104,7 @@ fn ended_with_trigger(node: NodeId, slot: &PdoSlot, context: &Context<'_>) -> bo
 }
 
 /// Whether the silence of a TPDO is the only loss: its node is operational and not lost.
-pub(super) fn is_operational(node: NodeId, context: &Context<'_>) -> bool {
+pub(super) fn is_operational(node: NodeId, context: &RuleContext<'_>) -> bool {
     let node = context.bus.node(node);
     node.is_some_and(|node| {
         !node.is_lost() && node.nmt().is_some_and(|nmt| nmt.state == NmtState::Operational)

@@ -1,12 +1,12 @@
 //! TPDOs requested by remote frames.
 
-use crate::event::{Event, EventKind, FrameRange, Kind, Pdo};
-use crate::finding::About;
+use crate::event::{DecodedPdo, Event, EventKind, FrameRange, Kind};
+use crate::finding::FindingSubject;
 use crate::frame::CanId;
 use crate::profile::PdoDirection;
 use crate::rules::general::facts::{PRODUCES, confirmed_number};
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{BySlot, Context, Policy, Rule};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{BySlot, Rule, RuleContext, RulePolicy};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
@@ -31,14 +31,14 @@ declare_rule! {
     needs: "a remote frame for a TPDO with known 18xx:01 and 18xx:02",
     cases: &["3.3", "3.9", "3.15"],
     word: "PDO",
-    tolerances: &[tolerance("error-ms", 1_000.0, "ms", "from the remote frame to the PDO")],
+    tolerances: &[define_tolerance("error-ms", 1_000.0, "ms", "from the remote frame to the PDO")],
 }
 
 /// Maximum response time, in nanoseconds; a later PDO has another cause.
 const ANSWER: i64 = 20_000_000;
 
 #[derive(Clone, Copy)]
-struct Request {
+struct RemoteRequest {
     at: i64,
     frame: u64,
     node: NodeId,
@@ -48,17 +48,18 @@ struct Request {
 
 struct PdoRtr {
     limit: i64,
-    open: BySlot<Option<Request>>,
+    open: BySlot<Option<RemoteRequest>>,
 }
 
-fn new(policy: &Policy) -> PdoRtr {
-    PdoRtr { limit: policy.nanoseconds(&DECLARATION, "error-ms"), open: BySlot::default() }
+fn new(policy: &RulePolicy) -> PdoRtr {
+    PdoRtr { limit: policy.tolerance_ns(&DECLARATION, "error-ms"), open: BySlot::default() }
 }
 
 impl PdoRtr {
     #[cold]
-    fn asked(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
-        let (Some(id), Some(node), Some(slot)) = (event.node, context.node(event), context.traffic.current())
+    fn on_request(&mut self, event: &Event, pdo: &DecodedPdo, context: &mut RuleContext<'_>) {
+        let (Some(id), Some(node), Some(slot)) =
+            (event.node, context.event_node(event), context.traffic.current_slot())
         else {
             return;
         };
@@ -69,9 +70,9 @@ impl PdoRtr {
             return;
         }
         let place = slot.place;
-        if let Some(open) = self.open.of(slot) {
+        if let Some(open) = self.open.entry_of(slot) {
             let request =
-                Request { at: context.now, frame: event.frames.last, node: id, id: pdo.cob_id, state };
+                RemoteRequest { at: context.now, frame: event.frames.last, node: id, id: pdo.cob_id, state };
             if open.is_none() {
                 *open = Some(request);
                 context.wake_at(context.now.saturating_add(self.limit), place as u64);
@@ -80,17 +81,20 @@ impl PdoRtr {
     }
 
     #[cold]
-    fn answered(event: &Event, pdo: &Pdo, request: Request, context: &mut Context<'_>) {
+    fn on_answer(event: &Event, pdo: &DecodedPdo, request: RemoteRequest, context: &mut RuleContext<'_>) {
         if request.state == NmtState::Operational {
-            return context.pass();
+            return context.count_pass();
         }
         // The node may have become operational since the request.
         if context.now.saturating_sub(request.at) > ANSWER {
             return;
         }
         let frames = FrameRange { first: request.frame, last: event.frames.last };
-        let alarm = context.fail(event).about(About::Id(pdo.cob_id)).frames(frames);
-        alarm.report(|| format!("{} sent on a remote frame in NMT state {}", pdo.name, request.state.name()));
+        let alarm =
+            context.start_finding(event).with_subject(FindingSubject::Id(pdo.cob_id)).with_frames(frames);
+        alarm.report_finding(|| {
+            format!("{} sent on a remote frame in NMT state {}", pdo.name, request.state.name())
+        });
     }
 }
 
@@ -100,32 +104,35 @@ impl Rule for PdoRtr {
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::Pdo(pdo) = &event.kind else { return };
         if pdo.is_request {
-            return self.asked(event, pdo, context);
+            return self.on_request(event, pdo, context);
         }
-        let place = context.traffic.current().map(|slot| slot.place);
+        let place = context.traffic.current_slot().map(|slot| slot.place);
         let open = place.and_then(|place| self.open.get_mut(place)).and_then(Option::take);
         if let Some(request) = open {
-            Self::answered(event, pdo, request, context);
+            Self::on_answer(event, pdo, request, context);
         }
     }
 
-    fn wake(&mut self, token: u64, context: &mut Context<'_>) {
+    fn on_wake(&mut self, token: u64, context: &mut RuleContext<'_>) {
         let place = usize::try_from(token).ok();
         let Some(open) = place.and_then(|place| self.open.get_mut(place)) else { return };
         let due = context.now.saturating_sub(self.limit);
         let Some(request) = open.take_if(|request| request.at <= due) else { return };
         if request.state != NmtState::Operational {
-            return context.pass();
+            return context.count_pass();
         }
         if context.confirmed_state(request.node) != Some(NmtState::Operational) {
             return;
         }
         let (at, limit) = (request.at.saturating_add(self.limit), self.limit / 1_000_000);
         let frames = FrameRange::one(request.frame);
-        let alarm = context.fail_at(at, Some(request.node), frames).about(About::Id(request.id));
-        alarm.report(|| format!("no TPDO within {limit} ms after the remote frame {{{}}}", request.frame));
+        let alarm =
+            context.fail_at(at, Some(request.node), frames).with_subject(FindingSubject::Id(request.id));
+        alarm.report_finding(|| {
+            format!("no TPDO within {limit} ms after the remote frame {{{}}}", request.frame)
+        });
     }
 }

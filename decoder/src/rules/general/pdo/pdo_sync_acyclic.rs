@@ -2,9 +2,9 @@
 
 use super::pdo_parameter::{LookedUp, PdoParameter};
 use crate::event::{Event, EventKind, Kind};
-use crate::finding::About;
+use crate::finding::FindingSubject;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Need, PdoSubset, Policy, Rule, TransferSubset};
+use crate::rules::{FrameNeed, PdoSubset, Rule, RuleContext, RulePolicy, TransferSubset};
 
 declare_rule! {
     /// # What it checks
@@ -39,7 +39,7 @@ struct PdoSyncAcyclic {
     kind: PdoParameter,
 }
 
-fn new(_policy: &Policy) -> PdoSyncAcyclic {
+fn new(_policy: &RulePolicy) -> PdoSyncAcyclic {
     PdoSyncAcyclic { kind: PdoParameter::new(2) }
 }
 
@@ -48,33 +48,36 @@ impl Rule for PdoSyncAcyclic {
         self.kind.may_be_known()
     }
 
-    fn need(&self, _event: &Event, context: &Context<'_>) -> Need {
-        match context.traffic.current().map(|slot| self.kind.looked_up(slot)) {
-            None | Some(LookedUp::NotYet | LookedUp::Value(0)) => Need::EACH,
-            Some(LookedUp::Unknown | LookedUp::Value(_)) => Need::NOTHING,
+    fn frame_need(&self, _event: &Event, context: &RuleContext<'_>) -> FrameNeed {
+        match context.traffic.current_slot().map(|slot| self.kind.looked_up(slot)) {
+            None | Some(LookedUp::NotYet | LookedUp::Value(0)) => FrameNeed::EACH,
+            Some(LookedUp::Unknown | LookedUp::Value(_)) => FrameNeed::NOTHING,
         }
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match &event.kind {
             EventKind::Pdo(pdo) => {
-                let Some(slot) = context.traffic.current() else { return };
-                if self.kind.of(event, pdo, slot, context) != Some(0) {
+                let Some(slot) = context.traffic.current_slot() else { return };
+                if self.kind.value_for(event, pdo, slot, context) != Some(0) {
                     return;
                 }
                 let count = slot.since_sync;
                 if count < 3 {
-                    return context.pass();
+                    return context.count_pass();
                 }
                 let name = pdo.name;
-                let alarm = context.fail(event).about(About::Id(pdo.cob_id)).measure(f64::from(count));
-                alarm.report(|| {
+                let alarm = context
+                    .start_finding(event)
+                    .with_subject(FindingSubject::Id(pdo.cob_id))
+                    .with_measure(f64::from(count));
+                alarm.report_finding(|| {
                     format!("{count} {name} in one SYNC interval (max 1 with transmission type 0)")
                 });
             }
             _ => {
-                if self.kind.changes(event) {
+                if self.kind.on_event(event) {
                     context.ask_again();
                 }
             }

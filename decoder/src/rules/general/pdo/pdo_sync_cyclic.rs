@@ -1,12 +1,12 @@
 //! TPDOs of transmission types 1 to 240 (cyclic synchronous).
 
 use super::pdo_parameter::{LookedUp, PdoParameter};
-use crate::event::{Event, EventKind, Kind, Pdo};
-use crate::finding::About;
+use crate::event::{DecodedPdo, Event, EventKind, Kind};
+use crate::finding::FindingSubject;
 use crate::frame::CanId;
-use crate::rules::general::facts::identifier;
+use crate::rules::general::facts::cob_identifier;
 use crate::rules::rule::declare_rule;
-use crate::rules::{BySlot, Context, Need, PdoSlot, PdoSubset, Policy, Rule, TransferSubset};
+use crate::rules::{BySlot, FrameNeed, PdoSlot, PdoSubset, Rule, RuleContext, RulePolicy, TransferSubset};
 use crate::session::Bus;
 use crate::wire::canopen::ObjectAddress;
 
@@ -44,7 +44,7 @@ const COUNT: u64 = 20;
 
 /// Number of SYNCs at the start of the check, and number of TPDOs since.
 #[derive(Clone, Copy, Default)]
-struct Watch {
+struct SyncWatch {
     generation: u32,
     from: u64,
     count: u64,
@@ -52,23 +52,23 @@ struct Watch {
 
 struct PdoSyncCyclic {
     kind: PdoParameter,
-    watches: BySlot<Watch>,
+    watches: BySlot<SyncWatch>,
 }
 
-fn new(_policy: &Policy) -> PdoSyncCyclic {
+fn new(_policy: &RulePolicy) -> PdoSyncCyclic {
     PdoSyncCyclic { kind: PdoParameter::new(2), watches: BySlot::default() }
 }
 
 impl PdoSyncCyclic {
     #[inline]
-    fn pdo(&mut self, event: &Event, pdo: &Pdo, context: &mut Context<'_>) {
-        let Some(slot) = context.traffic.current() else { return };
-        let Some(kind @ 1..=240) = self.kind.of(event, pdo, slot, context) else { return };
-        let syncs = context.traffic.syncs();
+    fn on_pdo(&mut self, event: &Event, pdo: &DecodedPdo, context: &mut RuleContext<'_>) {
+        let Some(slot) = context.traffic.current_slot() else { return };
+        let Some(kind @ 1..=240) = self.kind.value_for(event, pdo, slot, context) else { return };
+        let syncs = context.traffic.sync_count();
         let generation = self.kind.generation();
-        let Some(watch) = self.watches.of(slot) else { return };
+        let Some(watch) = self.watches.entry_of(slot) else { return };
         if watch.generation != generation {
-            *watch = Watch { generation, from: syncs, count: 0 };
+            *watch = SyncWatch { generation, from: syncs, count: 0 };
             return;
         }
         watch.count += 1;
@@ -76,18 +76,18 @@ impl PdoSyncCyclic {
             return;
         }
         let elapsed = syncs.saturating_sub(watch.from);
-        *watch = Watch { generation, from: syncs, count: 0 };
+        *watch = SyncWatch { generation, from: syncs, count: 0 };
         context.ask_again();
         // A TPDO may be one SYNC late.
         if elapsed.abs_diff(COUNT * kind) <= 1 {
-            return context.pass();
+            return context.count_pass();
         }
         if has_several_syncs(context.bus) {
             return;
         }
         let name = pdo.name;
-        let alarm = context.fail(event).about(About::Id(pdo.cob_id));
-        alarm.report(|| {
+        let alarm = context.start_finding(event).with_subject(FindingSubject::Id(pdo.cob_id));
+        alarm.report_finding(|| {
             let expected = COUNT * kind;
             format!("{COUNT} {name} in {elapsed} SYNCs (expected {expected}, transmission type {kind})")
         });
@@ -99,11 +99,11 @@ pub(super) fn has_several_syncs(bus: &Bus) -> bool {
     const SYNC: ObjectAddress = ObjectAddress::new(0x1005, 0);
     bus.nodes().any(|node| {
         let default = || {
-            let entry = node.device().dictionary.find(SYNC)?.entry?;
+            let entry = node.device().dictionary.find_object(SYNC)?.entry?;
             u64::try_from(entry.default_number(Some(node.id().number()))?).ok()
         };
         let cob_id = node.store().number(SYNC).or_else(default);
-        cob_id.is_some_and(|cob_id| identifier(cob_id & !(3 << 30)) != Some(CanId::standard(0x80)))
+        cob_id.is_some_and(|cob_id| cob_identifier(cob_id & !(3 << 30)) != Some(CanId::from_standard(0x80)))
     })
 }
 
@@ -112,29 +112,29 @@ impl Rule for PdoSyncCyclic {
         self.kind.may_be_known()
     }
 
-    fn need(&self, _event: &Event, context: &Context<'_>) -> Need {
-        let Some(slot) = context.traffic.current() else { return Need::EACH };
+    fn frame_need(&self, _event: &Event, context: &RuleContext<'_>) -> FrameNeed {
+        let Some(slot) = context.traffic.current_slot() else { return FrameNeed::EACH };
         match (self.kind.looked_up(slot), self.watches.get(slot.place)) {
             (LookedUp::Value(1..=240), Some(watch)) if watch.generation == self.kind.generation() => {
                 let frames = u32::try_from(COUNT.saturating_sub(watch.count)).unwrap_or(0);
-                Need { frames, ..Need::NOTHING }.counted()
+                FrameNeed { frames, ..FrameNeed::NOTHING }.with_count()
             }
-            (LookedUp::NotYet | LookedUp::Value(1..=240), _) => Need::EACH,
-            (LookedUp::Unknown | LookedUp::Value(_), _) => Need::NOTHING,
+            (LookedUp::NotYet | LookedUp::Value(1..=240), _) => FrameNeed::EACH,
+            (LookedUp::Unknown | LookedUp::Value(_), _) => FrameNeed::NOTHING,
         }
     }
 
-    fn skipped(&mut self, slot: &PdoSlot, count: u32, _context: &mut Context<'_>) {
-        if let Some(watch) = self.watches.of(slot) {
+    fn on_skipped(&mut self, slot: &PdoSlot, count: u32, _context: &mut RuleContext<'_>) {
+        if let Some(watch) = self.watches.entry_of(slot) {
             watch.count = watch.count.saturating_add(u64::from(count));
         }
     }
 
     #[inline]
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         if let EventKind::Pdo(pdo) = &event.kind {
-            self.pdo(event, pdo, context);
-        } else if self.kind.changes(event) {
+            self.on_pdo(event, pdo, context);
+        } else if self.kind.on_event(event) {
             context.ask_again();
         }
     }

@@ -67,7 +67,7 @@ pub(in crate::rules::general) enum SituationId {
 /// Kind of request that a server must refuse.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Situation {
+pub(super) struct RefusedRequest {
     /// Identifier.
     pub(super) id: SituationId,
     /// Description of the request.
@@ -86,12 +86,12 @@ pub(super) struct Situation {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct AbortCodesFile {
-    situation: Vec<Situation>,
+    situation: Vec<RefusedRequest>,
 }
 
 /// Looks up a situation by its identifier.
-pub(super) fn situation(id: SituationId) -> Option<&'static Situation> {
-    static TABLE: OnceLock<Vec<Situation>> = OnceLock::new();
+pub(super) fn find_situation(id: SituationId) -> Option<&'static RefusedRequest> {
+    static TABLE: OnceLock<Vec<RefusedRequest>> = OnceLock::new();
     let table = TABLE.get_or_init(|| {
         let file: Result<AbortCodesFile, _> = toml::from_str(include_str!("abort_codes.toml"));
         file.map(|file| file.situation).unwrap_or_default()
@@ -105,8 +105,8 @@ mod tests {
 
     #[test]
     fn the_table_is_read() {
-        let situation = situation(SituationId::ReadOnlyWritten).unwrap();
+        let situation = find_situation(SituationId::ReadOnlyWritten).unwrap();
         assert!(situation.accepted.contains(&0x0601_0002) && situation.ctt.contains(&"2.3".to_owned()));
-        assert!(super::situation(SituationId::SameProducerTwice).is_some());
+        assert!(super::find_situation(SituationId::SameProducerTwice).is_some());
     }
 }

@@ -1,14 +1,14 @@
 //! Wrong or unknown SDO abort codes.
 
-use super::abort_codes::{Situation, SituationId, situation};
-use super::sdo_situation::situations;
+use super::abort_codes::{RefusedRequest, SituationId, find_situation};
+use super::sdo_situation::find_situations;
 use crate::event::{Event, EventKind, Kind, SdoTransfer};
 use crate::finding::Severity;
 use crate::profile::abort_codes;
 use crate::query::record;
-use crate::rules::general::facts::about;
+use crate::rules::general::facts::transfer_subject;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::NodeMap;
 use crate::wire::canopen::ObjectAddress;
 
@@ -52,56 +52,63 @@ struct SdoAbortCode {
     unknown: NodeMap<u64>,
 }
 
-fn new(_policy: &Policy) -> SdoAbortCode {
+fn new(_policy: &RulePolicy) -> SdoAbortCode {
     SdoAbortCode::default()
 }
 
 impl SdoAbortCode {
-    fn aborted(&mut self, event: &Event, transfer: &SdoTransfer, context: &mut Context<'_>) {
+    fn on_aborted(&mut self, event: &Event, transfer: &SdoTransfer, context: &mut RuleContext<'_>) {
         let Some(abort) = transfer.abort else { return };
-        let (code, device) = (abort.code, record::device(event, context.bus));
-        let is_own = device.abort(code, transfer.object).is_some();
-        if !is_own && abort_codes().find(code).is_none() {
-            let alarm = context.fail(event).about(about(transfer));
-            return alarm.report(|| format!("unknown SDO abort code {code:08X}"));
+        let (code, device) = (abort.code, record::event_device(event, context.bus));
+        let is_own = device.abort_entry(code, transfer.object).is_some();
+        if !is_own && abort_codes().find_code(code).is_none() {
+            let alarm = context.start_finding(event).with_subject(transfer_subject(transfer));
+            return alarm.report_finding(|| format!("unknown SDO abort code {code:08X}"));
         }
-        let Some(node) = context.node(event).filter(|_| !abort.by_client && !is_own) else {
-            return context.pass();
+        let Some(node) = context.event_node(event).filter(|_| !abort.by_client && !is_own) else {
+            return context.count_pass();
         };
         let unknown = event.node.and_then(|node| self.unknown.remove(node));
-        let mut names = situations(transfer, node);
+        let mut names = find_situations(transfer, node);
         if transfer.direction.is_none() && unknown.is_some_and(|frame| frame < event.frames.first) {
             names = vec![SituationId::UnknownCommand];
         }
-        let found: Vec<&'static Situation> = names.into_iter().filter_map(situation).collect();
+        let found: Vec<&'static RefusedRequest> = names.into_iter().filter_map(find_situation).collect();
         if found.is_empty() {
-            return context.pass();
+            return context.count_pass();
         }
         if let Some(met) = found.iter().find(|situation| situation.accepted.contains(&code)) {
-            context.pass();
-            return cases(met, transfer.object).for_each(|case| context.pass_case(case));
+            context.count_pass();
+            return test_cases(met, transfer.object).for_each(|case| context.pass_case(case));
         }
         if OF_STATE.contains(&code) {
             return;
         }
         let Some(first) = found.first() else { return };
-        cases(first, transfer.object).for_each(|case| context.fail_case(case));
+        test_cases(first, transfer.object).for_each(|case| context.fail_case(case));
         // A read of a history entry that may not exist is common.
         let severity = if first.id == SituationId::EmptyHistory { Severity::Note } else { Severity::Warning };
-        context.fail(event).about(about(transfer)).severity(severity).report(|| {
-            let accepted = first.accepted.iter().map(|code| format!("{code:08X}"));
-            let accepted = accepted.collect::<Vec<_>>().join(" or ");
-            format!(
-                "{}: abort code {code:08X} {} (expected {accepted})",
-                first.text,
-                abort_codes().text(code)
-            )
-        });
+        context
+            .start_finding(event)
+            .with_subject(transfer_subject(transfer))
+            .with_severity(severity)
+            .report_finding(|| {
+                let accepted = first.accepted.iter().map(|code| format!("{code:08X}"));
+                let accepted = accepted.collect::<Vec<_>>().join(" or ");
+                format!(
+                    "{}: abort code {code:08X} {} (expected {accepted})",
+                    first.text,
+                    abort_codes().code_text(code)
+                )
+            });
     }
 }
 
 /// Cases of the conformance test with this situation and object.
-fn cases(situation: &'static Situation, object: Option<ObjectAddress>) -> impl Iterator<Item = &'static str> {
+fn test_cases(
+    situation: &'static RefusedRequest,
+    object: Option<ObjectAddress>,
+) -> impl Iterator<Item = &'static str> {
     let index = object.map_or(0, |object| object.index);
     let sub = object.map_or(0, |object| object.sub);
     let is_its = move |case: &&str| match (situation.id, *case) {
@@ -116,9 +123,9 @@ fn cases(situation: &'static Situation, object: Option<ObjectAddress>) -> impl I
 }
 
 impl Rule for SdoAbortCode {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match &event.kind {
-            EventKind::SdoTransfer(transfer) => self.aborted(event, transfer, context),
+            EventKind::SdoTransfer(transfer) => self.on_aborted(event, transfer, context),
             EventKind::Malformed { error, .. } if error.is_of_sdo() && error.needed == 0 => {
                 if let Some(frame) = event.node.and_then(|node| self.unknown.entry(node)) {
                     *frame = event.frames.last;

@@ -2,11 +2,11 @@
 
 use std::collections::VecDeque;
 
-use crate::event::{Event, EventKind, Kind, Outcome, SdoTransfer};
-use crate::finding::About;
+use crate::event::{Event, EventKind, Kind, SdoOutcome, SdoTransfer};
+use crate::finding::FindingSubject;
 use crate::frame::CanId;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::{NodeId, NodeMap};
 
@@ -37,36 +37,42 @@ declare_rule! {
 const REMEMBERED: usize = 8;
 
 /// Response without an open request.
-struct Stray {
+struct StrayResponse {
     response: CanId,
     object: ObjectAddress,
     frame: u64,
 }
 
 #[derive(Default)]
-struct Server {
-    stray: Option<Stray>,
+struct SdoServer {
+    stray: Option<StrayResponse>,
     /// Objects of the latest requests.
     asked: VecDeque<ObjectAddress>,
 }
 
 #[derive(Default)]
 struct SdoAnswerMismatch {
-    servers: NodeMap<Server>,
+    servers: NodeMap<SdoServer>,
 }
 
-fn new(_policy: &Policy) -> SdoAnswerMismatch {
+fn new(_policy: &RulePolicy) -> SdoAnswerMismatch {
     SdoAnswerMismatch::default()
 }
 
 impl SdoAnswerMismatch {
-    fn transfer(&mut self, event: &Event, node: NodeId, transfer: &SdoTransfer, context: &mut Context<'_>) {
+    fn on_transfer(
+        &mut self,
+        event: &Event,
+        node: NodeId,
+        transfer: &SdoTransfer,
+        context: &mut RuleContext<'_>,
+    ) {
         let (Some(object), Some(server)) = (transfer.object, self.servers.entry(node)) else { return };
         let is_answer = transfer.cut_start && transfer.frame_count == 1;
         if is_answer {
             let is_late = server.asked.contains(&object);
-            let stray = Stray { response: transfer.response, object, frame: event.frames.last };
-            server.stray = Some(stray).filter(|_| transfer.outcome == Outcome::Complete && !is_late);
+            let stray = StrayResponse { response: transfer.response, object, frame: event.frames.last };
+            server.stray = Some(stray).filter(|_| transfer.outcome == SdoOutcome::Complete && !is_late);
             return;
         }
         if transfer.cut_start {
@@ -78,15 +84,15 @@ impl SdoAnswerMismatch {
         }
         server.asked.push_back(object);
         match (transfer.outcome, stray) {
-            (Outcome::Complete, _) => context.pass(),
-            (Outcome::Timeout | Outcome::Superseded, Some(stray)) => {
+            (SdoOutcome::Complete, _) => context.count_pass(),
+            (SdoOutcome::Timeout | SdoOutcome::Superseded, Some(stray)) => {
                 let request = event.frames.first;
                 let is_between = stray.frame > request && stray.response == transfer.response;
                 if !is_between || transfer.frame_count != 1 || stray.object == object {
                     return;
                 }
-                let alarm = context.fail(event).about(About::Object(object));
-                alarm.report(|| {
+                let alarm = context.start_finding(event).with_subject(FindingSubject::Object(object));
+                alarm.report_finding(|| {
                     let (other, frame) = (stray.object, stray.frame);
                     format!("response for {other} {{{frame}}} to the request for {object} {{{request}}}")
                 });
@@ -97,9 +103,11 @@ impl SdoAnswerMismatch {
 }
 
 impl Rule for SdoAnswerMismatch {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
-            (EventKind::SdoTransfer(transfer), Some(node)) => self.transfer(event, node, transfer, context),
+            (EventKind::SdoTransfer(transfer), Some(node)) => {
+                self.on_transfer(event, node, transfer, context)
+            }
             (EventKind::LostFrames { .. } | EventKind::Link { .. } | EventKind::BusSilent { .. }, _) => {
                 self.servers = NodeMap::default();
             }

@@ -1,10 +1,10 @@
 //! CRC of SDO block transfers.
 
-use crate::event::{Crc, Event, EventKind, Kind, Outcome};
+use crate::event::{CrcCheck, Event, EventKind, Kind, SdoOutcome};
 use crate::finding::Severity;
-use crate::rules::general::facts::about;
+use crate::rules::general::facts::transfer_subject;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 
 declare_rule! {
     /// # What it checks
@@ -33,21 +33,24 @@ declare_rule! {
 
 struct SdoBlockCrc;
 
-fn new(_policy: &Policy) -> SdoBlockCrc {
+fn new(_policy: &RulePolicy) -> SdoBlockCrc {
     SdoBlockCrc
 }
 
 impl Rule for SdoBlockCrc {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
         match transfer.crc {
-            Some(Crc::Correct) => context.pass(),
-            Some(Crc::Wrong) => {
-                let is_refused = transfer.outcome == Outcome::Aborted;
+            Some(CrcCheck::Correct) => context.count_pass(),
+            Some(CrcCheck::Wrong) => {
+                let is_refused = transfer.outcome == SdoOutcome::Aborted;
                 let severity = if is_refused { Severity::Warning } else { Severity::Error };
                 let end = if is_refused { "refused" } else { "accepted" };
-                let alarm = context.fail(event).about(about(transfer)).severity(severity);
-                alarm.report(|| format!("CRC error over {} bytes (data {end})", transfer.size));
+                let alarm = context
+                    .start_finding(event)
+                    .with_subject(transfer_subject(transfer))
+                    .with_severity(severity);
+                alarm.report_finding(|| format!("CRC error over {} bytes (data {end})", transfer.size));
             }
             _ => {}
         }

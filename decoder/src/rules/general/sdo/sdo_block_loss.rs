@@ -1,10 +1,10 @@
 //! Segments of SDO blocks that are lost on the bus.
 
-use crate::event::{Event, EventKind, Kind, Mode, Outcome};
-use crate::rules::general::facts::about;
+use crate::event::{Event, EventKind, Kind, SdoMode, SdoOutcome};
+use crate::rules::general::facts::transfer_subject;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
-use crate::words::plural;
+use crate::rules::{Rule, RuleContext, RulePolicy};
+use crate::words::count_noun;
 
 declare_rule! {
     /// # What it checks
@@ -33,27 +33,30 @@ declare_rule! {
 
 struct SdoBlockLoss;
 
-fn new(_policy: &Policy) -> SdoBlockLoss {
+fn new(_policy: &RulePolicy) -> SdoBlockLoss {
     SdoBlockLoss
 }
 
 impl Rule for SdoBlockLoss {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
-        if transfer.mode != Some(Mode::Block) || context.is_tested {
+        if transfer.mode != Some(SdoMode::Block) || context.is_tested {
             return;
         }
         let Some((sequence, frame)) = transfer.first_loss else {
-            if transfer.outcome == Outcome::Complete && !transfer.cut_start {
-                context.pass();
+            if transfer.outcome == SdoOutcome::Complete && !transfer.cut_start {
+                context.count_pass();
             }
             return;
         };
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
-        let alarm = context.fail(event).about(about(transfer)).measure(transfer.losses as f64);
-        alarm.report(|| {
+        let alarm = context
+            .start_finding(event)
+            .with_subject(transfer_subject(transfer))
+            .with_measure(transfer.losses as f64);
+        alarm.report_finding(|| {
             let at = frame.map_or(String::new(), |frame| format!(" {{{frame}}}"));
-            let blocks = plural(transfer.losses, "block");
+            let blocks = count_noun(transfer.losses, "block");
             format!("segment {sequence} not acknowledged{at} and sent again ({blocks} of the transfer)")
         });
     }

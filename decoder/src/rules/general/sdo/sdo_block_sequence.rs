@@ -1,9 +1,9 @@
 //! Sequence numbers and sizes of SDO blocks.
 
-use crate::event::{Event, EventKind, Kind, Mode, Outcome, SdoIrregularityKind};
-use crate::rules::general::facts::about;
+use crate::event::{Event, EventKind, Kind, SdoIrregularityKind, SdoMode, SdoOutcome};
+use crate::rules::general::facts::transfer_subject;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 
 declare_rule! {
     /// # What it checks
@@ -31,26 +31,26 @@ declare_rule! {
 
 struct SdoBlockSequence;
 
-fn new(_policy: &Policy) -> SdoBlockSequence {
+fn new(_policy: &RulePolicy) -> SdoBlockSequence {
     SdoBlockSequence
 }
 
 impl Rule for SdoBlockSequence {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
-        if transfer.mode != Some(Mode::Block) || transfer.cut_start {
+        if transfer.mode != Some(SdoMode::Block) || transfer.cut_start {
             return;
         }
         let Some(wrong) = transfer.irregularity else {
-            if transfer.outcome == Outcome::Complete {
-                context.pass();
+            if transfer.outcome == SdoOutcome::Complete {
+                context.count_pass();
             }
             return;
         };
         // A test tool provokes this on purpose; the correct reaction is an abort.
         if wrong.by_client && context.is_tested {
-            if transfer.outcome == Outcome::Aborted {
-                context.pass();
+            if transfer.outcome == SdoOutcome::Aborted {
+                context.count_pass();
             }
             return;
         }
@@ -60,7 +60,9 @@ impl Rule for SdoBlockSequence {
             SdoIrregularityKind::Toggle => return,
         };
         let side = if wrong.by_client { "client" } else { "server" };
-        let alarm = context.fail(event).about(about(transfer));
-        alarm.report(|| format!("{side} {what} {{{}}} (transfer {})", wrong.frame, transfer.outcome.name()));
+        let alarm = context.start_finding(event).with_subject(transfer_subject(transfer));
+        alarm.report_finding(|| {
+            format!("{side} {what} {{{}}} (transfer {})", wrong.frame, transfer.outcome.name())
+        });
     }
 }

@@ -1,8 +1,8 @@
 //! SDO clients that send a request before the response to the one before.
 
-use crate::event::{Event, EventKind, Kind, Outcome};
+use crate::event::{Event, EventKind, Kind, SdoOutcome};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 
 declare_rule! {
     /// # What it checks
@@ -30,27 +30,27 @@ declare_rule! {
 
 struct SdoClientDoesNotWait;
 
-fn new(_policy: &Policy) -> SdoClientDoesNotWait {
+fn new(_policy: &RulePolicy) -> SdoClientDoesNotWait {
     SdoClientDoesNotWait
 }
 
 impl Rule for SdoClientDoesNotWait {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
         if context.is_tested || transfer.cut_start || transfer.is_unrequested {
             return;
         }
         let Some(overlap) = transfer.overlap else {
-            if transfer.outcome == Outcome::Complete {
-                context.pass();
+            if transfer.outcome == SdoOutcome::Complete {
+                context.count_pass();
             }
             return;
         };
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
-        let alarm = context.fail(event).measure(-(overlap as f64));
+        let alarm = context.start_finding(event).with_measure(-(overlap as f64));
         let request = transfer.request;
         let (whole, tenth) = (overlap / 1_000_000, overlap / 100_000 % 10);
-        alarm.report(|| {
+        alarm.report_finding(|| {
             format!("client on {request} sent its next request after {whole}.{tenth} ms, without a response")
         });
     }

@@ -1,15 +1,15 @@
 //! SDO downloads that a device refuses.
 
-use crate::event::{Abort, Direction, Event, EventKind, Kind, Mode, Outcome, SdoTransfer};
-use crate::finding::{About, Merge};
+use crate::event::{Event, EventKind, Kind, SdoAbort, SdoDirection, SdoMode, SdoOutcome, SdoTransfer};
+use crate::finding::{FindingSubject, MergedFindings};
 use crate::profile::abort_codes;
 use crate::query::record;
-use crate::rules::general::facts::about;
+use crate::rules::general::facts::transfer_subject;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::NodeMap;
 use crate::wire::canopen::ObjectAddress;
-use crate::words::plural;
+use crate::words::count_noun;
 
 declare_rule! {
     /// # What it checks
@@ -31,7 +31,7 @@ declare_rule! {
     "sdo-download-refused", Error, "SDO download refused",
     kinds: [Kind::SdoTransfer],
     needs: "an SDO download",
-    merge: Merge::Node,
+    merge: MergedFindings::Node,
     word: "REFUSE",
 }
 
@@ -46,12 +46,18 @@ struct SdoDownloadRefused {
     refused: NodeMap<Vec<ObjectAddress>>,
 }
 
-fn new(_policy: &Policy) -> SdoDownloadRefused {
+fn new(_policy: &RulePolicy) -> SdoDownloadRefused {
     SdoDownloadRefused::default()
 }
 
 impl SdoDownloadRefused {
-    fn refused(&mut self, event: &Event, transfer: &SdoTransfer, code: u32, context: &mut Context<'_>) {
+    fn on_refused(
+        &mut self,
+        event: &Event,
+        transfer: &SdoTransfer,
+        code: u32,
+        context: &mut RuleContext<'_>,
+    ) {
         let known = event.node.and_then(|node| self.refused.entry(node)).zip(transfer.object);
         let is_one_of_many = known.is_some_and(|(known, object)| {
             let is_told = known.contains(&object);
@@ -61,40 +67,40 @@ impl SdoDownloadRefused {
             }
             !is_told
         });
-        let about = if is_one_of_many { About::Whole } else { about(transfer) };
-        let device = record::device(event, context.bus);
-        let own = device.abort(code, transfer.object).map(|own| own.text.as_str());
-        let text = own.unwrap_or_else(|| abort_codes().text(code));
-        context.fail(event).about(about).reason(text).report(|| {
+        let about = if is_one_of_many { FindingSubject::Whole } else { transfer_subject(transfer) };
+        let device = record::event_device(event, context.bus);
+        let own = device.abort_entry(code, transfer.object).map(|own| own.text.as_str());
+        let text = own.unwrap_or_else(|| abort_codes().code_text(code));
+        context.start_finding(event).with_subject(about).with_reason(text).report_finding(|| {
             let further = if is_one_of_many { " to a further object" } else { "" };
-            format!("write of {}{further} refused: {code:08X} {text}", value(transfer))
+            format!("write of {}{further} refused: {code:08X} {text}", value_text(transfer))
         });
     }
 }
 
 /// The value of the write for display.
-fn value(transfer: &SdoTransfer) -> String {
+fn value_text(transfer: &SdoTransfer) -> String {
     match &transfer.meaning {
         Some(meaning) if !transfer.truncated && !transfer.data.is_empty() => {
-            meaning.show(&meaning.decode(&transfer.data))
+            meaning.format_value(&meaning.decode(&transfer.data))
         }
-        _ => plural(transfer.size, "byte"),
+        _ => count_noun(transfer.size, "byte"),
     }
 }
 
 impl Rule for SdoDownloadRefused {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
-        if transfer.direction != Some(Direction::Download) || context.is_tested {
+        if transfer.direction != Some(SdoDirection::Download) || context.is_tested {
             return;
         }
         match (transfer.outcome, transfer.abort) {
-            (Outcome::Complete, _) => context.pass(),
+            (SdoOutcome::Complete, _) => context.count_pass(),
             // A client that requests a block transfer continues without it.
-            (Outcome::Aborted, Some(Abort { code: NO_BLOCKS, .. })) if transfer.mode == Some(Mode::Block) => {
-            }
-            (Outcome::Aborted, Some(Abort { code, by_client: false })) => {
-                self.refused(event, transfer, code, context);
+            (SdoOutcome::Aborted, Some(SdoAbort { code: NO_BLOCKS, .. }))
+                if transfer.mode == Some(SdoMode::Block) => {}
+            (SdoOutcome::Aborted, Some(SdoAbort { code, by_client: false })) => {
+                self.on_refused(event, transfer, code, context);
             }
             _ => {}
         }

@@ -1,10 +1,10 @@
 //! Missing and late SDO responses.
 
-use crate::event::{Certainty, Event, EventKind, Kind, Mode, Outcome, SdoTransfer, StateChange};
-use crate::finding::{Merge, Severity};
-use crate::rules::general::facts::about;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::event::{Event, EventKind, Kind, SdoMode, SdoOutcome, SdoTransfer, StateCertainty, StateChange};
+use crate::finding::{MergedFindings, Severity};
+use crate::rules::general::facts::transfer_subject;
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap, NodeSet};
 
@@ -31,13 +31,13 @@ declare_rule! {
     "sdo-no-response", Error, "no SDO response in time",
     kinds: [Kind::SdoTransfer, Kind::NmtState],
     needs: "an SDO transfer",
-    merge: Merge::Node,
+    merge: MergedFindings::Node,
     is_timing: true,
     word: "SDO",
     tolerances: &[
-        tolerance("warning-ms", 200.0, "ms", "to the response, a warning"),
-        tolerance("error-ms", 1_000.0, "ms", "to the response, an error"),
-        tolerance("store-ms", 5_000.0, "ms", "to the response for 1010 and 1011"),
+        define_tolerance("warning-ms", 200.0, "ms", "to the response, a warning"),
+        define_tolerance("error-ms", 1_000.0, "ms", "to the response, an error"),
+        define_tolerance("store-ms", 5_000.0, "ms", "to the response for 1010 and 1011"),
     ],
 }
 
@@ -51,8 +51,8 @@ struct SdoNoResponse {
     left: NodeMap<u64>,
 }
 
-fn new(policy: &Policy) -> SdoNoResponse {
-    let time = |key| policy.nanoseconds(&DECLARATION, key);
+fn new(policy: &RulePolicy) -> SdoNoResponse {
+    let time = |key| policy.tolerance_ns(&DECLARATION, key);
     SdoNoResponse {
         warning: time("warning-ms"),
         error: time("error-ms"),
@@ -63,8 +63,8 @@ fn new(policy: &Policy) -> SdoNoResponse {
 }
 
 impl SdoNoResponse {
-    fn state(&mut self, event: &Event, node: NodeId, change: &StateChange) {
-        if change.to == NmtState::Stopped && change.certainty == Certainty::Confirmed {
+    fn on_state(&mut self, event: &Event, node: NodeId, change: &StateChange) {
+        if change.to == NmtState::Stopped && change.certainty == StateCertainty::Confirmed {
             self.stopped.insert(node);
         } else if change.to != NmtState::Stopped && self.stopped.remove(node) {
             self.left.insert(node, event.frames.last);
@@ -84,65 +84,79 @@ impl SdoNoResponse {
         &self,
         event: &Event,
         transfer: &SdoTransfer,
-        (outcome, waited): (Outcome, i64),
-        context: &mut Context<'_>,
+        (outcome, waited): (SdoOutcome, i64),
+        context: &mut RuleContext<'_>,
     ) {
         let is_early = waited <= self.warning;
         let what = match outcome {
             // A client that repeats the request at once did not wait for a response.
-            Outcome::Superseded if is_early => return,
-            Outcome::Superseded => "client started another transfer",
+            SdoOutcome::Superseded if is_early => return,
+            SdoOutcome::Superseded => "client started another transfer",
             _ => "client aborted",
         };
         let severity = if is_early { Severity::Warning } else { Severity::Error };
-        let alarm = context.fail(event).about(about(transfer)).severity(severity).measure(f64::MAX);
+        let alarm = context
+            .start_finding(event)
+            .with_subject(transfer_subject(transfer))
+            .with_severity(severity)
+            .with_measure(f64::MAX);
         let requested = event.time.map(|time| time.plus(waited.saturating_neg()));
-        let alarm = alarm.reported_by_device().requested(requested);
+        let alarm = alarm.reported_by_device().requested_at_timestamp(requested);
         let milliseconds = waited / 1_000_000;
-        alarm.report(|| format!("no SDO response ({what} after {milliseconds} ms)"));
+        alarm.report_finding(|| format!("no SDO response ({what} after {milliseconds} ms)"));
     }
 
-    fn slow(&self, event: &Event, transfer: &SdoTransfer, context: &mut Context<'_>) {
+    fn on_slow_response(&self, event: &Event, transfer: &SdoTransfer, context: &mut RuleContext<'_>) {
         let is_store = transfer.object.is_some_and(|object| matches!(object.index, 0x1010 | 0x1011));
         let (warning, error) = if is_store { (self.store, self.store) } else { (self.warning, self.error) };
-        let is_single = transfer.mode == Some(Mode::Expedited) || transfer.outcome == Outcome::Aborted;
+        let is_single = transfer.mode == Some(SdoMode::Expedited) || transfer.outcome == SdoOutcome::Aborted;
         let Some(duration) = transfer.duration.filter(|_| is_single && !transfer.cut_start) else { return };
         if duration <= warning {
-            return context.pass();
+            return context.count_pass();
         }
         let (severity, limit) =
             if duration > error { (Severity::Error, error) } else { (Severity::Warning, warning) };
         let [milliseconds, limit] = [duration, limit].map(|time| time / 1_000_000);
-        let alarm = context.fail(event).about(about(transfer)).severity(severity).reason("late");
+        let alarm = context
+            .start_finding(event)
+            .with_subject(transfer_subject(transfer))
+            .with_severity(severity)
+            .with_reason("late");
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
-        let alarm = alarm.measure(duration as f64);
-        alarm.report(|| format!("SDO response after {milliseconds} ms > {limit} ms"));
+        let alarm = alarm.with_measure(duration as f64);
+        alarm.report_finding(|| format!("SDO response after {milliseconds} ms > {limit} ms"));
     }
 }
 
 impl Rule for SdoNoResponse {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         // Frames may be missing in the hole, or the clock was set.
         if matches!(event.kind, EventKind::SdoTransfer(_)) && context.is_across_hole(event.frames.first) {
             return;
         }
         let transfer = match (&event.kind, event.node) {
             (EventKind::SdoTransfer(transfer), _) => transfer,
-            (EventKind::NmtState(change), Some(node)) => return self.state(event, node, change),
+            (EventKind::NmtState(change), Some(node)) => return self.on_state(event, node, change),
             _ => return,
         };
         match (transfer.outcome, transfer.waited) {
-            (Outcome::Timeout, _) | (_, Some(_)) if self.serves_none(event) => {}
+            (SdoOutcome::Timeout, _) | (_, Some(_)) if self.serves_none(event) => {}
             // The client did not continue the transfer, or did not start it.
-            (Outcome::Timeout, _) if transfer.awaits_client => {}
-            (Outcome::Timeout, _) => {
+            (SdoOutcome::Timeout, _) if transfer.awaits_client => {}
+            (SdoOutcome::Timeout, _) => {
                 let silence = context.bus.sdo_silence();
                 let requested = event.time.map(|time| time.plus(silence.saturating_neg()));
-                let alarm = context.fail(event).about(about(transfer)).measure(f64::MAX).requested(requested);
-                alarm.report(|| "no SDO response".to_owned());
+                let alarm = context
+                    .start_finding(event)
+                    .with_subject(transfer_subject(transfer))
+                    .with_measure(f64::MAX)
+                    .requested_at_timestamp(requested);
+                alarm.report_finding(|| "no SDO response".to_owned());
             }
             (outcome, Some(waited)) => self.given_up(event, transfer, (outcome, waited), context),
-            (Outcome::Complete | Outcome::Aborted, None) => self.slow(event, transfer, context),
+            (SdoOutcome::Complete | SdoOutcome::Aborted, None) => {
+                self.on_slow_response(event, transfer, context)
+            }
             _ => {}
         }
     }

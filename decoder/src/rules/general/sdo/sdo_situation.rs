@@ -1,9 +1,11 @@
 //! Reasons for which a server must refuse an SDO request, according to bus and object dictionary.
 
 use super::abort_codes::SituationId;
-use crate::event::{Crc, Direction, Mode, SdoIrregularityKind, SdoTransfer};
-use crate::profile::object::Access;
-use crate::profile::{DataType, Device, Object, PdoName, integer, little_endian, plain_device};
+use crate::event::{CrcCheck, SdoDirection, SdoIrregularityKind, SdoMode, SdoTransfer};
+use crate::profile::object::SdoAccess;
+use crate::profile::{
+    DataType, DeviceProfile, ObjectEntry, PdoName, as_integer, little_endian, plain_device,
+};
 use crate::rules::general::facts::{INVALID, confirmed_number, is_restricted_write};
 use crate::session::Node;
 use crate::wire::canopen::ObjectAddress;
@@ -18,38 +20,43 @@ const COMMUNICATION: u16 = 0x2000;
 const RESERVED: u16 = 0x1004;
 
 /// Whether the dictionary of the device, rather than a standard, describes an object.
-pub(in crate::rules::general) fn is_described(device: &Device, object: ObjectAddress) -> bool {
+pub(in crate::rules::general) fn is_described(device: &DeviceProfile, object: ObjectAddress) -> bool {
     device.full_id != plain_device().full_id && device.dictionary.is_own(object)
 }
 
 /// Access by SDO, according to the dictionary of the device; for mandatory objects also according to the
 /// standard.
-pub(in crate::rules::general) fn access(device: &Device, object: ObjectAddress) -> Option<Access> {
+pub(in crate::rules::general) fn object_access(
+    device: &DeviceProfile,
+    object: ObjectAddress,
+) -> Option<SdoAccess> {
     let is_told = is_described(device, object) || MANDATORY.contains(&object.index);
-    device.dictionary.find(object).filter(|_| is_told)?.entry?.access
+    device.dictionary.find_object(object).filter(|_| is_told)?.entry?.access
 }
 
 /// Identifiers in `abort_codes.toml` of the errors in a request; several if the order of the checks is up to
 /// the device.
-pub(in crate::rules::general) fn situations(transfer: &SdoTransfer, node: &Node) -> Vec<SituationId> {
+pub(in crate::rules::general) fn find_situations(transfer: &SdoTransfer, node: &Node) -> Vec<SituationId> {
     if let Some(protocol) = of_protocol(transfer) {
         return vec![protocol];
     }
     let (Some(object), Some(direction)) = (transfer.object, transfer.direction) else { return Vec::new() };
     let mut found = Vec::new();
-    if transfer.mode == Some(Mode::Block) && transfer.size == 0 {
+    if transfer.mode == Some(SdoMode::Block) && transfer.size == 0 {
         found.push(SituationId::NoBlockTransfer);
     }
-    if let Some(missing) = missing(node.device(), object) {
+    if let Some(missing) = missing_part(node.device(), object) {
         found.push(missing);
         return found;
     }
-    match (access(node.device(), object), direction) {
-        (Some(Access::Ro | Access::Const), Direction::Download) => found.push(SituationId::ReadOnlyWritten),
-        (Some(Access::Wo), Direction::Upload) => found.push(SituationId::WriteOnlyRead),
+    match (object_access(node.device(), object), direction) {
+        (Some(SdoAccess::Ro | SdoAccess::Const), SdoDirection::Download) => {
+            found.push(SituationId::ReadOnlyWritten)
+        }
+        (Some(SdoAccess::Wo), SdoDirection::Upload) => found.push(SituationId::WriteOnlyRead),
         _ => {}
     }
-    if direction == Direction::Upload {
+    if direction == SdoDirection::Upload {
         if object.index == 0x1003 && object.sub > 0 && confirmed_number(node, 0x1003, 0) == Some(0) {
             found.push(SituationId::EmptyHistory);
         }
@@ -71,18 +78,18 @@ fn of_protocol(transfer: &SdoTransfer) -> Option<SituationId> {
         Some(SdoIrregularityKind::Toggle) => Some(SituationId::WrongToggle),
         Some(SdoIrregularityKind::BlockSize) => Some(SituationId::BlockSize),
         Some(SdoIrregularityKind::Sequence) => Some(SituationId::BlockSequence),
-        None => (transfer.crc == Some(Crc::Wrong)).then_some(SituationId::BlockCrc),
+        None => (transfer.crc == Some(CrcCheck::Wrong)).then_some(SituationId::BlockCrc),
     }
 }
 
 /// Missing object or sub-index.
-fn missing(device: &Device, object: ObjectAddress) -> Option<SituationId> {
+fn missing_part(device: &DeviceProfile, object: ObjectAddress) -> Option<SituationId> {
     if object.index == RESERVED {
         return Some(SituationId::NoObject);
     }
-    let has_index = |list: &[Object]| list.iter().any(|known| known.nth(object.index).is_some());
+    let has_index = |list: &[ObjectEntry]| list.iter().any(|known| known.repeat_of(object.index).is_some());
     if device.is_file_alone() {
-        let own = device.dictionary.own();
+        let own = device.dictionary.own_objects();
         return match has_index(own) {
             false if object.index >= 0x1000 => Some(SituationId::NoObject),
             true if !device.dictionary.is_own(object) => Some(SituationId::NoSubIndex),
@@ -91,13 +98,13 @@ fn missing(device: &Device, object: ObjectAddress) -> Option<SituationId> {
     }
     let is_variable = object.index < COMMUNICATION
         && object.sub != 0
-        && device.dictionary.find(object).is_none()
-        && device.dictionary.find(ObjectAddress::new(object.index, 0)).is_some();
+        && device.dictionary.find_object(object).is_none()
+        && device.dictionary.find_object(ObjectAddress::new(object.index, 0)).is_some();
     is_variable.then_some(SituationId::NoSubIndex)
 }
 
 /// Length that does not match the data type. Four bytes may be a request without a size indicator.
-fn of_length(transfer: &SdoTransfer, device: &Device, object: ObjectAddress) -> Option<SituationId> {
+fn of_length(transfer: &SdoTransfer, device: &DeviceProfile, object: ObjectAddress) -> Option<SituationId> {
     let is_told = is_described(device, object) || object.index < COMMUNICATION;
     let bits = device.dictionary.data_type(object).and_then(DataType::bits).filter(|_| is_told)?;
     let sent = transfer.announced.map_or(transfer.size, u64::from);
@@ -115,7 +122,7 @@ fn of_range(transfer: &SdoTransfer) -> Vec<SituationId> {
     if !meaning.is_outside(&value) {
         return Vec::new();
     }
-    match (meaning.range, integer(&value)) {
+    match (meaning.range, as_integer(&value)) {
         (Some([_, most]), Some(number)) if number > most => vec![SituationId::TooHigh],
         (Some([least, _]), Some(number)) if number < least => vec![SituationId::TooLow],
         _ => vec![SituationId::TooHigh, SituationId::TooLow],

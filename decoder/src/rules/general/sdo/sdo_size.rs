@@ -1,14 +1,14 @@
 //! Sizes of SDO transfers.
 
 use super::sdo_situation::is_described;
-use crate::event::{Direction, Event, EventKind, Kind, Mode, Outcome, SdoTransfer};
+use crate::event::{Event, EventKind, Kind, SdoDirection, SdoMode, SdoOutcome, SdoTransfer};
 use crate::finding::Severity;
 use crate::profile::DataType;
-use crate::rules::general::facts::about;
+use crate::rules::general::facts::transfer_subject;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::session::TRANSFER_DATA_LIMIT;
-use crate::words::plural;
+use crate::words::count_noun;
 
 declare_rule! {
     /// # What it checks
@@ -39,42 +39,48 @@ declare_rule! {
 
 struct SdoSize;
 
-fn new(_policy: &Policy) -> SdoSize {
+fn new(_policy: &RulePolicy) -> SdoSize {
     SdoSize
 }
 
 impl Rule for SdoSize {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
         let has_gap = transfer.truncated && transfer.data.len() < TRANSFER_DATA_LIMIT;
         // Segments out of order also cause a wrong size.
         let is_whole = !transfer.cut_start && !has_gap && transfer.irregularity.is_none();
-        if transfer.outcome != Outcome::Complete || !is_whole {
+        if transfer.outcome != SdoOutcome::Complete || !is_whole {
             return;
         }
         let size = transfer.size;
         if let Some(announced) = transfer.announced {
             if u64::from(announced) == size {
-                return context.pass();
+                return context.count_pass();
             }
-            let alarm = context.fail(event).about(about(transfer));
-            return alarm.report(|| format!("{} transferred, {announced} announced", plural(size, "byte")));
+            let alarm = context.start_finding(event).with_subject(transfer_subject(transfer));
+            return alarm.report_finding(|| {
+                format!("{} transferred, {announced} announced", count_noun(size, "byte"))
+            });
         }
         let Some(wanted) = bytes_of_type(event, transfer, context) else { return };
         // An expedited response of 4 bytes may lack a size indicator.
         if wanted == size || size == 4 && wanted < 4 {
-            return context.pass();
+            return context.count_pass();
         }
-        let alarm = context.fail(event).about(about(transfer)).severity(Severity::Note);
-        alarm.report(|| format!("{} read (data type: {wanted})", plural(size, "byte")));
+        let alarm = context
+            .start_finding(event)
+            .with_subject(transfer_subject(transfer))
+            .with_severity(Severity::Note);
+        alarm.report_finding(|| format!("{} read (data type: {wanted})", count_noun(size, "byte")));
     }
 }
 
 /// Size of the data type of an object that was read by an expedited transfer.
-fn bytes_of_type(event: &Event, transfer: &SdoTransfer, context: &Context<'_>) -> Option<u64> {
-    let is_read = transfer.direction == Some(Direction::Upload) && transfer.mode == Some(Mode::Expedited);
+fn bytes_of_type(event: &Event, transfer: &SdoTransfer, context: &RuleContext<'_>) -> Option<u64> {
+    let is_read =
+        transfer.direction == Some(SdoDirection::Upload) && transfer.mode == Some(SdoMode::Expedited);
     let object = transfer.object.filter(|_| is_read)?;
-    let device = context.node(event)?.device();
+    let device = context.event_node(event)?.device();
     let is_told = is_described(device, object) || object.index < 0x2000;
     let bits = device.dictionary.data_type(object).and_then(DataType::bits).filter(|_| is_told)?;
     Some(u64::from(bits.div_ceil(8)))

@@ -1,9 +1,9 @@
 //! Toggle bits of SDO segments.
 
-use crate::event::{Event, EventKind, Kind, Mode, Outcome, SdoIrregularityKind};
-use crate::rules::general::facts::about;
+use crate::event::{Event, EventKind, Kind, SdoIrregularityKind, SdoMode, SdoOutcome};
+use crate::rules::general::facts::transfer_subject;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 
 declare_rule! {
     /// # What it checks
@@ -32,36 +32,36 @@ declare_rule! {
 
 struct SdoToggle;
 
-fn new(_policy: &Policy) -> SdoToggle {
+fn new(_policy: &RulePolicy) -> SdoToggle {
     SdoToggle
 }
 
 impl Rule for SdoToggle {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
         // Only segments have a toggle bit.
-        let is_segmented = transfer.mode == Some(Mode::Segmented);
+        let is_segmented = transfer.mode == Some(SdoMode::Segmented);
         let toggle =
             transfer.irregularity.filter(|it| it.what == SdoIrregularityKind::Toggle && is_segmented);
         let Some(wrong) = toggle else {
-            if transfer.mode == Some(Mode::Segmented)
-                && transfer.outcome == Outcome::Complete
+            if transfer.mode == Some(SdoMode::Segmented)
+                && transfer.outcome == SdoOutcome::Complete
                 && !transfer.cut_start
             {
-                context.pass();
+                context.count_pass();
             }
             return;
         };
         // A test tool provokes this on purpose; the correct reaction is an abort.
         if wrong.by_client && context.is_tested {
-            if transfer.outcome == Outcome::Aborted {
-                context.pass();
+            if transfer.outcome == SdoOutcome::Aborted {
+                context.count_pass();
             }
             return;
         }
         let side = if wrong.by_client { "client" } else { "server" };
         let outcome = transfer.outcome.name();
-        let alarm = context.fail(event).about(about(transfer));
-        alarm.report(|| format!("wrong {side} toggle bit {{{}}} (transfer {outcome})", wrong.frame));
+        let alarm = context.start_finding(event).with_subject(transfer_subject(transfer));
+        alarm.report_finding(|| format!("wrong {side} toggle bit {{{}}} (transfer {outcome})", wrong.frame));
     }
 }

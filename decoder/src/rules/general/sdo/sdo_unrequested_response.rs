@@ -1,10 +1,10 @@
 //! SDO servers that send responses without a request.
 
-use crate::event::{Event, EventKind, Kind, Outcome};
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::event::{Event, EventKind, Kind, SdoOutcome};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::NodeMap;
-use crate::words::plural;
+use crate::words::count_noun;
 
 declare_rule! {
     /// # What it checks
@@ -26,7 +26,7 @@ declare_rule! {
     kinds: [Kind::SdoTransfer],
     needs: "an SDO transfer",
     word: "SDO",
-    tolerances: &[tolerance("responses", 3.0, "", "responses in sequence without a request")],
+    tolerances: &[define_tolerance("responses", 3.0, "", "responses in sequence without a request")],
 }
 
 struct SdoUnrequestedResponse {
@@ -35,19 +35,22 @@ struct SdoUnrequestedResponse {
     counts: NodeMap<f64>,
 }
 
-fn new(policy: &Policy) -> SdoUnrequestedResponse {
-    SdoUnrequestedResponse { least: policy.tolerance(&DECLARATION, "responses"), counts: NodeMap::default() }
+fn new(policy: &RulePolicy) -> SdoUnrequestedResponse {
+    SdoUnrequestedResponse {
+        least: policy.tolerance_value(&DECLARATION, "responses"),
+        counts: NodeMap::default(),
+    }
 }
 
 impl Rule for SdoUnrequestedResponse {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let (EventKind::SdoTransfer(transfer), Some(node)) = (&event.kind, event.node) else { return };
         let Some(count) = self.counts.entry(node) else { return };
-        if !transfer.is_unrequested || transfer.outcome != Outcome::Complete {
+        if !transfer.is_unrequested || transfer.outcome != SdoOutcome::Complete {
             // The first response without a request is marked as one without start.
             *count = if transfer.cut_start && transfer.frame_count == 1 { 1.0 } else { 0.0 };
-            if transfer.outcome == Outcome::Complete && !transfer.cut_start {
-                context.pass();
+            if transfer.outcome == SdoOutcome::Complete && !transfer.cut_start {
+                context.count_pass();
             }
             return;
         }
@@ -55,10 +58,10 @@ impl Rule for SdoUnrequestedResponse {
         let count = *count;
         if count >= self.least {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of events")]
-            let responses = plural(count as u64, "response");
+            let responses = count_noun(count as u64, "response");
             let response = transfer.response;
-            let alarm = context.fail(event).measure(count);
-            alarm.report(|| format!("{responses} on {response} in sequence without a request"));
+            let alarm = context.start_finding(event).with_measure(count);
+            alarm.report_finding(|| format!("{responses} on {response} in sequence without a request"));
         }
     }
 }

@@ -1,12 +1,12 @@
 //! SDO uploads that a device refuses.
 
-use crate::event::{Abort, Direction, Event, EventKind, Kind, Outcome};
-use crate::finding::Merge;
+use crate::event::{Event, EventKind, Kind, SdoAbort, SdoDirection, SdoOutcome};
+use crate::finding::MergedFindings;
 use crate::profile::abort_codes;
 use crate::query::record;
-use crate::rules::general::facts::about;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::general::facts::transfer_subject;
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::NodeMap;
 
 declare_rule! {
@@ -28,10 +28,10 @@ declare_rule! {
     "sdo-upload-refused", Note, "SDO upload refused",
     kinds: [Kind::SdoTransfer],
     needs: "an SDO upload",
-    merge: Merge::Node,
+    merge: MergedFindings::Node,
     is_on: false,
     word: "REFUSE",
-    tolerances: &[tolerance("missing", 5.0, "", "reads of missing objects before they count as a scan")],
+    tolerances: &[define_tolerance("missing", 5.0, "", "reads of missing objects before they count as a scan")],
 }
 
 struct SdoUploadRefused {
@@ -39,22 +39,22 @@ struct SdoUploadRefused {
     missing: NodeMap<f64>,
 }
 
-fn new(policy: &Policy) -> SdoUploadRefused {
-    SdoUploadRefused { most: policy.tolerance(&DECLARATION, "missing"), missing: NodeMap::default() }
+fn new(policy: &RulePolicy) -> SdoUploadRefused {
+    SdoUploadRefused { most: policy.tolerance_value(&DECLARATION, "missing"), missing: NodeMap::default() }
 }
 
 /// Abort codes for a missing object and a missing sub-index.
 const MISSING: [u32; 2] = [0x0602_0000, 0x0609_0011];
 
 impl Rule for SdoUploadRefused {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
-        if transfer.direction != Some(Direction::Upload) || context.is_tested {
+        if transfer.direction != Some(SdoDirection::Upload) || context.is_tested {
             return;
         }
         let code = match (transfer.outcome, transfer.abort) {
-            (Outcome::Complete, _) => return context.pass(),
-            (Outcome::Aborted, Some(Abort { code, by_client: false })) => code,
+            (SdoOutcome::Complete, _) => return context.count_pass(),
+            (SdoOutcome::Aborted, Some(SdoAbort { code, by_client: false })) => code,
             _ => return,
         };
         if let Some(count) =
@@ -65,9 +65,9 @@ impl Rule for SdoUploadRefused {
                 return;
             }
         }
-        let own = record::device(event, context.bus).abort(code, transfer.object);
-        let text = own.map_or_else(|| abort_codes().text(code), |own| &own.text);
-        let alarm = context.fail(event).about(about(transfer)).reason(text);
-        alarm.report(|| format!("read refused: {code:08X} {text}"));
+        let own = record::event_device(event, context.bus).abort_entry(code, transfer.object);
+        let text = own.map_or_else(|| abort_codes().code_text(code), |own| &own.text);
+        let alarm = context.start_finding(event).with_subject(transfer_subject(transfer)).with_reason(text);
+        alarm.report_finding(|| format!("read refused: {code:08X} {text}"));
     }
 }

@@ -3,7 +3,7 @@
 use crate::event::{Event, EventKind, Kind};
 use crate::rules::general::facts::{PRODUCES, confirmed_number};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 
@@ -37,12 +37,12 @@ struct SyncCounter {
     last_frame: u64,
 }
 
-fn new(_policy: &Policy) -> SyncCounter {
+fn new(_policy: &RulePolicy) -> SyncCounter {
     SyncCounter::default()
 }
 
 /// The only confirmed SYNC producer, with its overflow value.
-fn producer(bus: &Bus) -> Option<(NodeId, u64)> {
+fn confirmed_producer(bus: &Bus) -> Option<(NodeId, u64)> {
     let produces = |cob_id: u64| cob_id & PRODUCES != 0;
     let mut all = bus.nodes().filter(|node| confirmed_number(node, 0x1005, 0).is_some_and(produces));
     let one = all.next().filter(|_| all.next().is_none())?;
@@ -50,12 +50,12 @@ fn producer(bus: &Bus) -> Option<(NodeId, u64)> {
 }
 
 /// First node that expects SYNC without a counter.
-fn consumer(bus: &Bus) -> Option<NodeId> {
+fn counterless_consumer(bus: &Bus) -> Option<NodeId> {
     bus.nodes().find(|node| confirmed_number(node, 0x1019, 0) == Some(0)).map(Node::id)
 }
 
 impl Rule for SyncCounter {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::Sync { counter, expected } = event.kind else { return };
         let before = std::mem::replace(&mut self.last_frame, event.frames.last);
         if let (Some(counter), Some(expected)) = (counter, expected) {
@@ -63,35 +63,39 @@ impl Rule for SyncCounter {
             if context.is_across_hole(before) {
                 return;
             }
-            return context.fail(event).report(|| format!("SYNC counter {counter} (expected {expected})"));
+            return context
+                .start_finding(event)
+                .report_finding(|| format!("SYNC counter {counter} (expected {expected})"));
         }
         if let Some(counter @ (0 | 241..)) = counter {
-            return context.fail(event).report(|| format!("SYNC counter {counter} out of range (1 to 240)"));
+            return context
+                .start_finding(event)
+                .report_finding(|| format!("SYNC counter {counter} out of range (1 to 240)"));
         }
         // Without a counter, the look-up is limited to every 64th SYNC.
-        if context.traffic.syncs() % 64 != 1 && counter.is_none() {
+        if context.traffic.sync_count() % 64 != 1 && counter.is_none() {
             return;
         }
-        match (producer(context.bus), counter) {
+        match (confirmed_producer(context.bus), counter) {
             (Some((node, overflow @ 2..=240)), None) => {
-                let alarm = context.fail(event).node(Some(node));
-                alarm.report(|| format!("SYNC without counter (1019:00 = {overflow})"));
+                let alarm = context.start_finding(event).at_node(Some(node));
+                alarm.report_finding(|| format!("SYNC without counter (1019:00 = {overflow})"));
             }
             (Some((node, 0)), Some(counter)) => {
-                let alarm = context.fail(event).node(Some(node));
-                alarm.report(|| format!("SYNC with counter {counter} (1019:00 = 0)"));
+                let alarm = context.start_finding(event).at_node(Some(node));
+                alarm.report_finding(|| format!("SYNC with counter {counter} (1019:00 = 0)"));
             }
             (Some((node, overflow @ 2..=240)), Some(counter)) if u64::from(counter) > overflow => {
-                let alarm = context.fail(event).node(Some(node));
-                alarm.report(|| format!("SYNC counter {counter} > {overflow} (1019:00)"));
+                let alarm = context.start_finding(event).at_node(Some(node));
+                alarm.report_finding(|| format!("SYNC counter {counter} > {overflow} (1019:00)"));
             }
             (None, None) => {}
             (None, Some(counter)) => {
-                let Some(node) = consumer(context.bus) else { return context.pass() };
-                let alarm = context.fail(event).node(Some(node));
-                alarm.report(|| format!("SYNC with counter {counter}, but 1019:00 = 0 in this node"));
+                let Some(node) = counterless_consumer(context.bus) else { return context.count_pass() };
+                let alarm = context.start_finding(event).at_node(Some(node));
+                alarm.report_finding(|| format!("SYNC with counter {counter}, but 1019:00 = 0 in this node"));
             }
-            _ => context.pass(),
+            _ => context.count_pass(),
         }
     }
 }

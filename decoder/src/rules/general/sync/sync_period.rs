@@ -1,11 +1,11 @@
 //! SYNC period against 1006 or the usual period.
 
 use crate::event::{Event, EventKind, FrameRange, Kind};
-use crate::finding::{About, Severity};
+use crate::finding::{FindingSubject, Severity};
 use crate::frame::Timestamp;
 use crate::rules::general::facts::confirmed_value;
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule, TransferSubset};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy, TransferSubset};
 use crate::session::{Bus, Node};
 use crate::wire::canopen::ObjectAddress;
 
@@ -35,8 +35,8 @@ declare_rule! {
     is_timing: true,
     word: "SYNC",
     tolerances: &[
-        tolerance("given-percent", 10.0, "%", "deviation from 1006, a warning"),
-        tolerance("usual-percent", 20.0, "%", "deviation from the median if 1006 is unknown, a warning"),
+        define_tolerance("given-percent", 10.0, "%", "deviation from 1006, a warning"),
+        define_tolerance("usual-percent", 20.0, "%", "deviation from the median if 1006 is unknown, a warning"),
     ],
 }
 
@@ -73,8 +73,8 @@ struct SyncPeriod {
     is_double: bool,
 }
 
-fn new(policy: &Policy) -> SyncPeriod {
-    let share = |key| policy.tolerance(&DECLARATION, key) / 100.0;
+fn new(policy: &RulePolicy) -> SyncPeriod {
+    let share = |key| policy.tolerance_value(&DECLARATION, key) / 100.0;
     SyncPeriod {
         given_share: share("given-percent"),
         usual_share: share("usual-percent"),
@@ -91,7 +91,7 @@ fn new(policy: &Policy) -> SyncPeriod {
 }
 
 impl SyncPeriod {
-    fn sync(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_sync(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let Some(stamp) = event.time.filter(|_| !self.is_mixed) else { return };
         let now = context.now;
         let Some((last, frame)) = self.last.replace((now, event.frames.last)) else {
@@ -118,23 +118,27 @@ impl SyncPeriod {
         let frames = FrameRange { first: frame, last: event.frames.last };
         let is_full = self.filled.is_multiple_of(WINDOW);
         if is_full {
-            self.learn();
+            self.learn_period();
         }
         let is_near = reference.is_some_and(|period| self.is_near(interval, period, share));
         if self.filled >= WINDOW && (is_full || !is_near) {
-            self.streams(event, reference, context);
+            self.check_streams(event, reference, context);
         }
         let Some(period) = reference.filter(|_| !self.is_double) else { return };
         if is_near {
-            return context.pass();
+            return context.count_pass();
         }
         let source = if self.given.is_some() { "1006:00" } else { "usual period" };
         #[expect(clippy::cast_precision_loss, reason = "a measure to compare")]
         let measure = interval.abs_diff(period) as f64;
-        let alarm = context.fail(event).severity(Severity::Warning).measure(measure).frames(frames);
-        alarm.report(|| {
+        let alarm = context
+            .start_finding(event)
+            .with_severity(Severity::Warning)
+            .with_measure(measure)
+            .with_frames(frames);
+        alarm.report_finding(|| {
             let sign = if interval < period { "<" } else { ">" };
-            let ([interval, period], percent) = ([interval, period].map(milliseconds), share * 100.0);
+            let ([interval, period], percent) = ([interval, period].map(milliseconds_text), share * 100.0);
             format!("SYNC period {interval} {sign} {period} ± {percent:.0} % ({source})")
         });
     }
@@ -147,7 +151,7 @@ impl SyncPeriod {
     }
 
     /// Updates the usual period if most of the latest intervals are near their median.
-    fn learn(&mut self) {
+    fn learn_period(&mut self) {
         let mut sorted = self.intervals;
         sorted.sort_unstable();
         let Some(median) = sorted.get(WINDOW / 2).copied() else { return };
@@ -159,11 +163,11 @@ impl SyncPeriod {
     }
 
     /// Checks whether the latest intervals belong to two producers.
-    fn streams(&mut self, event: &Event, reference: Option<i64>, context: &mut Context<'_>) {
+    fn check_streams(&mut self, event: &Event, reference: Option<i64>, context: &mut RuleContext<'_>) {
         let was_double = std::mem::replace(&mut self.is_double, false);
         let Some([one, other]) = self.two_streams(reference) else {
             if was_double {
-                context.close(None, About::Whole);
+                context.close_condition(None, FindingSubject::Whole);
             }
             return;
         };
@@ -173,9 +177,9 @@ impl SyncPeriod {
         }
         let window: i64 = self.intervals.iter().sum();
         let since = event.time.map(|time| Timestamp(time.0.saturating_sub(window)));
-        let alarm = context.fail(event).since(since);
-        alarm.report(|| {
-            let [one, other, together] = [one, other, one + other].map(milliseconds);
+        let alarm = context.start_finding(event).started_at(since);
+        alarm.report_finding(|| {
+            let [one, other, together] = [one, other, one + other].map(milliseconds_text);
             format!("two SYNC producers of {together} each (intervals alternate between {one} and {other})")
         });
     }
@@ -195,7 +199,7 @@ impl SyncPeriod {
     }
 
     /// Updates the expected period from the configuration of the nodes.
-    fn configured(&mut self, bus: &Bus) {
+    fn update_expected(&mut self, bus: &Bus) {
         let of_any = bus.nodes().filter_map(|node| confirmed_value(node, COB_ID));
         self.is_mixed = of_any.into_iter().any(|id| id & IDENTIFIER != PREDEFINED);
         let periods = bus
@@ -217,36 +221,38 @@ impl SyncPeriod {
         }
     }
 
-    fn producers(event: &Event, context: &mut Context<'_>) {
+    fn check_producers(event: &Event, context: &mut RuleContext<'_>) {
         let produces = |node: &&Node| confirmed_value(node, COB_ID).is_some_and(|id| id & PRODUCES != 0);
         let all: Vec<String> =
             context.bus.nodes().filter(produces).map(|node| node.id().to_string()).collect();
         if all.len() > 1 {
-            let alarm = context.fail(event).about(About::Object(COB_ID));
-            alarm.report(|| format!("several SYNC producers: nodes {} (1005:00 bit 30)", all.join(", ")));
+            let alarm = context.start_finding(event).with_subject(FindingSubject::Object(COB_ID));
+            alarm.report_finding(|| {
+                format!("several SYNC producers: nodes {} (1005:00 bit 30)", all.join(", "))
+            });
         }
     }
 }
 
-fn milliseconds(time: i64) -> String {
+fn milliseconds_text(time: i64) -> String {
     #[expect(clippy::cast_precision_loss, reason = "a time to read")]
     let milliseconds = time as f64 / 1e6;
     format!("{milliseconds:.1} ms")
 }
 
 impl Rule for SyncPeriod {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match &event.kind {
-            EventKind::Sync { .. } if !event.presumed => self.sync(event, context),
+            EventKind::Sync { .. } if !event.presumed => self.on_sync(event, context),
             EventKind::SdoTransfer(transfer) => match transfer.object {
-                Some(PERIOD) => self.configured(context.bus),
+                Some(PERIOD) => self.update_expected(context.bus),
                 Some(COB_ID) => {
-                    self.configured(context.bus);
-                    Self::producers(event, context);
+                    self.update_expected(context.bus);
+                    Self::check_producers(event, context);
                 }
                 _ => {}
             },
-            EventKind::BootUp { .. } => self.configured(context.bus),
+            EventKind::BootUp { .. } => self.update_expected(context.bus),
             _ => {}
         }
     }

@@ -1,9 +1,9 @@
 //! SYNC from a node whose producer bit was cleared.
 
 use crate::event::{Event, EventKind, FrameRange, Kind, SdoTransfer};
-use crate::rules::general::facts::{PRODUCES, number};
+use crate::rules::general::facts::{PRODUCES, transfer_number};
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule, TransferSubset};
+use crate::rules::{Rule, RuleContext, RulePolicy, TransferSubset};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::{NodeId, NodeMap};
 
@@ -39,7 +39,7 @@ const COB_ID_SYNC: ObjectAddress = ObjectAddress::new(0x1005, 0);
 const IN_A_ROW: u8 = 3;
 
 /// Node whose producer bit was cleared.
-struct Cleared {
+struct ClearedProducer {
     node: NodeId,
     frame: u64,
     /// The bit was set earlier in this capture.
@@ -57,41 +57,44 @@ struct SyncProducer {
     is_produced: bool,
     /// Time of the last SYNC, and the interval before it.
     last: Option<(i64, Option<i64>)>,
-    cleared: Option<Cleared>,
+    cleared: Option<ClearedProducer>,
     /// A case of a conformance test is open.
     is_in_case: bool,
 }
 
-fn new(_policy: &Policy) -> SyncProducer {
+fn new(_policy: &RulePolicy) -> SyncProducer {
     SyncProducer::default()
 }
 
 impl SyncProducer {
-    fn learn(&mut self, event: &Event, node: NodeId, transfer: &SdoTransfer) {
-        let Some(value) = number(transfer).filter(|_| transfer.object == Some(COB_ID_SYNC)) else { return };
+    fn learn_producer(&mut self, event: &Event, node: NodeId, transfer: &SdoTransfer) {
+        let Some(value) = transfer_number(transfer).filter(|_| transfer.object == Some(COB_ID_SYNC)) else {
+            return;
+        };
         let produces = value & PRODUCES != 0;
         let before = self.produces.get(node).copied();
         self.produces.insert(node, produces);
-        self.count();
+        self.count_sync();
         let was_set = before == Some(true);
         if produces {
             self.cleared = None;
         } else if was_set || self.is_in_case && self.cleared.is_none() {
             let period = self.last.and_then(|(_, interval)| interval).filter(|_| was_set);
-            self.cleared = Some(Cleared { node, frame: event.frames.last, was_set, period, in_a_row: 0 });
+            self.cleared =
+                Some(ClearedProducer { node, frame: event.frames.last, was_set, period, in_a_row: 0 });
         }
     }
 
-    fn count(&mut self) {
+    fn count_sync(&mut self) {
         self.is_produced = self.produces.iter().any(|(_, produces)| *produces);
     }
 
-    fn sync(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_sync(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let now = context.now;
         let interval = self.last.map(|(last, _)| now.saturating_sub(last)).filter(|_| context.has_time);
         self.last = Some((now, interval));
         if self.is_produced {
-            return context.pass();
+            return context.count_pass();
         }
         let is_in_case = self.is_in_case;
         let Some(cleared) = &mut self.cleared else { return };
@@ -103,8 +106,9 @@ impl SyncProducer {
             let (node, frame) = (cleared.node, cleared.frame);
             let frames = FrameRange { first: frame, last: event.frames.last };
             self.cleared = None;
-            let alarm = context.fail(event).node(Some(node)).frames(frames);
-            return alarm.report(|| format!("SYNC still sent after 1005:00 bit 30 was cleared {{{frame}}}"));
+            let alarm = context.start_finding(event).at_node(Some(node)).with_frames(frames);
+            return alarm
+                .report_finding(|| format!("SYNC still sent after 1005:00 bit 30 was cleared {{{frame}}}"));
         }
         // Another producer sends it, so the node cannot be identified.
         if is_in_case || !is_same {
@@ -114,13 +118,13 @@ impl SyncProducer {
 }
 
 impl Rule for SyncProducer {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
-            (EventKind::Sync { .. }, _) => self.sync(event, context),
-            (EventKind::SdoTransfer(transfer), Some(node)) => self.learn(event, node, transfer),
+            (EventKind::Sync { .. }, _) => self.on_sync(event, context),
+            (EventKind::SdoTransfer(transfer), Some(node)) => self.learn_producer(event, node, transfer),
             (EventKind::BootUp { .. }, Some(node)) => {
                 self.produces.remove(node);
-                self.count();
+                self.count_sync();
                 if self.cleared.as_ref().is_some_and(|cleared| cleared.node == node) {
                     self.cleared = None;
                 }
@@ -128,7 +132,7 @@ impl Rule for SyncProducer {
             (EventKind::TestCase(marker), _) => {
                 let is_end = marker.result.is_some();
                 if self.cleared.take().is_some() && is_end && self.is_in_case {
-                    context.pass();
+                    context.count_pass();
                 }
                 self.is_in_case = !is_end;
             }

@@ -1,11 +1,12 @@
 //! Incomplete or irregular ISO-TP messages.
 
 use crate::event::{
-    Event, EventKind, Irregularity, IrregularityKind, IsoTpTransfer, Kind, MessageOutcome, Protocol,
+    Event, EventKind, EventProtocol, IrregularityKind, IsoTpTransfer, Kind, MessageOutcome,
+    TransferIrregularity,
 };
-use crate::finding::{About, Severity};
-use crate::rules::rule::{declare_rule, tolerance};
-use crate::rules::{Context, Policy, Rule};
+use crate::finding::{FindingSubject, Severity};
+use crate::rules::rule::{declare_rule, define_tolerance};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 
 declare_rule! {
     /// # What it checks
@@ -29,7 +30,7 @@ declare_rule! {
     needs: "a segmented ISO-TP message",
     skips_holes: true,
     word: "ISOTP",
-    tolerances: &[tolerance(
+    tolerances: &[define_tolerance(
         "grace-ms", 1_000.0, "ms", "after the start of the capture, in which messages may have begun earlier",
     )],
 }
@@ -39,14 +40,14 @@ struct IsotpViolation {
     began: i64,
 }
 
-fn new(policy: &Policy) -> IsotpViolation {
-    IsotpViolation { grace: policy.nanoseconds(&DECLARATION, "grace-ms"), began: 0 }
+fn new(policy: &RulePolicy) -> IsotpViolation {
+    IsotpViolation { grace: policy.tolerance_ns(&DECLARATION, "grace-ms"), began: 0 }
 }
 
-fn message(event: &Event, transfer: &IsoTpTransfer, context: &mut Context<'_>) {
+fn on_message(event: &Event, transfer: &IsoTpTransfer, context: &mut RuleContext<'_>) {
     let (what, severity) = match transfer.outcome {
         MessageOutcome::Complete if transfer.is_single => return,
-        MessageOutcome::Complete => return context.pass(),
+        MessageOutcome::Complete => return context.count_pass(),
         MessageOutcome::Unfinished => return,
         MessageOutcome::Incomplete => ("frames missing", Severity::Warning),
         MessageOutcome::NoFlowControl => ("no flow control within 1000 ms (N_Bs)", Severity::Warning),
@@ -55,11 +56,12 @@ fn message(event: &Event, transfer: &IsoTpTransfer, context: &mut Context<'_>) {
         MessageOutcome::Superseded => ("sender started another message", Severity::Note),
     };
     let (size, announced) = (transfer.size, transfer.announced);
-    let alarm = context.fail(event).about(About::Id(transfer.id)).severity(severity);
-    alarm.report(|| format!("{size} of {announced} bytes received: {what}"));
+    let alarm =
+        context.start_finding(event).with_subject(FindingSubject::Id(transfer.id)).with_severity(severity);
+    alarm.report_finding(|| format!("{size} of {announced} bytes received: {what}"));
 }
 
-fn irregular(event: &Event, odd: &Irregularity, is_early: bool, context: &mut Context<'_>) {
+fn on_irregularity(event: &Event, odd: &TransferIrregularity, is_early: bool, context: &mut RuleContext<'_>) {
     let severity = match odd.what {
         // The outcome of the message includes the gap.
         IrregularityKind::Gap => return,
@@ -70,9 +72,10 @@ fn irregular(event: &Event, odd: &Irregularity, is_early: bool, context: &mut Co
         (Some(source), Some(destination)) => format!("{source:02X} to {destination:02X}"),
         _ => "frames".to_owned(),
     };
-    let alarm = context.fail(event).about(About::Name(path.into())).severity(severity);
+    let alarm =
+        context.start_finding(event).with_subject(FindingSubject::Name(path.into())).with_severity(severity);
     let message = odd.message;
-    alarm.report(|| match (odd.what, odd.packet) {
+    alarm.report_finding(|| match (odd.what, odd.packet) {
         (IrregularityKind::Duplicate, Some(number)) => {
             format!("{message} {number} received twice")
         }
@@ -81,16 +84,16 @@ fn irregular(event: &Event, odd: &Irregularity, is_early: bool, context: &mut Co
 }
 
 impl Rule for IsotpViolation {
-    fn begin(&mut self, context: &mut Context<'_>) {
+    fn begin_bus(&mut self, context: &mut RuleContext<'_>) {
         self.began = context.now;
     }
 
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match &event.kind {
-            EventKind::IsoTpTransfer(transfer) => message(event, transfer, context),
-            EventKind::TransportIrregularity(odd) if event.protocol == Protocol::Uds => {
+            EventKind::IsoTpTransfer(transfer) => on_message(event, transfer, context),
+            EventKind::TransportIrregularity(odd) if event.protocol == EventProtocol::Uds => {
                 let is_early = context.now.saturating_sub(self.began) < self.grace;
-                irregular(event, odd, is_early, context);
+                on_irregularity(event, odd, is_early, context);
             }
             _ => {}
         }

@@ -4,11 +4,11 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use crate::event::{Event, EventKind, ExchangeOutcome, Kind, UdsExchange};
-use crate::finding::{About, Severity};
-use crate::profile::uds;
+use crate::finding::{FindingSubject, Severity};
+use crate::profile::uds_names;
 use crate::query::record;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 
 declare_rule! {
     /// # What it checks
@@ -45,12 +45,12 @@ const CHANGES: [u8; 10] = [0x11, 0x14, 0x2E, 0x2F, 0x31, 0x34, 0x36, 0x37, 0x38,
 
 struct UdsNegative;
 
-fn new(_policy: &Policy) -> UdsNegative {
+fn new(_policy: &RulePolicy) -> UdsNegative {
     UdsNegative
 }
 
 /// `20: 2E 0102`: server, service, identifier. The server is omitted if the finding has a node.
-pub(in crate::rules::general) fn subject(event: &Event, exchange: &UdsExchange) -> Arc<str> {
+pub(in crate::rules::general) fn exchange_subject(event: &Event, exchange: &UdsExchange) -> Arc<str> {
     let mut text = String::new();
     if event.node.is_none() {
         let _ = match (&exchange.ends.server, exchange.ends.target) {
@@ -68,14 +68,14 @@ pub(in crate::rules::general) fn subject(event: &Event, exchange: &UdsExchange) 
 
 /// Name of a service, or `service` if unknown.
 pub(super) fn service_name(service: u8) -> &'static str {
-    uds().service(service).map_or("service", |known| known.name.as_str())
+    uds_names().service_by_id(service).map_or("service", |known| known.name.as_str())
 }
 
 impl Rule for UdsNegative {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::UdsExchange(exchange) = &event.kind else { return };
         let code = match (exchange.outcome, exchange.nrc) {
-            (ExchangeOutcome::Positive, _) => return context.pass(),
+            (ExchangeOutcome::Positive, _) => return context.count_pass(),
             (ExchangeOutcome::Negative, Some(code)) => code,
             _ => return,
         };
@@ -84,12 +84,16 @@ impl Rule for UdsNegative {
             return;
         }
         let severity = if changes { Severity::Warning } else { Severity::Note };
-        let own = record::device(event, context.bus).uds.nrc(code, exchange.service, exchange.identifier);
+        let own = record::event_device(event, context.bus).uds.response_code_entry(
+            code,
+            exchange.service,
+            exchange.identifier,
+        );
         let own = own.map(|own| own.text.clone());
-        let about = About::Name(subject(event, exchange));
-        let alarm = context.fail(event).about(about).severity(severity);
-        alarm.report(|| {
-            let text = uds().code(code).map_or("unknown code", |known| known.text.as_str());
+        let about = FindingSubject::Name(exchange_subject(event, exchange));
+        let alarm = context.start_finding(event).with_subject(about).with_severity(severity);
+        alarm.report_finding(|| {
+            let text = uds_names().code_entry(code).map_or("unknown code", |known| known.text.as_str());
             format!(
                 "{} refused: {code:02X} {}",
                 service_name(exchange.service),

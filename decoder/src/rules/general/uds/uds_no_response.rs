@@ -1,11 +1,11 @@
 //! UDS requests without a response.
 
-use super::uds_negative::{service_name, subject};
-use crate::event::{Endpoints, Event, EventKind, ExchangeOutcome, Kind, UdsExchange};
-use crate::finding::{About, Severity};
+use super::uds_negative::{exchange_subject, service_name};
+use crate::event::{Event, EventKind, ExchangeOutcome, Kind, UdsEndpoints, UdsExchange};
+use crate::finding::{FindingSubject, Severity};
 use crate::frame::CanId;
 use crate::rules::rule::declare_rule;
-use crate::rules::{Context, Policy, Rule};
+use crate::rules::{Rule, RuleContext, RulePolicy};
 
 declare_rule! {
     /// # What it checks
@@ -40,39 +40,39 @@ const SERVER_LIMIT: usize = 256;
 #[derive(Default)]
 struct UdsNoResponse {
     /// Servers that have responded: addresses, or the identifier of the requests.
-    heard: Vec<Server>,
+    heard: Vec<UdsServer>,
 }
 
 #[derive(PartialEq)]
-struct Server {
+struct UdsServer {
     ends: (Option<u16>, Option<u16>),
     id: Option<CanId>,
 }
 
-impl Server {
-    fn of(exchange: &UdsExchange) -> Self {
-        let Endpoints { source, target, .. } = exchange.ends;
+impl UdsServer {
+    fn server_of(exchange: &UdsExchange) -> Self {
+        let UdsEndpoints { source, target, .. } = exchange.ends;
         let id = exchange.request.as_ref().map(|request| request.id).filter(|_| target.is_none());
         Self { ends: (source, target), id }
     }
 }
 
-fn new(_policy: &Policy) -> UdsNoResponse {
+fn new(_policy: &RulePolicy) -> UdsNoResponse {
     UdsNoResponse::default()
 }
 
 impl UdsNoResponse {
-    fn silent(&self, event: &Event, exchange: &UdsExchange, context: &mut Context<'_>) {
-        let is_known = self.heard.contains(&Server::of(exchange));
+    fn on_silent(&self, event: &Event, exchange: &UdsExchange, context: &mut RuleContext<'_>) {
+        let is_known = self.heard.contains(&UdsServer::server_of(exchange));
         if exchange.ends.functional || !(is_known || exchange.pending > 0) {
             return;
         }
-        let about = About::Name(subject(event, exchange));
+        let about = FindingSubject::Name(exchange_subject(event, exchange));
         let severity = if exchange.pending > 0 { Severity::Error } else { Severity::Warning };
-        let alarm = context.fail(event).about(about).severity(severity);
+        let alarm = context.start_finding(event).with_subject(about).with_severity(severity);
         let pending = exchange.pending;
         let name = service_name(exchange.service);
-        alarm.report(|| match pending {
+        alarm.report_finding(|| match pending {
             0 => format!("no response to {name}"),
             pending => format!("no final response to {name} after {pending} × response pending"),
         });
@@ -80,17 +80,17 @@ impl UdsNoResponse {
 }
 
 impl Rule for UdsNoResponse {
-    fn event(&mut self, event: &Event, context: &mut Context<'_>) {
+    fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::UdsExchange(exchange) = &event.kind else { return };
         match exchange.outcome {
             ExchangeOutcome::Positive | ExchangeOutcome::Negative => {
-                context.pass();
-                let server = Server::of(exchange);
+                context.count_pass();
+                let server = UdsServer::server_of(exchange);
                 if self.heard.len() < SERVER_LIMIT && !self.heard.contains(&server) {
                     self.heard.push(server);
                 }
             }
-            ExchangeOutcome::NoAnswer => self.silent(event, exchange, context),
+            ExchangeOutcome::NoAnswer => self.on_silent(event, exchange, context),
             ExchangeOutcome::Unsolicited | ExchangeOutcome::Suppressed | ExchangeOutcome::Unfinished => {}
         }
     }

@@ -4,7 +4,7 @@
 //! numbered from 1. So the segments of the present block are buffered until the acknowledgement. Bytes of
 //! acknowledged segments that the capture lacks are gaps.
 
-use crate::event::Crc;
+use crate::event::CrcCheck;
 
 /// Data bytes per segment.
 const SEGMENT: usize = 7;
@@ -32,7 +32,7 @@ struct CapturedSegment {
 }
 
 impl CapturedSegment {
-    fn of(data: &[u8]) -> Self {
+    fn from_data(data: &[u8]) -> Self {
         let mut segment = Self::default();
         for (target, source) in segment.bytes.iter_mut().zip(data) {
             *target = *source;
@@ -57,7 +57,7 @@ pub(super) struct BlockLoss {
 
 /// State of the blocks of one transfer.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Blocks {
+pub(super) struct BlockProgress {
     /// Segments of the present block, by sequence number.
     present: Vec<CapturedSegment>,
     /// Segments that were sent, but not acknowledged: the sender repeats them from number 1.
@@ -92,10 +92,10 @@ pub(super) struct Blocks {
     client_crc: Option<bool>,
     server_crc: Option<bool>,
     crc: u16,
-    verdict: Option<Crc>,
+    verdict: Option<CrcCheck>,
 }
 
-impl Blocks {
+impl BlockProgress {
     /// Sets the CRC support of the client.
     pub(super) fn client_offers(&mut self, crc: bool) {
         self.client_crc = Some(crc);
@@ -108,7 +108,13 @@ impl Blocks {
 
     /// Adds a segment of the present block. A sequence number that starts again shows that an acknowledgement
     /// is missing in the capture: the earlier segments go to `keep` and are never overwritten.
-    pub(super) fn segment(&mut self, sequence: u8, last: bool, data: &[u8], keep: impl FnMut(DataPart<'_>)) {
+    pub(super) fn add_segment(
+        &mut self,
+        sequence: u8,
+        last: bool,
+        data: &[u8],
+        keep: impl FnMut(DataPart<'_>),
+    ) {
         let place = usize::from(sequence);
         if place == 0 || place > MOST_SEGMENTS {
             return;
@@ -116,7 +122,7 @@ impl Blocks {
         if let Some(loss) = self.possible_loss.take() {
             self.add_loss(loss);
         }
-        let segment = CapturedSegment::of(data);
+        let segment = CapturedSegment::from_data(data);
         let known = self.present.get(place - 1).copied().filter(|known| known.is_seen());
         if sequence == self.latest && known == Some(segment) {
             // The same frame twice.
@@ -162,22 +168,22 @@ impl Blocks {
             None => self.size.unwrap_or(0).max(self.latest),
         };
         self.is_presumed = true;
-        self.apply(count, None, keep);
+        self.apply_segments(count, None, keep);
         // The acknowledgement may have changed the block size.
         self.size = None;
     }
 
     /// Acknowledges the segments up to `sequence`; `keep` receives the data. An acknowledgement of more than
     /// 127 segments (CiA 301 §7.2.4.3.9) is treated as 0.
-    pub(super) fn acknowledge(&mut self, sequence: u8, frame: u64, keep: impl FnMut(DataPart<'_>)) {
+    pub(super) fn acknowledge_segments(&mut self, sequence: u8, frame: u64, keep: impl FnMut(DataPart<'_>)) {
         if usize::from(sequence) > MOST_SEGMENTS {
-            self.clear();
+            self.clear_block();
             return;
         }
-        self.apply(sequence, Some(frame), keep);
+        self.apply_segments(sequence, Some(frame), keep);
     }
 
-    fn apply(&mut self, count: u8, frame: Option<u64>, mut keep: impl FnMut(DataPart<'_>)) {
+    fn apply_segments(&mut self, count: u8, frame: Option<u64>, mut keep: impl FnMut(DataPart<'_>)) {
         self.count_loss(count, frame);
         for place in 0..usize::from(count) {
             let segment = self.segment_at(place);
@@ -187,7 +193,7 @@ impl Blocks {
                 }
                 self.missing += 1;
             }
-            self.flush(0, &mut keep);
+            self.flush_segment(0, &mut keep);
             self.tail = Some(segment);
         }
         let last = self.last_sequence.or(self.repeated_last);
@@ -195,7 +201,7 @@ impl Blocks {
         self.repeated_last = last.and_then(|last| last.checked_sub(count)).filter(|rest| *rest > 0);
         let end = self.present.len().max(self.repeated.len());
         self.repeated = (usize::from(count)..end).map(|place| self.segment_at(place)).collect();
-        self.clear();
+        self.clear_block();
     }
 
     /// A segment of the present block; if it was captured only when it was first sent, that one.
@@ -222,7 +228,7 @@ impl Blocks {
         self.first_loss.get_or_insert(loss);
     }
 
-    fn clear(&mut self) {
+    fn clear_block(&mut self) {
         self.present.clear();
         self.latest = 0;
         self.last_sequence = None;
@@ -236,29 +242,29 @@ impl Blocks {
     }
 
     /// Applies the end message: unused bytes of the last segment, and the CRC.
-    pub(super) fn end(&mut self, unused: u8, crc: u16, mut keep: impl FnMut(DataPart<'_>)) {
+    pub(super) fn end_block(&mut self, unused: u8, crc: u16, mut keep: impl FnMut(DataPart<'_>)) {
         self.presume_rest(&mut keep);
-        self.flush(usize::from(unused), &mut keep);
+        self.flush_segment(usize::from(unused), &mut keep);
         let used = self.client_crc.unwrap_or(true) && self.server_crc.unwrap_or(true);
         self.verdict = Some(if !used {
-            Crc::NotUsed
+            CrcCheck::NotUsed
         } else if self.has_gap || self.starts_late {
-            Crc::Unchecked
+            CrcCheck::Unchecked
         } else if crc == self.crc {
-            Crc::Correct
+            CrcCheck::Correct
         } else if self.is_presumed {
-            Crc::Unchecked
+            CrcCheck::Unchecked
         } else {
-            Crc::Wrong
+            CrcCheck::Wrong
         });
     }
 
     /// Registers that the data is shorter than announced. If the CRC does not confirm it, whole blocks are missing
     /// in the capture.
     pub(super) fn lacks_bytes(&mut self, count: u64) {
-        if count > 0 && matches!(self.verdict, Some(Crc::Wrong | Crc::Unchecked)) {
+        if count > 0 && matches!(self.verdict, Some(CrcCheck::Wrong | CrcCheck::Unchecked)) {
             self.missing += count.div_ceil(SEGMENT as u64);
-            self.verdict = Some(Crc::Unchecked);
+            self.verdict = Some(CrcCheck::Unchecked);
             self.is_presumed = true;
         }
     }
@@ -268,14 +274,14 @@ impl Blocks {
         self.possible_loss = None;
         if !self.present.is_empty() {
             self.is_presumed = true;
-            self.apply(self.last_sequence.unwrap_or(self.latest), None, keep);
+            self.apply_segments(self.last_sequence.unwrap_or(self.latest), None, keep);
             self.possible_loss = None;
         }
     }
 
     /// Ends the data without the end message; `unused` bytes of the last segment are not data.
     pub(super) fn end_tail(&mut self, unused: usize, mut keep: impl FnMut(DataPart<'_>)) {
-        self.flush(unused, &mut keep);
+        self.flush_segment(unused, &mut keep);
     }
 
     /// Ends a transfer without an end message. All captured segments are kept.
@@ -283,27 +289,27 @@ impl Blocks {
         for place in 0..self.present.len() {
             let segment = self.segment_at(place);
             if segment.is_seen() || !self.starts_late || self.tail.is_some() {
-                self.flush(0, &mut keep);
+                self.flush_segment(0, &mut keep);
                 self.tail = Some(segment);
             }
         }
-        self.flush(0, &mut keep);
-        self.clear();
+        self.flush_segment(0, &mut keep);
+        self.clear_block();
     }
 
     /// Result of the CRC check; `None` before the end message.
-    pub(super) fn verdict(&self) -> Option<Crc> {
+    pub(super) fn crc_verdict(&self) -> Option<CrcCheck> {
         self.verdict
     }
 
     /// Whether the value is not reliable: bytes are missing, or positions are presumed and not confirmed by
     /// the CRC.
     pub(super) fn is_unreliable(&self) -> bool {
-        self.has_gap || self.is_presumed && self.verdict != Some(Crc::Correct)
+        self.has_gap || self.is_presumed && self.verdict != Some(CrcCheck::Correct)
     }
 
     /// Passes the last segment to `keep`, without its `unused` bytes.
-    fn flush(&mut self, unused: usize, keep: &mut impl FnMut(DataPart<'_>)) {
+    fn flush_segment(&mut self, unused: usize, keep: &mut impl FnMut(DataPart<'_>)) {
         let Some(tail) = self.tail.take() else { return };
         let used = SEGMENT.saturating_sub(unused);
         let seen = usize::from(tail.length).min(used);
@@ -344,9 +350,9 @@ mod tests {
         }
     }
 
-    fn segments(blocks: &mut Blocks, text: &mut Vec<u8>, list: &[(u8, &[u8])]) {
+    fn segments(blocks: &mut BlockProgress, text: &mut Vec<u8>, list: &[(u8, &[u8])]) {
         for (byte, data) in list {
-            blocks.segment(byte & 0x7F, byte & 0x80 != 0, data, into(text));
+            blocks.add_segment(byte & 0x7F, byte & 0x80 != 0, data, into(text));
         }
     }
 
@@ -358,82 +364,87 @@ mod tests {
 
     #[test]
     fn two_segments_in_one_block() {
-        let (mut blocks, mut data) = (Blocks::default(), Vec::new());
+        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
         blocks.client_offers(true);
         blocks.server_offers(true);
         segments(&mut blocks, &mut data, &[(1, b"1234567"), (0x82, b"89\0\0\0\0\0")]);
-        blocks.acknowledge(2, 9, into(&mut data));
+        blocks.acknowledge_segments(2, 9, into(&mut data));
         assert!(blocks.is_complete);
-        blocks.end(5, 0x31C3, into(&mut data));
-        assert_eq!((data.as_slice(), blocks.verdict()), (&b"123456789"[..], Some(Crc::Correct)));
+        blocks.end_block(5, 0x31C3, into(&mut data));
+        assert_eq!((data.as_slice(), blocks.crc_verdict()), (&b"123456789"[..], Some(CrcCheck::Correct)));
         assert_eq!((blocks.missing, blocks.losses), (0, 0));
     }
 
     #[test]
     fn segments_without_acknowledgement_are_repeated() {
         // §7.2.4.3.9: after ackseq 1 the sender continues with the next segment as number 1.
-        let (mut blocks, mut data) = (Blocks::default(), Vec::new());
+        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
         segments(&mut blocks, &mut data, &[(1, b"1234567"), (0x82, b"89\0\0\0\0\0")]);
-        blocks.acknowledge(1, 9, into(&mut data));
+        blocks.acknowledge_segments(1, 9, into(&mut data));
         assert!(!blocks.is_complete);
         segments(&mut blocks, &mut data, &[(0x81, b"89\0\0\0\0\0")]);
-        blocks.acknowledge(1, 11, into(&mut data));
+        blocks.acknowledge_segments(1, 11, into(&mut data));
         assert!(blocks.is_complete);
-        blocks.end(5, 0x31C3, into(&mut data));
-        assert_eq!((data.as_slice(), blocks.verdict()), (&b"123456789"[..], Some(Crc::Correct)));
+        blocks.end_block(5, 0x31C3, into(&mut data));
+        assert_eq!((data.as_slice(), blocks.crc_verdict()), (&b"123456789"[..], Some(CrcCheck::Correct)));
         assert_eq!((blocks.missing, blocks.losses), (0, 1));
         assert_eq!(blocks.first_loss, Some(BlockLoss { sequence: 2, frame: Some(9) }));
     }
 
     #[test]
     fn a_repeated_segment_that_is_not_captured_is_known_from_its_first_transmission() {
-        let (mut blocks, mut data) = (Blocks::default(), Vec::new());
+        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
         segments(&mut blocks, &mut data, &[(1, b"1234567"), (0x82, b"89\0\0\0\0\0")]);
-        blocks.acknowledge(1, 9, into(&mut data));
-        blocks.acknowledge(1, 11, into(&mut data));
+        blocks.acknowledge_segments(1, 9, into(&mut data));
+        blocks.acknowledge_segments(1, 11, into(&mut data));
         assert!(blocks.is_complete);
-        blocks.end(5, 0x31C3, into(&mut data));
+        blocks.end_block(5, 0x31C3, into(&mut data));
         assert_eq!((data.as_slice(), blocks.missing), (&b"123456789"[..], 0));
     }
 
     #[test]
     fn an_acknowledged_segment_that_was_not_captured_is_a_gap() {
-        let (mut blocks, mut data) = (Blocks::default(), Vec::new());
+        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
         segments(&mut blocks, &mut data, &[(0x82, b"89\0\0\0\0\0")]);
-        blocks.acknowledge(2, 9, into(&mut data));
-        blocks.end(5, 0x31C3, into(&mut data));
-        assert_eq!((data.as_slice(), blocks.verdict()), (&b"???????89"[..], Some(Crc::Unchecked)));
+        blocks.acknowledge_segments(2, 9, into(&mut data));
+        blocks.end_block(5, 0x31C3, into(&mut data));
+        assert_eq!((data.as_slice(), blocks.crc_verdict()), (&b"???????89"[..], Some(CrcCheck::Unchecked)));
         assert_eq!((blocks.missing, blocks.losses), (1, 0));
     }
 
     #[test]
     fn a_final_segment_that_was_not_captured_is_a_gap() {
-        let (mut blocks, mut data) = (Blocks::default(), Vec::new());
+        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
         segments(&mut blocks, &mut data, &[(1, b"1234567")]);
-        blocks.acknowledge(2, 9, into(&mut data));
+        blocks.acknowledge_segments(2, 9, into(&mut data));
         assert!(!blocks.is_complete && blocks.expects_end());
-        blocks.end(5, 0x31C3, into(&mut data));
+        blocks.end_block(5, 0x31C3, into(&mut data));
         assert_eq!((data.as_slice(), blocks.missing), (&b"1234567??"[..], 1));
     }
 
     #[test]
     fn a_sequence_that_starts_again_overwrites_nothing() {
         // Blocks of 2 segments; the first acknowledgement is missing in the capture. The CRC confirms it.
-        let (mut blocks, mut data) = (Blocks { size: Some(2), ..Blocks::default() }, Vec::new());
+        let (mut blocks, mut data) =
+            (BlockProgress { size: Some(2), ..BlockProgress::default() }, Vec::new());
         let list: [(u8, &[u8]); 3] = [(1, b"abcdefg"), (2, b"hijklmn"), (0x81, b"op\0\0\0\0\0")];
         segments(&mut blocks, &mut data, &list);
-        blocks.acknowledge(1, 9, into(&mut data));
-        blocks.end(5, crc16(0, b"abcdefghijklmnop"), into(&mut data));
-        assert_eq!((data.as_slice(), blocks.verdict()), (&b"abcdefghijklmnop"[..], Some(Crc::Correct)));
+        blocks.acknowledge_segments(1, 9, into(&mut data));
+        blocks.end_block(5, crc16(0, b"abcdefghijklmnop"), into(&mut data));
+        assert_eq!(
+            (data.as_slice(), blocks.crc_verdict()),
+            (&b"abcdefghijklmnop"[..], Some(CrcCheck::Correct))
+        );
         assert!(!blocks.is_unreliable());
     }
 
     #[test]
     fn a_hole_over_an_acknowledgement_is_a_gap_and_no_loss() {
         // Blocks of 3; segment 3, the acknowledgement and segment 1 of the next block are missing.
-        let (mut blocks, mut data) = (Blocks { size: Some(3), ..Blocks::default() }, Vec::new());
+        let (mut blocks, mut data) =
+            (BlockProgress { size: Some(3), ..BlockProgress::default() }, Vec::new());
         segments(&mut blocks, &mut data, &[(1, b"abcdefg"), (2, b"hijklmn"), (2, b"vwxyz01")]);
-        blocks.acknowledge(2, 9, into(&mut data));
+        blocks.acknowledge_segments(2, 9, into(&mut data));
         blocks.give_up(into(&mut data));
         assert_eq!(data, b"abcdefghijklmn??????????????vwxyz01");
         assert_eq!((blocks.missing, blocks.losses), (2, 0));
@@ -442,36 +453,36 @@ mod tests {
 
     #[test]
     fn an_end_without_acknowledgement_keeps_the_last_block() {
-        let (mut blocks, mut data) = (Blocks::default(), Vec::new());
+        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
         segments(&mut blocks, &mut data, &[(1, b"1234567"), (0x82, b"89\0\0\0\0\0")]);
         assert!(blocks.expects_end());
-        blocks.end(5, 0x31C3, into(&mut data));
-        assert_eq!((data.as_slice(), blocks.verdict()), (&b"123456789"[..], Some(Crc::Correct)));
+        blocks.end_block(5, 0x31C3, into(&mut data));
+        assert_eq!((data.as_slice(), blocks.crc_verdict()), (&b"123456789"[..], Some(CrcCheck::Correct)));
     }
 
     #[test]
     fn a_frame_twice_and_a_short_segment() {
-        let (mut blocks, mut data) = (Blocks::default(), Vec::new());
+        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
         segments(&mut blocks, &mut data, &[(1, b"1234567"), (1, b"1234567"), (2, b"89"), (0x83, b"x")]);
-        blocks.acknowledge(3, 9, into(&mut data));
-        blocks.end(6, 0, into(&mut data));
+        blocks.acknowledge_segments(3, 9, into(&mut data));
+        blocks.end_block(6, 0, into(&mut data));
         assert_eq!(data, b"123456789?????x", "bytes that were not sent are not invented");
     }
 
     #[test]
     fn an_acknowledgement_of_more_than_a_block_has_acknowledges_nothing() {
-        let (mut blocks, mut data) = (Blocks::default(), Vec::new());
+        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
         segments(&mut blocks, &mut data, &[(0x81, b"1234567")]);
-        blocks.acknowledge(128, 9, into(&mut data));
+        blocks.acknowledge_segments(128, 9, into(&mut data));
         assert!(data.is_empty() && !blocks.is_complete);
     }
 
     #[test]
     fn a_wrong_crc_is_seen() {
-        let (mut blocks, mut data) = (Blocks::default(), Vec::new());
+        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
         segments(&mut blocks, &mut data, &[(0x81, b"1234567")]);
-        blocks.acknowledge(1, 9, into(&mut data));
-        blocks.end(0, 0, into(&mut data));
-        assert_eq!(blocks.verdict(), Some(Crc::Wrong));
+        blocks.acknowledge_segments(1, 9, into(&mut data));
+        blocks.end_block(0, 0, into(&mut data));
+        assert_eq!(blocks.crc_verdict(), Some(CrcCheck::Wrong));
     }
 }

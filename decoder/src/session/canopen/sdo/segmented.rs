@@ -11,26 +11,26 @@
 //! Bytes that were not captured are a gap. If all announced bytes were captured, nothing is missing, and a skipped bit is a
 //! violation after all.
 
-use super::segments::{WHOLE, content};
-use super::transfer::Transfer;
+use super::segments::{WHOLE, segment_content};
+use super::transfer::SdoTransferState;
 use crate::event::SdoIrregularityKind;
-use crate::wire::canopen::sdo::{Segment, Side};
+use crate::wire::canopen::sdo::{SdoSegment, SdoSide};
 
 /// Data bytes of two segments: without them the toggle bits still alternate.
 const UNNOTICED: u64 = 14;
 
-impl Transfer {
+impl SdoTransferState {
     /// Applies a request of the client for a segment of an upload.
     pub(super) fn asks_segment(&mut self, toggle: bool) {
-        if self.ask(toggle) && !self.last_seen {
+        if self.on_client_segment(toggle) && !self.last_seen {
             self.skip_segment(!toggle);
         }
     }
 
     /// Applies a segment of an upload.
-    pub(super) fn answers_with_segment(&mut self, segment: &Segment<'_>, frame: u64) {
+    pub(super) fn answers_with_segment(&mut self, segment: &SdoSegment<'_>, frame: u64) {
         // The server repeats the bit of a request, so the client skipped it.
-        let side = if self.segments.asked.is_some() { Side::Client } else { Side::Server };
+        let side = if self.segments.asked.is_some() { SdoSide::Client } else { SdoSide::Server };
         let is_doubtful = self.is_doubtful(segment.toggle, frame);
         if is_doubtful && !self.ends_with(segment) {
             self.skip_segment(!segment.toggle);
@@ -39,15 +39,15 @@ impl Transfer {
     }
 
     /// Whether a segment is the last one and reaches the announced size exactly, so that none before it is missing.
-    fn ends_with(&self, segment: &Segment<'_>) -> bool {
+    fn ends_with(&self, segment: &SdoSegment<'_>) -> bool {
         let size = self.size.saturating_add(segment.data.len() as u64);
         segment.last && self.announced.is_some_and(|announced| u64::from(announced) == size)
     }
 
     /// Applies a segment of a download.
-    pub(super) fn take_client_segment(&mut self, segment: &Segment<'_>, frame: u64) {
-        self.ask(segment.toggle);
-        self.take_segment(segment, Side::Client, frame);
+    pub(super) fn take_client_segment(&mut self, segment: &SdoSegment<'_>, frame: u64) {
+        self.on_client_segment(segment.toggle);
+        self.take_segment(segment, SdoSide::Client, frame);
     }
 
     /// Applies the confirmation of a segment of a download.
@@ -61,12 +61,12 @@ impl Transfer {
     }
 
     /// Registers a message of the client; `true` if the server responded to the one before, and this was not captured.
-    fn ask(&mut self, toggle: bool) -> bool {
+    fn on_client_segment(&mut self, toggle: bool) -> bool {
         if let Some((wrong, frame)) = self.segments.doubt.take()
             && wrong == toggle
         {
             self.segments.is_violated = true;
-            self.irregular(SdoIrregularityKind::Toggle, Side::Server, frame);
+            self.note_irregularity(SdoIrregularityKind::Toggle, SdoSide::Server, frame);
         }
         self.segments.asked.replace(toggle).is_some_and(|before| before != toggle)
     }
@@ -76,7 +76,7 @@ impl Transfer {
         let is_doubtful = self.segments.asked.take().is_some_and(|asked| asked != toggle);
         if is_doubtful {
             self.segments.doubt = Some((toggle, frame));
-            self.segments.skipped.get_or_insert((Side::Server, frame));
+            self.segments.skipped.get_or_insert((SdoSide::Server, frame));
         }
         is_doubtful
     }
@@ -86,7 +86,7 @@ impl Transfer {
     fn skip_segment(&mut self, toggle: bool) {
         let rest = self.announced.map(|size| u64::from(size).saturating_sub(self.size));
         let count = rest.and_then(|rest| usize::try_from(rest).ok()).map_or(WHOLE, |rest| rest.min(WHOLE));
-        self.skip(count);
+        self.skip_data(count);
         self.segments.missing += 1;
         self.segments.gaps += 1;
         self.segments.last = None;
@@ -94,20 +94,20 @@ impl Transfer {
         self.last_seen = rest.is_some_and(|rest| rest <= WHOLE as u64);
     }
 
-    fn take_segment(&mut self, segment: &Segment<'_>, side: Side, frame: u64) {
+    fn take_segment(&mut self, segment: &SdoSegment<'_>, side: SdoSide, frame: u64) {
         if self.last_seen || self.segments.is_repeated(segment) {
             return;
         }
         let is_first = self.size == 0 && self.cut_start;
         if segment.toggle != self.segments.next && !is_first {
-            self.skip(WHOLE);
+            self.skip_data(WHOLE);
             self.segments.missing += 1;
             self.segments.gaps += 1;
             self.segments.skipped.get_or_insert((side, frame));
         }
         self.segments.next = !segment.toggle;
-        self.segments.last = Some(content(segment));
-        self.keep(segment.data);
+        self.segments.last = Some(segment_content(segment));
+        self.keep_data(segment.data);
         self.last_seen = segment.last;
     }
 
@@ -121,7 +121,7 @@ impl Transfer {
         {
             self.join_ranges();
             self.segments.missing = 0;
-            self.irregular(SdoIrregularityKind::Toggle, side, frame);
+            self.note_irregularity(SdoIrregularityKind::Toggle, side, frame);
             return;
         }
         let Some(announced) = self.announced.map(u64::from) else { return };
@@ -166,18 +166,19 @@ impl Transfer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::{Direction, Mode};
+    use crate::event::{SdoDirection, SdoMode};
     use crate::frame::{CanId, Frame};
 
-    fn upload(announced: Option<u32>) -> Transfer {
-        let mut transfer = Transfer::new(0, None, &Frame::data_frame(CanId::standard(0x605), &[]));
-        (transfer.direction, transfer.mode) = (Some(Direction::Upload), Some(Mode::Segmented));
+    fn upload(announced: Option<u32>) -> SdoTransferState {
+        let mut transfer =
+            SdoTransferState::new(0, None, &Frame::data_frame(CanId::from_standard(0x605), &[]));
+        (transfer.direction, transfer.mode) = (Some(SdoDirection::Upload), Some(SdoMode::Segmented));
         transfer.announced = announced;
         transfer
     }
 
-    fn segment(toggle: bool, last: bool, data: &[u8]) -> Segment<'_> {
-        Segment { toggle, last, data }
+    fn segment(toggle: bool, last: bool, data: &[u8]) -> SdoSegment<'_> {
+        SdoSegment { toggle, last, data }
     }
 
     /// A response that was not captured had seven bytes: the client asked for a further segment.
@@ -189,7 +190,7 @@ mod tests {
         transfer.asks_segment(true);
         transfer.asks_segment(false);
         transfer.answers_with_segment(&segment(false, true, &[3; 2]), 2);
-        transfer.complete();
+        transfer.complete_transfer();
         assert_eq!((transfer.size, transfer.unseen, transfer.segments.missing), (16, 7, 1));
         assert_eq!((transfer.data.as_slice(), transfer.later_data[0].offset), (&[1; 7][..], 14));
         assert_eq!(transfer.irregularity, None);
@@ -203,7 +204,7 @@ mod tests {
         transfer.answers_with_segment(&segment(false, false, &[1; 7]), 1);
         transfer.asks_segment(false);
         transfer.answers_with_segment(&segment(false, true, &[3; 2]), 2);
-        transfer.complete();
+        transfer.complete_transfer();
         assert_eq!((transfer.size, transfer.unseen, transfer.segments.missing), (30, 21, 3));
         assert_eq!(transfer.later_data[0].offset, 28);
     }
@@ -216,7 +217,7 @@ mod tests {
         transfer.answers_with_segment(&segment(false, false, &[1; 7]), 1);
         transfer.asks_segment(false);
         transfer.answers_with_segment(&segment(false, true, &[3; 2]), 2);
-        transfer.complete();
+        transfer.complete_transfer();
         assert_eq!((transfer.size, transfer.unseen, transfer.segments.missing), (9, 0, 0));
         assert_eq!(transfer.data, [1, 1, 1, 1, 1, 1, 1, 3, 3]);
         assert!(transfer.irregularity.is_some_and(|found| found.by_client && found.frame == 2));
@@ -230,7 +231,7 @@ mod tests {
         transfer.answers_with_segment(&segment(false, false, &[1; 7]), 1);
         transfer.asks_segment(true);
         transfer.answers_with_segment(&segment(false, true, &[3; 2]), 2);
-        transfer.complete();
+        transfer.complete_transfer();
         assert_eq!((transfer.size, transfer.unseen, transfer.segments.missing), (9, 0, 0));
         assert_eq!(transfer.data, [1, 1, 1, 1, 1, 1, 1, 3, 3]);
         assert!(transfer.irregularity.is_some_and(|found| !found.by_client && found.frame == 2));
@@ -245,7 +246,7 @@ mod tests {
         }
         transfer.asks_segment(true);
         transfer.answers_with_segment(&segment(true, true, &[2]), 2);
-        transfer.complete();
+        transfer.complete_transfer();
         assert_eq!((transfer.size, transfer.unseen, transfer.irregularity), (8, 0, None));
     }
 
@@ -253,13 +254,13 @@ mod tests {
     #[test]
     fn a_confirmation_without_its_segment_is_a_gap() {
         let mut transfer = upload(Some(16));
-        transfer.direction = Some(Direction::Download);
+        transfer.direction = Some(SdoDirection::Download);
         transfer.take_client_segment(&segment(false, false, &[1; 7]), 1);
         transfer.confirms_segment(false, 2);
         transfer.confirms_segment(true, 3);
         assert_eq!((transfer.size, transfer.unseen, transfer.last_seen), (14, 7, false));
         transfer.confirms_segment(false, 4);
-        transfer.complete();
+        transfer.complete_transfer();
         assert_eq!((transfer.size, transfer.unseen, transfer.last_seen), (16, 9, true));
         assert_eq!((transfer.data.len(), transfer.later_data.len()), (7, 0));
     }

@@ -1,14 +1,15 @@
 //! State of one SDO transfer.
 
-use super::block::{BlockLoss, Blocks, DataPart};
-use super::segments::Segments;
+use super::block::{BlockLoss, BlockProgress, DataPart};
+use super::segments::SegmentProgress;
 use crate::event::{
-    Abort, Crc, DataRange, Direction, FrameRange, Mode, Outcome, SdoIrregularity, SdoIrregularityKind,
+    CrcCheck, DataRange, FrameRange, SdoAbort, SdoDirection, SdoIrregularity, SdoIrregularityKind, SdoMode,
+    SdoOutcome,
 };
 use crate::frame::Frame;
 use crate::session::limits::TRANSFER_DATA_LIMIT;
 use crate::wire::canopen::ObjectAddress;
-use crate::wire::canopen::sdo::Side;
+use crate::wire::canopen::sdo::SdoSide;
 
 /// Data bytes of a segment.
 const SEGMENT: u64 = 7;
@@ -21,7 +22,7 @@ pub(super) type FrameData = ([u8; 8], u8);
 
 /// Message that the transfer waits for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Stage {
+pub(super) enum TransferStage {
     /// Response to the initiate message.
     Initiate,
     /// Segments or their confirmations.
@@ -38,12 +39,12 @@ pub(super) enum Stage {
 
 /// State of one transfer.
 #[derive(Debug, Clone)]
-pub(super) struct Transfer {
+pub(super) struct SdoTransferState {
     pub(super) channel: u16,
-    pub(super) direction: Option<Direction>,
-    pub(super) mode: Option<Mode>,
+    pub(super) direction: Option<SdoDirection>,
+    pub(super) mode: Option<SdoMode>,
     pub(super) object: Option<ObjectAddress>,
-    pub(super) stage: Stage,
+    pub(super) stage: TransferStage,
     pub(super) frames: FrameRange,
     pub(super) frame_count: u64,
     pub(super) first_time: Option<i64>,
@@ -61,7 +62,7 @@ pub(super) struct Transfer {
     /// A response or abort without a request.
     pub(super) is_unrequested: bool,
     /// Sender of the last frame.
-    pub(super) last_side: Option<Side>,
+    pub(super) last_side: Option<SdoSide>,
     /// Monotonic time at which the transfer ends without a further message.
     pub(super) deadline: Option<i64>,
     /// A frame was added since the deadline was set.
@@ -81,14 +82,14 @@ pub(super) struct Transfer {
     /// The data was dropped because of the common limit; later data is not stored.
     pub(super) data_given_up: bool,
     /// Toggle bits and missing segments of a segmented transfer.
-    pub(super) segments: Segments,
+    pub(super) segments: SegmentProgress,
     /// First violation of the protocol.
     pub(super) irregularity: Option<SdoIrregularity>,
     /// The last segment was received.
     pub(super) last_seen: bool,
-    pub(super) blocks: Option<Box<Blocks>>,
-    pub(super) outcome: Outcome,
-    pub(super) abort: Option<Abort>,
+    pub(super) blocks: Option<Box<BlockProgress>>,
+    pub(super) outcome: SdoOutcome,
+    pub(super) abort: Option<SdoAbort>,
     pub(super) cut_start: bool,
     /// Frames received: of the client, of the server.
     pub(super) sides: (bool, bool),
@@ -96,7 +97,7 @@ pub(super) struct Transfer {
     pub(super) opened_by: Option<(FrameData, bool)>,
 }
 
-impl Transfer {
+impl SdoTransferState {
     /// Creates the transfer that `frame` starts.
     pub(super) fn new(channel: u16, object: Option<ObjectAddress>, frame: &Frame) -> Self {
         Self {
@@ -104,7 +105,7 @@ impl Transfer {
             direction: None,
             mode: None,
             object,
-            stage: Stage::Initiate,
+            stage: TransferStage::Initiate,
             frames: FrameRange::one(frame.number),
             frame_count: 1,
             first_time: frame.time.map(|time| time.0),
@@ -126,11 +127,11 @@ impl Transfer {
             later_bytes: 0,
             truncated: false,
             data_given_up: false,
-            segments: Segments::default(),
+            segments: SegmentProgress::default(),
             irregularity: None,
             last_seen: false,
             blocks: None,
-            outcome: Outcome::Unfinished,
+            outcome: SdoOutcome::Unfinished,
             abort: None,
             cut_start: false,
             sides: (false, false),
@@ -149,11 +150,11 @@ impl Transfer {
     }
 
     /// Registers a frame of client or server.
-    pub(super) fn saw(&mut self, side: Side) {
+    pub(super) fn note_frame(&mut self, side: SdoSide) {
         self.last_side = Some(side);
         match side {
-            Side::Client => self.sides.0 = true,
-            Side::Server => self.sides.1 = true,
+            SdoSide::Client => self.sides.0 = true,
+            SdoSide::Server => self.sides.1 = true,
         }
     }
 
@@ -163,14 +164,16 @@ impl Transfer {
     }
 
     /// Time in ns that the client waited without response; 0 without timestamps, `None` if not applicable.
-    pub(super) fn waited(&self, end: Option<i64>) -> Option<i64> {
+    pub(super) fn waiting_time(&self, end: Option<i64>) -> Option<i64> {
         let is_over = match self.outcome {
-            Outcome::Timeout | Outcome::Superseded => true,
-            Outcome::Aborted => self.abort.is_some_and(|abort| abort.by_client),
-            Outcome::Complete | Outcome::Incomplete | Outcome::Unfinished => false,
+            SdoOutcome::Timeout | SdoOutcome::Superseded => true,
+            SdoOutcome::Aborted => self.abort.is_some_and(|abort| abort.by_client),
+            SdoOutcome::Complete | SdoOutcome::Incomplete | SdoOutcome::Unfinished => false,
         };
         let is_unanswered = is_over && !self.sides.1 && !self.cut_start && !self.is_unrequested;
-        if let Some(overlap) = self.overlap.filter(|_| is_unanswered && self.outcome == Outcome::Superseded) {
+        if let Some(overlap) =
+            self.overlap.filter(|_| is_unanswered && self.outcome == SdoOutcome::Superseded)
+        {
             return Some(overlap);
         }
         is_unanswered
@@ -183,7 +186,7 @@ impl Transfer {
     }
 
     /// Appends data; bytes over the limit are only counted.
-    pub(super) fn keep(&mut self, bytes: &[u8]) {
+    pub(super) fn keep_data(&mut self, bytes: &[u8]) {
         let offset = self.size;
         self.size += bytes.len() as u64;
         let limit = if self.data_given_up { 0 } else { TRANSFER_DATA_LIMIT };
@@ -206,7 +209,7 @@ impl Transfer {
     }
 
     /// Counts bytes that were transferred, but not captured.
-    pub(super) fn skip(&mut self, count: usize) {
+    pub(super) fn skip_data(&mut self, count: usize) {
         self.size += count as u64;
         self.unseen += count as u64;
         self.truncated = true;
@@ -214,8 +217,8 @@ impl Transfer {
 
     fn keep_part(&mut self, part: DataPart<'_>) {
         match part {
-            DataPart::Bytes(bytes) => self.keep(bytes),
-            DataPart::Gap(count) => self.skip(count),
+            DataPart::Bytes(bytes) => self.keep_data(bytes),
+            DataPart::Gap(count) => self.skip_data(count),
         }
     }
 
@@ -234,45 +237,45 @@ impl Transfer {
     }
 
     /// Stores the first violation of the protocol; none for a transfer without start.
-    pub(super) fn irregular(&mut self, what: SdoIrregularityKind, side: Side, frame: u64) {
+    pub(super) fn note_irregularity(&mut self, what: SdoIrregularityKind, side: SdoSide, frame: u64) {
         if !self.cut_start {
-            let by_client = side == Side::Client;
+            let by_client = side == SdoSide::Client;
             self.irregularity.get_or_insert(SdoIrregularity { what, by_client, frame });
         }
     }
 
     /// Sets the number of segments per block, and checks its range.
-    pub(super) fn block_size(&mut self, segments: u8, side: Side, frame: u64) {
+    pub(super) fn block_size(&mut self, segments: u8, side: SdoSide, frame: u64) {
         let is_valid = matches!(segments, 1..=127);
         if !is_valid && !self.blocks.as_ref().is_some_and(|blocks| blocks.is_complete) {
-            self.irregular(SdoIrregularityKind::BlockSize, side, frame);
+            self.note_irregularity(SdoIrregularityKind::BlockSize, side, frame);
         }
         self.blocks_mut().size = is_valid.then_some(segments);
     }
 
     /// Checks that a sequence number, sent or acknowledged, does not exceed the block size.
-    pub(super) fn sequence(&mut self, sequence: u8, side: Side, frame: u64) {
+    pub(super) fn check_sequence(&mut self, sequence: u8, side: SdoSide, frame: u64) {
         let most = self.blocks.as_ref().and_then(|blocks| blocks.size).unwrap_or(127);
         if sequence > most {
-            self.irregular(SdoIrregularityKind::Sequence, side, frame);
+            self.note_irregularity(SdoIrregularityKind::Sequence, side, frame);
         }
     }
 
     /// State of the blocks, created on first use.
-    pub(super) fn blocks_mut(&mut self) -> &mut Blocks {
+    pub(super) fn blocks_mut(&mut self) -> &mut BlockProgress {
         self.blocks.get_or_insert_default()
     }
 
     /// Adds a segment of the present block.
     pub(super) fn take_block_segment(&mut self, sequence: u8, last: bool, data: &[u8]) {
-        self.with_blocks(|blocks, keep| blocks.segment(sequence, last, data, keep));
+        self.with_blocks(|blocks, keep| blocks.add_segment(sequence, last, data, keep));
     }
 
     /// Acknowledges segments of the present block.
-    pub(super) fn acknowledge(&mut self, sequence: u8, frame: u64) {
-        self.with_blocks(|blocks, keep| blocks.acknowledge(sequence, frame, keep));
+    pub(super) fn acknowledge_segments(&mut self, sequence: u8, frame: u64) {
+        self.with_blocks(|blocks, keep| blocks.acknowledge_segments(sequence, frame, keep));
         let is_complete = self.blocks_mut().is_complete || self.has_announced_size();
-        self.stage = if is_complete { Stage::BlockEnd } else { Stage::BlockSegments };
+        self.stage = if is_complete { TransferStage::BlockEnd } else { TransferStage::BlockSegments };
     }
 
     /// Whether all announced bytes were acknowledged, although the final segment is missing in the capture.
@@ -286,36 +289,38 @@ impl Transfer {
     /// Applies the end message of the sender.
     pub(super) fn end_blocks(&mut self, unused: u8, crc: u16) {
         self.blocks_mut().starts_late |= self.cut_start;
-        self.with_blocks(|blocks, keep| blocks.end(unused, crc, keep));
+        self.with_blocks(|blocks, keep| blocks.end_block(unused, crc, keep));
         let absent = self.announced.map_or(0, |size| u64::from(size).saturating_sub(self.size));
         self.blocks_mut().lacks_bytes(absent);
         self.truncated |= self.blocks_mut().is_unreliable();
-        self.stage = Stage::BlockEndAnswer;
+        self.stage = TransferStage::BlockEndAnswer;
     }
 
     /// Runs `change` on the blocks; the data that it passes on is appended.
-    fn with_blocks(&mut self, change: impl FnOnce(&mut Blocks, &mut dyn FnMut(DataPart<'_>))) {
+    fn with_blocks(&mut self, change: impl FnOnce(&mut BlockProgress, &mut dyn FnMut(DataPart<'_>))) {
         let mut blocks = self.blocks.take().unwrap_or_default();
         change(&mut blocks, &mut |part| self.keep_part(part));
         self.blocks = Some(blocks);
     }
 
     /// Ends the transfer with `outcome`, without a response to its last message.
-    pub(super) fn end(&mut self, outcome: Outcome) {
+    pub(super) fn end_with(&mut self, outcome: SdoOutcome) {
         self.outcome = outcome;
-        if self.stage == Stage::BlockSegments && self.blocks.is_some() {
+        if self.stage == TransferStage::BlockSegments && self.blocks.is_some() {
             self.with_blocks(|blocks, keep| blocks.give_up(keep));
         }
     }
 
     /// Ends the transfer as complete. If the end message of a block transfer is missing in the capture, the
     /// announced size shows how much of the last segment is data.
-    pub(super) fn complete(&mut self) {
-        self.outcome = Outcome::Complete;
-        if self.mode == Some(Mode::Segmented) {
+    pub(super) fn complete_transfer(&mut self) {
+        self.outcome = SdoOutcome::Complete;
+        if self.mode == Some(SdoMode::Segmented) {
             self.settle_segments();
         }
-        if self.blocks.is_none() || !matches!(self.stage, Stage::BlockSegments | Stage::BlockEnd) {
+        if self.blocks.is_none()
+            || !matches!(self.stage, TransferStage::BlockSegments | TransferStage::BlockEnd)
+        {
             return;
         }
         self.with_blocks(|blocks, keep| blocks.presume_rest(keep));
@@ -328,20 +333,20 @@ impl Transfer {
     }
 
     /// Segments missing in the capture, and blocks with a loss on the bus.
-    pub(super) fn losses(&self) -> (u64, u64, Option<BlockLoss>) {
+    pub(super) fn count_losses(&self) -> (u64, u64, Option<BlockLoss>) {
         let of_segments = (self.segments.missing, 0, None);
         self.blocks.as_ref().map_or(of_segments, |blocks| (blocks.missing, blocks.losses, blocks.first_loss))
     }
 
     /// Result of the CRC check; `None` without an end message.
-    pub(super) fn crc(&self) -> Option<Crc> {
-        self.blocks.as_ref().and_then(|blocks| blocks.verdict())
+    pub(super) fn crc_verdict(&self) -> Option<CrcCheck> {
+        self.blocks.as_ref().and_then(|blocks| blocks.crc_verdict())
     }
 
     /// Whether the value is complete although the first frames are missing: the response of an expedited
     /// upload contains all of it.
     pub(super) fn value_is_whole(&self) -> bool {
-        self.mode == Some(Mode::Expedited) && self.direction == Some(Direction::Upload)
+        self.mode == Some(SdoMode::Expedited) && self.direction == Some(SdoDirection::Upload)
     }
 
     /// Bytes held by the transfer.
@@ -350,6 +355,6 @@ impl Transfer {
             + self.data.capacity()
             + self.later_data.capacity() * size_of::<DataRange>()
             + self.later_data.iter().map(|range| range.data.capacity()).sum::<usize>()
-            + self.blocks.as_ref().map_or(0, |blocks| size_of::<Blocks>() + blocks.footprint())
+            + self.blocks.as_ref().map_or(0, |blocks| size_of::<BlockProgress>() + blocks.footprint())
     }
 }

@@ -1,37 +1,37 @@
 //! Open SDO transfers of a bus, one per channel.
 
-use super::channel::{Channel, EndedTransfers, first_bytes};
-use super::transfer::Transfer;
+use super::channel::{ChannelState, EndedTransfers, first_bytes};
+use super::transfer::SdoTransferState;
 use crate::frame::Frame;
 use crate::session::limits::OPEN_DATA_LIMIT;
-use crate::wire::canopen::sdo::{Phase, Sdo, Side};
+use crate::wire::canopen::sdo::{SdoMessage, SdoSide, TransferPhase};
 
 /// Result of a timer entry of a channel.
-pub(in crate::session) enum Due {
+pub(in crate::session) enum ChannelTimeout {
     /// No open transfer.
     Nothing,
     /// The deadline moved to this time.
     Later(i64),
     /// Transfer without response until this deadline.
-    Over(Box<Transfer>, i64),
+    Over(Box<SdoTransferState>, i64),
 }
 
 /// Transfers of all channels of a bus.
 #[derive(Debug, Clone, Default)]
-pub(in crate::session) struct Transfers {
+pub(in crate::session) struct SdoTransfers {
     /// Channels by number.
-    channels: Vec<Channel>,
+    channels: Vec<ChannelState>,
     /// Data bytes held by all open transfers.
     open_bytes: usize,
     overflowed: bool,
 }
 
-impl Transfers {
-    fn get(&self, channel: u16) -> Option<&Channel> {
+impl SdoTransfers {
+    fn get(&self, channel: u16) -> Option<&ChannelState> {
         self.channels.get(usize::from(channel))
     }
 
-    fn get_mut(&mut self, channel: u16) -> Option<&mut Channel> {
+    fn get_mut(&mut self, channel: u16) -> Option<&mut ChannelState> {
         self.channels.get_mut(usize::from(channel))
     }
 
@@ -42,13 +42,13 @@ impl Transfers {
     }
 
     /// Phase of the client or the server on a channel, in which `data` is to be read.
-    pub(in crate::session) fn phase(&self, channel: u16, side: Side, data: &[u8]) -> Phase {
-        self.get(channel).map_or(Phase::Commands, |channel| channel.phase(side, data))
+    pub(in crate::session) fn phase_of(&self, channel: u16, side: SdoSide, data: &[u8]) -> TransferPhase {
+        self.get(channel).map_or(TransferPhase::Commands, |channel| channel.phase_of(side, data))
     }
 
     /// Sets the deadline of the transfers that the last frame concerns; `true` if it must go into the timer
     /// queue.
-    pub(in crate::session) fn arm(&mut self, channel: u16, deadline: i64) -> bool {
+    pub(in crate::session) fn set_deadline(&mut self, channel: u16, deadline: i64) -> bool {
         let Some(channel) = self.get_mut(channel) else { return false };
         for open in channel.transfer.iter_mut().chain(&mut channel.queue) {
             if std::mem::take(&mut open.is_touched) {
@@ -59,26 +59,28 @@ impl Transfers {
     }
 
     /// Evaluates the timer entry of a channel that is due.
-    pub(in crate::session) fn due(&mut self, channel: u16, now: i64) -> Due {
-        let Some(channel) = self.channels.get_mut(usize::from(channel)) else { return Due::Nothing };
+    pub(in crate::session) fn evaluate_timer(&mut self, channel: u16, now: i64) -> ChannelTimeout {
+        let Some(channel) = self.channels.get_mut(usize::from(channel)) else {
+            return ChannelTimeout::Nothing;
+        };
         channel.queued = false;
-        while let Some(deadline) = channel.deadline() {
+        while let Some(deadline) = channel.earliest_deadline() {
             if deadline >= now {
                 channel.queued = true;
-                return Due::Later(deadline);
+                return ChannelTimeout::Later(deadline);
             }
             let before = channel.open_bytes();
-            let expired = channel.expire();
+            let expired = channel.expire_transfer();
             self.open_bytes = self.open_bytes.saturating_sub(before) + channel.open_bytes();
             if let Some(transfer) = expired {
-                return Due::Over(transfer, deadline);
+                return ChannelTimeout::Over(transfer, deadline);
             }
         }
-        Due::Nothing
+        ChannelTimeout::Nothing
     }
 
     /// Postpones all deadlines by `delay` ns.
-    pub(in crate::session) fn postpone(&mut self, delay: i64) {
+    pub(in crate::session) fn postpone_deadlines(&mut self, delay: i64) {
         let open = self
             .channels
             .iter_mut()
@@ -89,9 +91,11 @@ impl Transfers {
     }
 
     /// Removes and returns all open transfers in the order of their start.
-    pub(in crate::session) fn drain(&mut self) -> impl Iterator<Item = Box<Transfer>> + use<> {
+    pub(in crate::session) fn drain_transfers(
+        &mut self,
+    ) -> impl Iterator<Item = Box<SdoTransferState>> + use<> {
         self.open_bytes = 0;
-        let mut open: Vec<_> = self.channels.iter_mut().flat_map(Channel::drain).collect();
+        let mut open: Vec<_> = self.channels.iter_mut().flat_map(ChannelState::drain_transfers).collect();
         open.sort_by_key(|transfer| transfer.frames.first);
         open.into_iter()
     }
@@ -104,16 +108,16 @@ impl Transfers {
     /// Bytes held by all channels.
     pub(in crate::session) fn footprint(&self) -> usize {
         let open = self.channels.iter().flat_map(|channel| channel.transfer.iter().chain(&channel.queue));
-        self.channels.capacity() * size_of::<Channel>()
+        self.channels.capacity() * size_of::<ChannelState>()
             + open.map(|transfer| transfer.footprint()).sum::<usize>()
     }
 
     /// Stores a frame with an undefined command; it may be a segment of a block whose start is missing.
-    pub(in crate::session) fn note_unknown_command(&mut self, channel: u16, side: Side, frame: &Frame) {
+    pub(in crate::session) fn note_unknown_command(&mut self, channel: u16, side: SdoSide, frame: &Frame) {
         if let Some(transfer) = self.get_mut(channel).and_then(|channel| channel.transfer.as_mut())
             && transfer.frame_count == 1
         {
-            transfer.opened_by = Some((first_bytes(frame), side == Side::Client));
+            transfer.opened_by = Some((first_bytes(frame), side == SdoSide::Client));
         }
     }
 
@@ -124,21 +128,21 @@ impl Transfers {
 
     /// Applies a message; returns the transfers that it ended. `elsewhere`: bytes held by open transfers of
     /// other protocols.
-    pub(in crate::session) fn take(
+    pub(in crate::session) fn take_message(
         &mut self,
         index: u16,
-        side: Side,
-        message: Sdo<'_>,
+        side: SdoSide,
+        message: SdoMessage<'_>,
         frame: &Frame,
         elsewhere: usize,
     ) -> EndedTransfers {
         let place = usize::from(index);
         if place >= self.channels.len() {
-            self.channels.resize_with(place.saturating_add(1), Channel::default);
+            self.channels.resize_with(place.saturating_add(1), ChannelState::default);
         }
         let Some(channel) = self.channels.get_mut(place) else { return Vec::new() };
         let before = channel.open_bytes();
-        let finished = channel.take(index, side, message, frame);
+        let finished = channel.take_message(index, side, message, frame);
         let now = channel.open_bytes();
         self.open_bytes = self.open_bytes.saturating_sub(before) + now;
         if self.open_bytes + elsewhere > OPEN_DATA_LIMIT

@@ -13,22 +13,25 @@ mod received;
 mod session;
 mod sessions;
 
-use session::{Ending, Opening, SHORTEST, Session, TransferStep, TransportIrregularity};
-use sessions::{Due, Key, Sessions};
+use session::{
+    SHORTEST, TransferStep, TransportEnding, TransportIrregularity, TransportOpening, TransportSession,
+};
+use sessions::{SessionKey, SessionTable, SessionTimeout};
 
 use crate::event::{
-    EventKind, EvictedState, Irregularity, IrregularityKind, J1939Transfer, Outcome, TransportAbort,
-    TransportMode,
+    EventKind, EvictedState, IrregularityKind, J1939Transfer, SdoOutcome, TransferIrregularity,
+    TransportAbort, TransportMode,
 };
 use crate::frame::{Frame, FrameFlags};
 use crate::session::bus::Bus;
-use crate::session::context::Context;
+use crate::session::context::MachineContext;
 use crate::session::j1939::payload::TransferPayload;
-use crate::session::machine::{Machine, Timed};
-use crate::session::timers::Subject;
-use crate::wire::Malformed;
+use crate::session::machine::{ProtocolMachine, TimedMachine};
+use crate::session::timers::DeadlineSubject;
+use crate::wire::MalformedPayload;
 use crate::wire::j1939::{
-    ALL, ETP_SIZES, J1939Id, Management, PACKET_SIZE, Pgn, TP_SIZES, management, packet, packets_of,
+    ALL, ConnectionManagement, ETP_SIZES, J1939Id, PACKET_SIZE, Pgn, TP_SIZES, packets_of, parse_management,
+    parse_packet,
 };
 
 /// A frame of a transport protocol, with its parameter group and message name.
@@ -42,15 +45,15 @@ struct TransportFrame<'a> {
 
 impl TransportFrame<'_> {
     /// Transfer whose originator sent the frame.
-    fn sent(&self) -> Key {
+    fn originated_key(&self) -> SessionKey {
         let is_extended = is_extended(self.id.pgn);
-        Key { source: self.id.source, destination: self.id.destination, is_extended }
+        SessionKey { source: self.id.source, destination: self.id.destination, is_extended }
     }
 
     /// Transfer whose responder sent the frame.
-    fn received(&self) -> Key {
-        let sent = self.sent();
-        Key { source: sent.destination, destination: sent.source, ..sent }
+    fn answered_key(&self) -> SessionKey {
+        let sent = self.originated_key();
+        SessionKey { source: sent.destination, destination: sent.source, ..sent }
     }
 }
 
@@ -60,24 +63,24 @@ const fn is_extended(pgn: Pgn) -> bool {
 
 /// Multi-packet transfers of all addresses.
 #[derive(Debug, Clone, Default)]
-pub(in crate::session) struct Transports {
-    sessions: Sessions,
+pub(in crate::session) struct TransportMachine {
+    sessions: SessionTable,
 }
 
-impl Machine for Transports {
+impl ProtocolMachine for TransportMachine {
     type Route<'a> = J1939Id;
     /// Payload of the transfer that the frame ends.
     type Product = Option<TransferPayload>;
 
     /// Handles a transport frame; it causes an event only if it is irregular or ends a transfer.
-    fn on_frame(&mut self, id: J1939Id, frame: &Frame, cx: &mut Context<'_>) -> Self::Product {
+    fn on_frame(&mut self, id: J1939Id, frame: &Frame, cx: &mut MachineContext<'_>) -> Self::Product {
         if frame.flags.contains(FrameFlags::REMOTE) {
             cx.emit_undecoded(frame, None);
             return None;
         }
         let is_extended = is_extended(id.pgn);
         if matches!(id.pgn, Pgn::TP_DT | Pgn::ETP_DT) {
-            return match packet(frame.data(), is_extended) {
+            return match parse_packet(frame.data(), is_extended) {
                 Ok((sequence, bytes)) => {
                     let message = if is_extended { "ETP.DT" } else { "TP.DT" };
                     self.on_packet(TransportFrame { id, pgn: None, message, frame }, sequence, &bytes, cx)
@@ -88,7 +91,7 @@ impl Machine for Transports {
                 }
             };
         }
-        match management(frame.data(), is_extended) {
+        match parse_management(frame.data(), is_extended) {
             Ok((message, pgn)) => {
                 let name = message.name(is_extended);
                 self.on_management(
@@ -106,85 +109,88 @@ impl Machine for Transports {
     }
 
     fn on_silence(&mut self, delay: i64, _: &mut Bus) {
-        self.sessions.postpone(delay);
+        self.sessions.postpone_deadlines(delay);
     }
 
     /// Ends open transfers as unfinished.
-    fn on_end(&mut self, cx: &mut Context<'_>) {
+    fn on_end(&mut self, cx: &mut MachineContext<'_>) {
         let frame = cx.last_frame();
-        for session in self.sessions.drain() {
-            emit_transfer(session, Ending::Unfinished, &frame, cx);
+        for session in self.sessions.drain_sessions() {
+            emit_transfer(session, TransportEnding::Unfinished, &frame, cx);
         }
     }
 
-    fn footprint(&self) -> usize {
+    fn memory_size(&self) -> usize {
         self.sessions.footprint()
     }
 }
 
-impl Timed for Transports {
+impl TimedMachine for TransportMachine {
     /// Index of a session.
     type Deadline = u16;
 
-    fn on_deadline(&mut self, place: u16, now: i64, cx: &mut Context<'_>) -> Self::Product {
-        match self.sessions.due(place, now) {
-            Due::Nothing => {}
-            Due::Later(deadline) => {
+    fn on_deadline(&mut self, place: u16, now: i64, cx: &mut MachineContext<'_>) -> Self::Product {
+        match self.sessions.evaluate_timer(place, now) {
+            SessionTimeout::Nothing => {}
+            SessionTimeout::Later(deadline) => {
                 let soonest = now.saturating_add(SHORTEST);
-                cx.timers.add(deadline.min(soonest), Subject::Transport(place));
+                cx.timers.add_deadline(deadline.min(soonest), DeadlineSubject::Transport(place));
             }
-            Due::Over(session, deadline) => {
-                cx.bus.open_transfers.set(place, None);
+            SessionTimeout::Over(session, deadline) => {
+                cx.bus.open_transfers.set_session(place, None);
                 let time = cx.bus.clock.stamp_of(deadline);
                 let frame = Frame { number: session.frames.last, time, ..Frame::EMPTY };
-                return emit_transfer(session, Ending::Timeout, &frame, cx);
+                return emit_transfer(session, TransportEnding::Timeout, &frame, cx);
             }
         }
         None
     }
 }
 
-impl Transports {
+impl TransportMachine {
     fn on_management(
         &mut self,
         part: TransportFrame<'_>,
-        message: Management,
+        message: ConnectionManagement,
         pgn: Pgn,
-        cx: &mut Context<'_>,
+        cx: &mut MachineContext<'_>,
     ) -> Option<TransferPayload> {
         let now = cx.bus.clock.now();
         let is_extended = is_extended(part.id.pgn);
-        let (frame, sent, received) = (part.frame, part.sent(), part.received());
+        let (frame, sent, received) = (part.frame, part.originated_key(), part.answered_key());
         match message {
-            Management::RequestToSend { size, packets } => {
+            ConnectionManagement::RequestToSend { size, packets } => {
                 let mode = if is_extended { TransportMode::Extended } else { TransportMode::Connection };
-                self.on_opening(part, Opening { mode, pgn, size, packets }, cx);
+                self.on_opening(part, TransportOpening { mode, pgn, size, packets }, cx);
                 None
             }
-            Management::Announce { size, packets } => {
+            ConnectionManagement::Announce { size, packets } => {
                 let mode = TransportMode::Broadcast;
-                self.on_opening(part, Opening { mode, pgn, size, packets }, cx);
+                self.on_opening(part, TransportOpening { mode, pgn, size, packets }, cx);
                 None
             }
-            Management::ClearToSend { count, next } => {
-                self.transport_step(part, received, |session| session.clear(count, next, frame, now), cx)
+            ConnectionManagement::ClearToSend { count, next } => self.transport_step(
+                part,
+                received,
+                |session| session.on_clear_to_send(count, next, frame, now),
+                cx,
+            ),
+            ConnectionManagement::EndOfMessage { size } => {
+                self.transport_step(part, received, |session| session.on_acknowledged(size, frame, now), cx)
             }
-            Management::EndOfMessage { size } => {
-                self.transport_step(part, received, |session| session.acknowledged(size, frame, now), cx)
-            }
-            Management::PacketOffset { count, offset } => self.transport_step(
+            ConnectionManagement::PacketOffset { count, offset } => self.transport_step(
                 part,
                 sent,
                 |session| session.packet_offset(count, offset, frame, now),
                 cx,
             ),
-            Management::Abort { reason } => {
+            ConnectionManagement::Abort { reason } => {
                 let by_sender = !self.has_transport(received, pgn);
                 let key = if by_sender { sent } else { received };
                 let abort = TransportAbort { reason, by_sender };
-                self.transport_step(part, key, |session| session.aborted(abort, frame), cx)
+                self.transport_step(part, key, |session| session.on_aborted(abort, frame), cx)
             }
-            Management::Unknown => {
+            ConnectionManagement::Unknown => {
                 emit_contradiction(part, "unknown control byte of connection management", cx);
                 None
             }
@@ -192,8 +198,8 @@ impl Transports {
     }
 
     /// Whether an open transfer may be about this group.
-    fn has_transport(&self, key: Key, pgn: Pgn) -> bool {
-        let open = self.sessions.find(key).and_then(|place| self.sessions.get(place));
+    fn has_transport(&self, key: SessionKey, pgn: Pgn) -> bool {
+        let open = self.sessions.find_session(key).and_then(|place| self.sessions.get(place));
         open.is_some_and(|session| session.pgn.is_none_or(|open| open == pgn))
     }
 
@@ -201,12 +207,14 @@ impl Transports {
     fn transport_step(
         &mut self,
         part: TransportFrame<'_>,
-        key: Key,
-        take: impl FnOnce(&mut Session) -> TransferStep,
-        cx: &mut Context<'_>,
+        key: SessionKey,
+        take: impl FnOnce(&mut TransportSession) -> TransferStep,
+        cx: &mut MachineContext<'_>,
     ) -> Option<TransferPayload> {
-        let place =
-            self.sessions.find(key).filter(|_| part.pgn.is_some_and(|pgn| self.has_transport(key, pgn)));
+        let place = self
+            .sessions
+            .find_session(key)
+            .filter(|_| part.pgn.is_some_and(|pgn| self.has_transport(key, pgn)));
         let open = place.and_then(|place| Some((place, self.sessions.get_mut(place)?)));
         let Some((place, session)) = open else {
             let odd = TransportIrregularity::new(IrregularityKind::Unexpected, None, None);
@@ -216,14 +224,19 @@ impl Transports {
         session.pgn = session.pgn.or(part.pgn);
         let step = take(session);
         let about = TransportFrame { pgn: session.pgn, ..part };
-        cx.bus.open_transfers.set(place, Some((key.source, session.pgn)));
+        cx.bus.open_transfers.set_session(place, Some((key.source, session.pgn)));
         self.after_frame(about, place, step, cx)
     }
 
     /// Handles a request for a connection, or the announcement of a broadcast.
-    fn on_opening(&mut self, part: TransportFrame<'_>, opening: Opening, cx: &mut Context<'_>) {
+    fn on_opening(
+        &mut self,
+        part: TransportFrame<'_>,
+        opening: TransportOpening,
+        cx: &mut MachineContext<'_>,
+    ) {
         let now = cx.bus.clock.now();
-        if let Some(reason) = contradiction(part.id, opening) {
+        if let Some(reason) = find_contradiction(part.id, opening) {
             emit_contradiction(part, reason, cx);
         }
         let is_broadcast = opening.mode == TransportMode::Broadcast;
@@ -231,7 +244,7 @@ impl Transports {
             // No later frame can belong to it.
             return;
         }
-        if let Some(place) = self.sessions.find(part.sent()) {
+        if let Some(place) = self.sessions.find_session(part.originated_key()) {
             if let Some(session) = self.sessions.get_mut(place)
                 && session.is_asked_again(opening)
             {
@@ -239,34 +252,39 @@ impl Transports {
                 let odd = TransportIrregularity::new(IrregularityKind::Retransmission, None, None);
                 return emit_irregularity(part, odd, cx);
             }
-            self.close(place, Ending::Superseded, part.frame, cx);
+            self.close_session(place, TransportEnding::Superseded, part.frame, cx);
         }
-        let session = Session::new(opening, part.id, part.frame, now);
-        self.open(part, session, cx);
+        let session = TransportSession::new(opening, part.id, part.frame, now);
+        self.open_session(part, session, cx);
     }
 
-    fn open(&mut self, part: TransportFrame<'_>, session: Session, cx: &mut Context<'_>) -> u16 {
-        let (key, pgn) = (part.sent(), session.pgn);
-        let (place, evicted) = self.sessions.open(key, session);
-        cx.bus.open_transfers.set(place, Some((key.source, pgn)));
+    fn open_session(
+        &mut self,
+        part: TransportFrame<'_>,
+        session: TransportSession,
+        cx: &mut MachineContext<'_>,
+    ) -> u16 {
+        let (key, pgn) = (part.originated_key(), session.pgn);
+        let (place, evicted) = self.sessions.open_session(key, session);
+        cx.bus.open_transfers.set_session(place, Some((key.source, pgn)));
         if let Some(evicted) = evicted {
             let kind = EventKind::Evicted { what: EvictedState::J1939Transfer, count: 1 };
             cx.emit_j1939(part.frame, evicted.id(), kind);
         }
-        self.arm(place, cx);
+        self.arm_timer(place, cx);
         place
     }
 
     /// Removes a transfer and emits it.
-    fn close(
+    fn close_session(
         &mut self,
         place: u16,
-        ending: Ending,
+        ending: TransportEnding,
         frame: &Frame,
-        cx: &mut Context<'_>,
+        cx: &mut MachineContext<'_>,
     ) -> Option<TransferPayload> {
-        let session = self.sessions.close(place)?;
-        cx.bus.open_transfers.set(place, None);
+        let session = self.sessions.close_session(place)?;
+        cx.bus.open_transfers.set_session(place, None);
         emit_transfer(session, ending, frame, cx)
     }
 
@@ -275,14 +293,14 @@ impl Transports {
         part: TransportFrame<'_>,
         sequence: u8,
         bytes: &[u8; 7],
-        cx: &mut Context<'_>,
+        cx: &mut MachineContext<'_>,
     ) -> Option<TransferPayload> {
         let now = cx.bus.clock.now();
-        let mut place = self.sessions.find(part.sent());
+        let mut place = self.sessions.find_session(part.originated_key());
         if let Some(open) = place
             && self.sessions.get_mut(open).is_some_and(|session| session.begins_anew(sequence))
         {
-            self.close(open, Ending::Superseded, part.frame, cx);
+            self.close_session(open, TransportEnding::Superseded, part.frame, cx);
             place = None;
         }
         let place = match place {
@@ -298,15 +316,15 @@ impl Transports {
                     (false, ALL) => TransportMode::Broadcast,
                     (false, _) => TransportMode::Connection,
                 };
-                let session = Session::cut(mode, part.id, sequence, part.frame, now);
-                self.open(part, session, cx)
+                let session = TransportSession::without_start(mode, part.id, sequence, part.frame, now);
+                self.open_session(part, session, cx)
             }
         };
         let session = self.sessions.get_mut(place)?;
-        let before = session.received.held();
-        let step = session.packet(sequence, bytes, part.frame, now);
+        let before = session.received.held_bytes();
+        let step = session.on_packet(sequence, bytes, part.frame, now);
         let about = TransportFrame { pgn: session.pgn, ..part };
-        if self.sessions.grew(place, before) {
+        if self.sessions.update_size(place, before) {
             let kind = EventKind::Evicted { what: EvictedState::J1939Data, count: 1 };
             cx.emit_j1939(part.frame, part.id, kind);
         }
@@ -319,39 +337,39 @@ impl Transports {
         part: TransportFrame<'_>,
         place: u16,
         step: TransferStep,
-        cx: &mut Context<'_>,
+        cx: &mut MachineContext<'_>,
     ) -> Option<TransferPayload> {
         for odd in [step.late, step.odd].into_iter().flatten() {
             emit_irregularity(part, odd, cx);
         }
         if let Some(ending) = step.end {
-            return self.close(place, ending, part.frame, cx);
+            return self.close_session(place, ending, part.frame, cx);
         }
-        self.arm(place, cx);
+        self.arm_timer(place, cx);
         None
     }
 
     /// Ensures that a transfer has an entry in the timer queue. The entry uses the shortest timeout, so that
     /// it is never later than a moved deadline.
-    fn arm(&mut self, place: u16, cx: &mut Context<'_>) {
-        if cx.bus.clock.runs()
-            && let Some(deadline) = self.sessions.queue(place)
+    fn arm_timer(&mut self, place: u16, cx: &mut MachineContext<'_>) {
+        if cx.bus.clock.has_timestamps()
+            && let Some(deadline) = self.sessions.queue_deadline(place)
         {
             let soonest = cx.bus.clock.now().saturating_add(SHORTEST);
-            cx.timers.add(deadline.min(soonest), Subject::Transport(place));
+            cx.timers.add_deadline(deadline.min(soonest), DeadlineSubject::Transport(place));
         }
     }
 }
 
 /// Reports a frame that is long enough but contradicts the protocol or itself.
-fn emit_contradiction(part: TransportFrame<'_>, reason: &'static str, cx: &mut Context<'_>) {
+fn emit_contradiction(part: TransportFrame<'_>, reason: &'static str, cx: &mut MachineContext<'_>) {
     let layer = if is_extended(part.id.pgn) { "etp.cm" } else { "tp.cm" };
-    let error = Malformed { layer, offset: 0, needed: 0, available: part.frame.length };
+    let error = MalformedPayload { layer, offset: 0, needed: 0, available: part.frame.length };
     cx.emit_malformed_j1939(part.id, error, reason, part.frame);
 }
 
-fn emit_irregularity(part: TransportFrame<'_>, odd: TransportIrregularity, cx: &mut Context<'_>) {
-    let irregularity = Irregularity {
+fn emit_irregularity(part: TransportFrame<'_>, odd: TransportIrregularity, cx: &mut MachineContext<'_>) {
+    let irregularity = TransferIrregularity {
         what: odd.what,
         message: part.message,
         pgn: part.pgn,
@@ -368,38 +386,39 @@ fn emit_irregularity(part: TransportFrame<'_>, odd: TransportIrregularity, cx: &
 
 /// Emits a transfer; returns its payload if complete. `frame` is the last one of the transfer.
 fn emit_transfer(
-    session: Box<Session>,
-    ending: Ending,
+    session: Box<TransportSession>,
+    ending: TransportEnding,
     frame: &Frame,
-    cx: &mut Context<'_>,
+    cx: &mut MachineContext<'_>,
 ) -> Option<TransferPayload> {
     let (id, frames) = (session.id(), session.frames);
-    let transfer = describe(&cx.bus, session, ending);
+    let transfer = transfer_event(&cx.bus, session, ending);
     let mut event = cx.j1939_event(frame, id, EventKind::J1939Transfer(Box::new(transfer)));
     event.frames = frames;
-    cx.send(&event);
+    cx.send_event(&event);
     let EventKind::J1939Transfer(transfer) = event.kind else { return None };
     // The data is also complete if only a response is missing in the capture.
-    let is_whole = !transfer.truncated && matches!(transfer.outcome, Outcome::Complete | Outcome::Timeout);
+    let is_whole =
+        !transfer.truncated && matches!(transfer.outcome, SdoOutcome::Complete | SdoOutcome::Timeout);
     is_whole.then_some(TransferPayload { id, data: transfer.data, frames, frame: *frame })
 }
 
 /// Event of a transfer; the data moves to the event.
-fn describe(bus: &Bus, mut session: Box<Session>, ending: Ending) -> J1939Transfer {
+fn transfer_event(bus: &Bus, mut session: Box<TransportSession>, ending: TransportEnding) -> J1939Transfer {
     let is_whole = session.is_whole();
     let outcome = match ending {
-        Ending::Last if is_whole => Outcome::Complete,
+        TransportEnding::Last if is_whole => SdoOutcome::Complete,
         // Without the start, the expected end is unknown.
-        Ending::Timeout | Ending::Superseded if session.cut_start => Outcome::Incomplete,
-        Ending::Last => Outcome::Incomplete,
-        Ending::Abort(_) => Outcome::Aborted,
-        Ending::Timeout => Outcome::Timeout,
-        Ending::Superseded => Outcome::Superseded,
-        Ending::Unfinished => Outcome::Unfinished,
+        TransportEnding::Timeout | TransportEnding::Superseded if session.cut_start => SdoOutcome::Incomplete,
+        TransportEnding::Last => SdoOutcome::Incomplete,
+        TransportEnding::Abort(_) => SdoOutcome::Aborted,
+        TransportEnding::Timeout => SdoOutcome::Timeout,
+        TransportEnding::Superseded => SdoOutcome::Superseded,
+        TransportEnding::Unfinished => SdoOutcome::Unfinished,
     };
     let data = session.received.take_data(session.announced);
     let has_all = is_whole && session.announced.is_some_and(|size| u32::try_from(data.len()) == Ok(size));
-    let known = session.pgn.map(|_| bus.group(session.id(), data.len()));
+    let known = session.pgn.map(|_| bus.sender_group(session.id(), data.len()));
     let (name, layout) = known.map_or((None, None), |group| (group.name, group.layout));
     J1939Transfer {
         mode: Some(session.mode),
@@ -411,28 +430,28 @@ fn describe(bus: &Bus, mut session: Box<Session>, ending: Ending) -> J1939Transf
         announced: session.announced,
         packets: session.packets,
         size: session.received.size(),
-        missing: session.missing(),
-        repeated: session.received.repeated(),
+        missing: session.missing_packets(),
+        repeated: session.received.repeated_count(),
         spacing: session.spacing,
         data,
         truncated: !has_all,
         layout: layout.filter(|_| has_all),
         duration: session.duration(),
         outcome,
-        timer: (outcome == Outcome::Timeout).then_some(session.timer),
+        timer: (outcome == SdoOutcome::Timeout).then_some(session.timer),
         abort: match ending {
-            Ending::Abort(abort) => Some(abort),
+            TransportEnding::Abort(abort) => Some(abort),
             _ => None,
         },
         cut_start: session.cut_start,
-        cut_end: ending == Ending::Unfinished,
+        cut_end: ending == TransportEnding::Unfinished,
         frame_count: session.frame_count,
     }
 }
 
 /// Contradiction of an opening frame to the protocol or to itself.
-fn contradiction(id: J1939Id, opening: Opening) -> Option<&'static str> {
-    let Opening { mode, size, packets, .. } = opening;
+fn find_contradiction(id: J1939Id, opening: TransportOpening) -> Option<&'static str> {
+    let TransportOpening { mode, size, packets, .. } = opening;
     let is_broadcast = mode == TransportMode::Broadcast;
     let (smallest, largest) = if mode == TransportMode::Extended { ETP_SIZES } else { TP_SIZES };
     if is_broadcast && id.destination != ALL {

@@ -62,11 +62,11 @@ impl ReceivedPackets {
         self.highest
     }
 
-    pub(super) fn distinct(&self) -> u32 {
+    pub(super) fn distinct_count(&self) -> u32 {
         self.distinct
     }
 
-    pub(super) fn repeated(&self) -> u32 {
+    pub(super) fn repeated_count(&self) -> u32 {
         self.repeated
     }
 
@@ -75,13 +75,13 @@ impl ReceivedPackets {
     }
 
     /// Missing packets between the first and the highest.
-    pub(super) fn gaps(&self) -> u32 {
+    pub(super) fn gap_count(&self) -> u32 {
         let span = self.highest.saturating_add(1).saturating_sub(self.first);
         span.saturating_sub(self.distinct)
     }
 
     /// Whether a packet was received; `None` if it is no longer tracked.
-    fn saw(&self, number: u32) -> Option<bool> {
+    fn was_received(&self, number: u32) -> Option<bool> {
         let Some(back) = self.highest.checked_sub(number) else { return Some(false) };
         match back {
             0..128 => Some(self.seen.0 >> back & 1 == 1),
@@ -91,32 +91,39 @@ impl ReceivedPackets {
     }
 
     /// Whether a packet is treated as received before.
-    pub(super) fn has(&self, number: u32) -> bool {
-        self.saw(number).unwrap_or(true)
+    pub(super) fn was_received_before(&self, number: u32) -> bool {
+        self.was_received(number).unwrap_or(true)
     }
 
     /// Adds a packet from `first` on; bytes after `announced` are padding. A packet that was requested again
     /// replaces the previous one.
-    pub(super) fn take(&mut self, number: u32, bytes: &[u8; 7], announced: Option<u32>, was_asked: bool) {
-        let is_new = !self.has(number);
+    pub(super) fn take_packet(
+        &mut self,
+        number: u32,
+        bytes: &[u8; 7],
+        announced: Option<u32>,
+        was_asked: bool,
+    ) {
+        let is_new = !self.was_received_before(number);
         if is_new {
             self.distinct = self.distinct.saturating_add(1);
             let begin = number.saturating_sub(1).saturating_mul(PACKET_SIZE);
             let length = announced.map_or(PACKET_SIZE, |size| size.saturating_sub(begin).min(PACKET_SIZE));
             self.size = self.size.saturating_add(u64::from(length));
-            self.mark(number);
+            self.mark_received(number);
         } else {
             self.repeated = self.repeated.saturating_add(1);
         }
         if is_new || was_asked {
-            self.keep(number, bytes);
+            self.keep_bytes(number, bytes);
         }
-        while self.whole_to < self.highest && self.saw(self.whole_to.saturating_add(1)) == Some(true) {
+        while self.whole_to < self.highest && self.was_received(self.whole_to.saturating_add(1)) == Some(true)
+        {
             self.whole_to = self.whole_to.saturating_add(1);
         }
     }
 
-    fn mark(&mut self, number: u32) {
+    fn mark_received(&mut self, number: u32) {
         if let Some(ahead) = number.checked_sub(self.highest) {
             let (low, high) = self.seen;
             self.seen = match ahead {
@@ -135,7 +142,7 @@ impl ReceivedPackets {
     }
 
     /// Stores the bytes, unless a gap before them can no longer be filled.
-    fn keep(&mut self, number: u32, bytes: &[u8; 7]) {
+    fn keep_bytes(&mut self, number: u32, bytes: &[u8; 7]) {
         if self.is_given_up || number.saturating_sub(self.whole_to) > REACH {
             return;
         }
@@ -154,7 +161,7 @@ impl ReceivedPackets {
     }
 
     /// Renumbers the packets of a transfer without start, so that the last one is `last`.
-    pub(super) fn renumber(&mut self, last: u32) {
+    pub(super) fn renumber_packets(&mut self, last: u32) {
         if let Some(shift) = last.checked_sub(self.highest) {
             for number in [&mut self.first, &mut self.highest, &mut self.whole_to] {
                 *number = number.saturating_add(shift);
@@ -169,7 +176,7 @@ impl ReceivedPackets {
     }
 
     /// Data bytes held.
-    pub(super) fn held(&self) -> usize {
+    pub(super) fn held_bytes(&self) -> usize {
         self.data.len()
     }
 
@@ -201,7 +208,7 @@ mod tests {
 
     fn took(received: &mut ReceivedPackets, numbers: &[u32], announced: Option<u32>) {
         for number in numbers {
-            received.take(*number, &packet(*number), announced, false);
+            received.take_packet(*number, &packet(*number), announced, false);
         }
     }
 
@@ -209,7 +216,7 @@ mod tests {
     fn padding_is_no_data() {
         let mut received = ReceivedPackets::new(1);
         took(&mut received, &[1, 2], Some(9));
-        assert_eq!((received.size(), received.distinct(), received.gaps()), (9, 2, 0));
+        assert_eq!((received.size(), received.distinct_count(), received.gap_count()), (9, 2, 0));
         assert_eq!(received.take_data(Some(9)), [1, 1, 1, 1, 1, 1, 1, 2, 2]);
     }
 
@@ -218,7 +225,7 @@ mod tests {
         let mut received = ReceivedPackets::new(1);
         took(&mut received, &[1, 4, 2, 2], Some(28));
         assert_eq!(
-            (received.distinct(), received.repeated(), received.gaps(), received.size()),
+            (received.distinct_count(), received.repeated_count(), received.gap_count(), received.size()),
             (3, 1, 1, 21)
         );
         assert_eq!(received.clone().take_data(Some(28)).len(), 14, "up to the gap");
@@ -230,11 +237,11 @@ mod tests {
     #[test]
     fn what_was_asked_for_again_replaces() {
         let mut received = ReceivedPackets::new(1);
-        received.take(1, &[1; 7], None, false);
-        received.take(1, &[2; 7], None, false);
-        received.take(1, &[3; 7], None, true);
+        received.take_packet(1, &[1; 7], None, false);
+        received.take_packet(1, &[2; 7], None, false);
+        received.take_packet(1, &[3; 7], None, true);
         assert_eq!(received.take_data(None), [3; 7]);
-        assert_eq!(received.repeated(), 2);
+        assert_eq!(received.repeated_count(), 2);
     }
 
     #[test]
@@ -243,28 +250,31 @@ mod tests {
         let mut received = ReceivedPackets::new(1);
         took(&mut received, &[1, 100, 200, 256], None);
         assert_eq!(
-            [1, 2, 100, 101, 200, 256].map(|number| received.saw(number)),
+            [1, 2, 100, 101, 200, 256].map(|number| received.was_received(number)),
             [true, false, true, false, true, true].map(Some)
         );
         took(&mut received, &[257], None);
-        assert_eq!((received.saw(1), received.saw(2), received.saw(100)), (None, Some(false), Some(true)));
-        took(&mut received, &[1000], None);
         assert_eq!(
-            (received.saw(257), received.saw(999), received.saw(1000)),
+            (received.was_received(1), received.was_received(2), received.was_received(100)),
             (None, Some(false), Some(true))
         );
-        assert_eq!(received.distinct(), 6);
+        took(&mut received, &[1000], None);
+        assert_eq!(
+            (received.was_received(257), received.was_received(999), received.was_received(1000)),
+            (None, Some(false), Some(true))
+        );
+        assert_eq!(received.distinct_count(), 6);
     }
 
     #[test]
     fn far_packets_cost_no_memory_and_the_limit_holds() {
         let mut received = ReceivedPackets::new(1);
         took(&mut received, &[1, 9_000], None);
-        assert_eq!(received.held(), 7);
+        assert_eq!(received.held_bytes(), 7);
         // 65,536 bytes are 9,362 packets and two bytes.
         let mut received = ReceivedPackets::new(1);
-        (1..=20_000).for_each(|number| received.take(number, &packet(number), None, false));
-        assert_eq!((received.size(), received.held()), (140_000, TRANSFER_DATA_LIMIT));
+        (1..=20_000).for_each(|number| received.take_packet(number, &packet(number), None, false));
+        assert_eq!((received.size(), received.held_bytes()), (140_000, TRANSFER_DATA_LIMIT));
         assert_eq!(received.take_data(None).len(), TRANSFER_DATA_LIMIT);
     }
 
@@ -272,9 +282,12 @@ mod tests {
     fn without_start_data_begins_with_the_first_packet_seen() {
         let mut received = ReceivedPackets::new(5);
         took(&mut received, &[5, 6, 8], None);
-        assert_eq!((received.gaps(), received.size()), (1, 21));
-        received.renumber(508);
-        assert_eq!((received.first(), received.highest(), received.saw(507)), (505, 508, Some(false)));
+        assert_eq!((received.gap_count(), received.size()), (1, 21));
+        received.renumber_packets(508);
+        assert_eq!(
+            (received.first(), received.highest(), received.was_received(507)),
+            (505, 508, Some(false))
+        );
         assert_eq!(received.take_data(None), [[5; 7], [6; 7]].concat());
     }
 }

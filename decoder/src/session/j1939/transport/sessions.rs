@@ -4,13 +4,13 @@ use std::collections::HashMap;
 
 use foldhash::fast::FixedState;
 
-use super::session::Session;
+use super::session::TransportSession;
 use crate::session::limits::{OPEN_DATA_LIMIT, TRANSPORT_LIMIT};
 
 /// Key of an open transfer: sender, destination (255 for a broadcast), and protocol. J1939-21 §5.10.3 allows
 /// one connection per direction, and one broadcast per sender.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) struct Key {
+pub(super) struct SessionKey {
     pub(super) source: u8,
     pub(super) destination: u8,
     pub(super) is_extended: bool,
@@ -19,46 +19,50 @@ pub(super) struct Key {
 /// Slot for an open transfer; its index is the subject of the deadline.
 #[derive(Debug, Clone, Default)]
 struct TransferSlot {
-    open: Option<(Key, Box<Session>)>,
+    open: Option<(SessionKey, Box<TransportSession>)>,
     is_queued: bool,
 }
 
 /// Result of the timer entry of a slot.
-pub(super) enum Due {
+pub(super) enum SessionTimeout {
     /// No open transfer.
     Nothing,
     /// The deadline moved to this time.
     Later(i64),
     /// Transfer that timed out at this time.
-    Over(Box<Session>, i64),
+    Over(Box<TransportSession>, i64),
 }
 
 /// Table of open transfers.
 #[derive(Debug, Clone, Default)]
-pub(in crate::session) struct Sessions {
+pub(in crate::session) struct SessionTable {
     places: Vec<TransferSlot>,
-    by_key: HashMap<Key, u16, FixedState>,
+    by_key: HashMap<SessionKey, u16, FixedState>,
     free: Vec<u16>,
     /// Data bytes held by all open transfers.
     open_bytes: usize,
 }
 
-impl Sessions {
+impl SessionTable {
     /// Index of a transfer.
-    pub(super) fn find(&self, key: Key) -> Option<u16> {
+    pub(super) fn find_session(&self, key: SessionKey) -> Option<u16> {
         self.by_key.get(&key).copied()
     }
 
-    pub(super) fn get(&self, place: u16) -> Option<&Session> {
+    pub(super) fn get(&self, place: u16) -> Option<&TransportSession> {
         self.places.get(usize::from(place))?.open.as_ref().map(|(_, session)| &**session)
     }
 
-    pub(super) fn get_mut(&mut self, place: u16) -> Option<&mut Session> {
+    pub(super) fn get_mut(&mut self, place: u16) -> Option<&mut TransportSession> {
         self.places.get_mut(usize::from(place))?.open.as_mut().map(|(_, session)| &mut **session)
     }
 
     /// Opens a transfer; if the table is full, the oldest transfer is evicted and returned.
-    pub(super) fn open(&mut self, key: Key, session: Session) -> (u16, Option<Box<Session>>) {
+    pub(super) fn open_session(
+        &mut self,
+        key: SessionKey,
+        session: TransportSession,
+    ) -> (u16, Option<Box<TransportSession>>) {
         let mut given_up = None;
         if self.free.is_empty() {
             match u16::try_from(self.places.len()) {
@@ -66,7 +70,7 @@ impl Sessions {
                     self.places.push(TransferSlot::default());
                     self.free.push(place);
                 }
-                _ => given_up = self.oldest().and_then(|place| self.close(place)),
+                _ => given_up = self.oldest_session().and_then(|place| self.close_session(place)),
             }
         }
         let place = self.free.pop().unwrap_or_default();
@@ -77,25 +81,25 @@ impl Sessions {
         (place, given_up)
     }
 
-    fn oldest(&self) -> Option<u16> {
+    fn oldest_session(&self) -> Option<u16> {
         let open = self.places.iter().zip(0..);
         let first = open.filter_map(|(place, number)| Some((place.open.as_ref()?.1.frames.first, number)));
         first.min().map(|(_, number)| number)
     }
 
     /// Removes and returns a transfer.
-    pub(super) fn close(&mut self, place: u16) -> Option<Box<Session>> {
+    pub(super) fn close_session(&mut self, place: u16) -> Option<Box<TransportSession>> {
         let (key, session) = self.places.get_mut(usize::from(place))?.open.take()?;
         self.by_key.remove(&key);
         self.free.push(place);
-        self.open_bytes = self.open_bytes.saturating_sub(session.received.held());
+        self.open_bytes = self.open_bytes.saturating_sub(session.received.held_bytes());
         Some(session)
     }
 
     /// Updates the data size of a transfer from `before` bytes; `true` if its data was dropped for the limit.
-    pub(super) fn grew(&mut self, place: u16, before: usize) -> bool {
+    pub(super) fn update_size(&mut self, place: u16, before: usize) -> bool {
         let Some(session) = self.get_mut(place) else { return false };
-        let held = session.received.held();
+        let held = session.received.held_bytes();
         let open = self.open_bytes.saturating_sub(before).saturating_add(held);
         self.open_bytes = open;
         if open <= OPEN_DATA_LIMIT || held == 0 {
@@ -109,36 +113,37 @@ impl Sessions {
     }
 
     /// Deadline of a transfer without an entry in the timer queue; marks it as queued.
-    pub(super) fn queue(&mut self, place: u16) -> Option<i64> {
+    pub(super) fn queue_deadline(&mut self, place: u16) -> Option<i64> {
         let place = self.places.get_mut(usize::from(place))?;
         let (_, session) = place.open.as_ref()?;
-        (!std::mem::replace(&mut place.is_queued, true)).then(|| session.deadline())
+        (!std::mem::replace(&mut place.is_queued, true)).then(|| session.timeout_at())
     }
 
     /// Evaluates the timer entry of a slot that is due.
-    pub(super) fn due(&mut self, number: u16, now: i64) -> Due {
-        let Some(place) = self.places.get_mut(usize::from(number)) else { return Due::Nothing };
+    pub(super) fn evaluate_timer(&mut self, number: u16, now: i64) -> SessionTimeout {
+        let Some(place) = self.places.get_mut(usize::from(number)) else { return SessionTimeout::Nothing };
         place.is_queued = false;
-        let Some((_, session)) = &place.open else { return Due::Nothing };
-        let deadline = session.deadline();
+        let Some((_, session)) = &place.open else { return SessionTimeout::Nothing };
+        let deadline = session.timeout_at();
         if deadline >= now {
             place.is_queued = true;
-            return Due::Later(deadline);
+            return SessionTimeout::Later(deadline);
         }
-        self.close(number).map_or(Due::Nothing, |session| Due::Over(session, deadline))
+        self.close_session(number)
+            .map_or(SessionTimeout::Nothing, |session| SessionTimeout::Over(session, deadline))
     }
 
     /// Postpones all deadlines by `delay` ns.
-    pub(in crate::session) fn postpone(&mut self, delay: i64) {
+    pub(in crate::session) fn postpone_deadlines(&mut self, delay: i64) {
         for (_, session) in self.places.iter_mut().filter_map(|place| place.open.as_mut()) {
-            session.postpone(delay);
+            session.postpone_timeout(delay);
         }
     }
 
     /// Removes and returns all transfers in the order of their start.
-    pub(super) fn drain(&mut self) -> impl Iterator<Item = Box<Session>> + use<> {
+    pub(super) fn drain_sessions(&mut self) -> impl Iterator<Item = Box<TransportSession>> + use<> {
         let places: Vec<u16> = self.by_key.values().copied().collect();
-        let mut open: Vec<_> = places.into_iter().filter_map(|place| self.close(place)).collect();
+        let mut open: Vec<_> = places.into_iter().filter_map(|place| self.close_session(place)).collect();
         open.sort_by_key(|session| session.frames.first);
         open.into_iter()
     }
@@ -146,9 +151,9 @@ impl Sessions {
     /// Bytes held by the table.
     pub(in crate::session) fn footprint(&self) -> usize {
         let open = self.places.iter().filter_map(|place| place.open.as_ref());
-        let open = open.map(|(_, session)| size_of::<Session>() + session.received.footprint());
+        let open = open.map(|(_, session)| size_of::<TransportSession>() + session.received.footprint());
         self.places.capacity() * size_of::<TransferSlot>()
-            + self.by_key.capacity() * size_of::<(Key, u16)>()
+            + self.by_key.capacity() * size_of::<(SessionKey, u16)>()
             + self.free.capacity() * size_of::<u16>()
             + open.sum::<usize>()
     }

@@ -9,7 +9,7 @@ use crate::finding::Severity;
 use crate::session::Buses;
 use crate::sink::Output;
 use crate::sink::findings::CaptureResult;
-use crate::statistics::Quality;
+use crate::statistics::CaptureQuality;
 
 /// Creates the files of one capture; implemented by the program.
 pub trait LakeFiles {
@@ -17,7 +17,7 @@ pub trait LakeFiles {
     ///
     /// # Errors
     /// If the file cannot be created.
-    fn create(&mut self, table: &'static str, day: &str, number: usize) -> io::Result<Output>;
+    fn create_file(&mut self, table: &'static str, day: &str, number: usize) -> io::Result<Output>;
 
     /// File `number`, from 1, of a message and day in the wide layout.
     ///
@@ -55,7 +55,7 @@ pub struct LakeResults<'a> {
     /// Stories of the findings.
     pub diagnosis: &'a Diagnosis,
     /// Quality of the capture.
-    pub quality: &'a Quality,
+    pub quality: &'a CaptureQuality,
     /// State after the last frame.
     pub buses: Buses<'a>,
     /// Name of the format; `None` if it is unknown.

@@ -5,43 +5,43 @@ use std::io;
 
 use super::partitions::PushRow;
 use crate::diagnosis::Diagnosis;
-use crate::finding::{About, Cause, Group};
+use crate::finding::{FindingCause, FindingGroup, FindingSubject};
 use crate::session::Buses;
 use crate::sink::findings::{CaptureResult, jsonl};
-use crate::sink::parquet::table::{Cell, Heading, Kind, always, maybe};
-use crate::sink::parquet::time::{micros_of_date, nanos, node_number};
+use crate::sink::parquet::table::{ColumnHeading, ColumnType, RowCell, optional_column, required_column};
+use crate::sink::parquet::time::{micros_of_date, nanos_cell, node_number};
 
 /// Columns of the table of findings.
-pub(super) const HEADINGS: &[Heading] = &[
-    maybe("time", Kind::Time),
-    maybe("time_ns", Kind::Number),
-    maybe("until", Kind::Time),
-    always("capture", Kind::Name),
-    always("bus", Kind::Name),
-    always("first_frame", Kind::Number),
-    always("last_frame", Kind::Number),
-    maybe("node", Kind::Number),
-    maybe("node_name", Kind::Name),
-    maybe("device", Kind::Name),
-    always("finding", Kind::Number),
-    always("fingerprint", Kind::Text),
-    always("rule", Kind::Name),
-    always("title", Kind::Name),
-    always("severity", Kind::Name),
-    always("standing", Kind::Name),
-    maybe("about", Kind::Name),
-    maybe("object", Kind::Name),
-    always("text", Kind::Text),
-    always("count", Kind::Number),
-    maybe("duration", Kind::Real),
-    always("lasts", Kind::Truth),
-    maybe("cause_finding", Kind::Number),
-    maybe("member_of", Kind::Number),
-    maybe("story", Kind::Number),
-    maybe("story_place", Kind::Number),
-    maybe("story_title", Kind::Text),
-    maybe("next_step", Kind::Text),
-    always("json", Kind::Json),
+pub(super) const HEADINGS: &[ColumnHeading] = &[
+    optional_column("time", ColumnType::Time),
+    optional_column("time_ns", ColumnType::Number),
+    optional_column("until", ColumnType::Time),
+    required_column("capture", ColumnType::Name),
+    required_column("bus", ColumnType::Name),
+    required_column("first_frame", ColumnType::Number),
+    required_column("last_frame", ColumnType::Number),
+    optional_column("node", ColumnType::Number),
+    optional_column("node_name", ColumnType::Name),
+    optional_column("device", ColumnType::Name),
+    required_column("finding", ColumnType::Number),
+    required_column("fingerprint", ColumnType::Text),
+    required_column("rule", ColumnType::Name),
+    required_column("title", ColumnType::Name),
+    required_column("severity", ColumnType::Name),
+    required_column("standing", ColumnType::Name),
+    optional_column("about", ColumnType::Name),
+    optional_column("object", ColumnType::Name),
+    required_column("text", ColumnType::Text),
+    required_column("count", ColumnType::Number),
+    optional_column("duration", ColumnType::Real),
+    required_column("lasts", ColumnType::Truth),
+    optional_column("cause_finding", ColumnType::Number),
+    optional_column("member_of", ColumnType::Number),
+    optional_column("story", ColumnType::Number),
+    optional_column("story_place", ColumnType::Number),
+    optional_column("story_title", ColumnType::Text),
+    optional_column("next_step", ColumnType::Text),
+    required_column("json", ColumnType::Json),
 ];
 
 /// Story of a finding.
@@ -55,10 +55,10 @@ struct StoryPart<'a> {
 }
 
 /// Stories by finding; `None` for a finding that is only a note.
-struct Stories<'a>(BTreeMap<u64, StoryPart<'a>>);
+struct FindingStories<'a>(BTreeMap<u64, StoryPart<'a>>);
 
-impl<'a> Stories<'a> {
-    fn of(diagnosis: &'a Diagnosis) -> Self {
+impl<'a> FindingStories<'a> {
+    fn stories_of(diagnosis: &'a Diagnosis) -> Self {
         let mut parts = BTreeMap::new();
         for (story, number) in diagnosis.stories.iter().zip(1..) {
             for (id, place) in story.findings.iter().zip(1..) {
@@ -74,15 +74,15 @@ impl<'a> Stories<'a> {
 ///
 /// # Errors
 /// If a row cannot be written.
-pub(super) fn rows(
+pub(super) fn push_rows(
     judged: &CaptureResult,
     diagnosis: &Diagnosis,
     buses: Buses<'_>,
     push: PushRow<'_>,
 ) -> io::Result<()> {
-    let stories = Stories::of(diagnosis);
+    let stories = FindingStories::stories_of(diagnosis);
     for group in &judged.findings.groups {
-        row(group, judged, &stories, buses, push)?;
+        push_row(group, judged, &stories, buses, push)?;
     }
     Ok(())
 }
@@ -91,61 +91,61 @@ pub(super) fn rows(
     clippy::cast_precision_loss,
     reason = "durations are below 2^53 ns, or a fraction of a second does not matter"
 )]
-fn row(
-    group: &Group,
+fn push_row(
+    group: &FindingGroup,
     judged: &CaptureResult,
-    stories: &Stories<'_>,
+    stories: &FindingStories<'_>,
     buses: Buses<'_>,
     push: PushRow<'_>,
 ) -> io::Result<()> {
-    let (began, ended) = (group.began(), group.ended());
+    let (began, ended) = (group.first_occurrence(), group.last_occurrence());
     let bus = buses.iter().find(|bus| bus.index() == group.key.bus);
     let node = bus.zip(group.key.node).and_then(|(bus, node)| bus.node(node));
     let rule = judged.findings.rules.get(usize::from(group.key.rule));
     let about = group.key.about.to_string();
-    let object = matches!(group.key.about, About::Object(_)).then_some(about.as_str());
+    let object = matches!(group.key.about, FindingSubject::Object(_)).then_some(about.as_str());
     let cause = match group.cause {
-        Some(Cause::Group(id)) => number(id),
-        Some(Cause::Quality(_) | Cause::Fact(_)) | None => Cell::Null,
+        Some(FindingCause::Group(id)) => number_cell(id),
+        Some(FindingCause::Quality(_) | FindingCause::Fact(_)) | None => RowCell::Null,
     };
     let story = stories.0.get(&group.id);
-    let line = jsonl::finding(group, judged);
+    let line = jsonl::write_finding(group, judged);
     push(
         began.time,
         &[
             micros_of_date(began.time),
-            nanos(began.time),
+            nanos_cell(began.time),
             micros_of_date(ended.time),
-            Cell::Text(&judged.capture),
-            Cell::Text(&group.bus),
-            number(began.frames.first),
-            number(ended.frames.last),
+            RowCell::Text(&judged.capture),
+            RowCell::Text(&group.bus),
+            number_cell(began.frames.first),
+            number_cell(ended.frames.last),
             node_number(group.key.node),
-            Cell::text(group.node_name.as_deref()),
-            Cell::text(node.and_then(|node| node.device_id())),
-            number(group.id),
-            Cell::Text(&group.fingerprint()),
-            Cell::Text(&group.rule),
-            Cell::Text(rule.map_or("", |rule| &rule.title)),
-            Cell::Text(group.severity.name()),
-            Cell::Text(judged.standing(group).name()),
-            Cell::text(Some(about.as_str()).filter(|about| !about.is_empty())),
-            Cell::text(object),
-            Cell::Text(&group.text),
-            number(group.count),
-            group.duration().map_or(Cell::Null, |duration| Cell::Real(duration as f64 / 1e9)),
-            Cell::Truth(group.lasts_to_end),
+            RowCell::text_or_null(group.node_name.as_deref()),
+            RowCell::text_or_null(node.and_then(|node| node.device_id())),
+            number_cell(group.id),
+            RowCell::Text(&group.fingerprint()),
+            RowCell::Text(&group.rule),
+            RowCell::Text(rule.map_or("", |rule| &rule.title)),
+            RowCell::Text(group.severity.name()),
+            RowCell::Text(judged.standing_of(group).name()),
+            RowCell::text_or_null(Some(about.as_str()).filter(|about| !about.is_empty())),
+            RowCell::text_or_null(object),
+            RowCell::Text(&group.text),
+            number_cell(group.count),
+            group.duration().map_or(RowCell::Null, |duration| RowCell::Real(duration as f64 / 1e9)),
+            RowCell::Truth(group.lasts_to_end),
             cause,
-            group.member_of.map_or(Cell::Null, number),
-            story.map_or(Cell::Null, |part| Cell::Number(part.story)),
-            story.map_or(Cell::Null, |part| Cell::Number(part.place)),
-            Cell::text(story.map(|part| part.title)),
-            Cell::text(group.next_step.as_deref()),
-            Cell::Text(&line),
+            group.member_of.map_or(RowCell::Null, number_cell),
+            story.map_or(RowCell::Null, |part| RowCell::Number(part.story)),
+            story.map_or(RowCell::Null, |part| RowCell::Number(part.place)),
+            RowCell::text_or_null(story.map(|part| part.title)),
+            RowCell::text_or_null(group.next_step.as_deref()),
+            RowCell::Text(&line),
         ],
     )
 }
 
-fn number(number: u64) -> Cell<'static> {
-    Cell::Number(i64::try_from(number).unwrap_or(i64::MAX))
+fn number_cell(number: u64) -> RowCell<'static> {
+    RowCell::Number(i64::try_from(number).unwrap_or(i64::MAX))
 }

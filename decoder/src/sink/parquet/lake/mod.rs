@@ -20,14 +20,14 @@ use std::io;
 
 pub use self::capture::{LakeCapture, LakeFiles, LakeResults};
 
-use self::captures::RowCounts;
-use self::day::Calendar;
+use self::captures::TableRowCounts;
+use self::day::DayCalendar;
 use self::objects::ObjectIntervals;
-use self::partitions::Partitions;
+use self::partitions::TablePartitions;
 use self::wide::WideTables;
-use super::events::{self, EventRows};
+use super::events::{self, EventRowConverter};
 use super::signals::{self, SignalRows};
-use super::table::Table;
+use super::table::TableWriter;
 use super::time::micros_of_date;
 use crate::event::{Event, EventKind};
 use crate::frame::Frame;
@@ -50,7 +50,7 @@ pub fn empty_table(table: &str) -> io::Result<Vec<u8>> {
         "captures" => captures::HEADINGS,
         _ => return Err(io::Error::other(format!("{table}: no table of a lake"))),
     };
-    Table::new(Vec::new(), headings, &[(partitions::HASH, "")])?.into_inner()
+    TableWriter::new(Vec::new(), headings, &[(partitions::HASH, "")])?.into_inner()
 }
 
 /// Writer for the tables of one capture. After the first write error nothing more is written; `finish` returns the
@@ -58,14 +58,14 @@ pub fn empty_table(table: &str) -> io::Result<Vec<u8>> {
 pub struct LakeWriter<'a> {
     capture: LakeCapture,
     files: &'a mut dyn LakeFiles,
-    calendar: Calendar,
-    event_rows: EventRows,
+    calendar: DayCalendar,
+    event_rows: EventRowConverter,
     signal_rows: SignalRows,
     intervals: ObjectIntervals,
-    events: Partitions,
-    signals: Partitions,
-    objects: Partitions,
-    frames: Partitions,
+    events: TablePartitions,
+    signals: TablePartitions,
+    objects: TablePartitions,
+    frames: TablePartitions,
     wide: WideTables,
     error: Option<io::Error>,
 }
@@ -74,20 +74,20 @@ impl<'a> LakeWriter<'a> {
     /// Starts the tables; files are created with their first row.
     pub fn new(capture: LakeCapture, files: &'a mut dyn LakeFiles) -> Self {
         let hash = capture.hash.as_str();
-        let mut event_rows = EventRows::new(micros_of_date);
+        let mut event_rows = EventRowConverter::new(micros_of_date);
         event_rows.set_capture(&capture.name);
         let mut signal_rows = SignalRows::new(micros_of_date);
         signal_rows.set_capture(&capture.name);
         Self {
             files,
-            calendar: Calendar::new(capture.day),
+            calendar: DayCalendar::new(capture.day),
             event_rows,
             signal_rows,
             intervals: ObjectIntervals::new(&capture.name),
-            events: Partitions::new("events", events::HEADINGS, hash),
-            signals: Partitions::new("signals", signals::HEADINGS, hash),
-            objects: Partitions::new("objects", objects::HEADINGS, hash),
-            frames: Partitions::new("frames", frames::HEADINGS, hash),
+            events: TablePartitions::new("events", events::HEADINGS, hash),
+            signals: TablePartitions::new("signals", signals::HEADINGS, hash),
+            objects: TablePartitions::new("objects", objects::HEADINGS, hash),
+            frames: TablePartitions::new("frames", frames::HEADINGS, hash),
             wide: WideTables::default(),
             error: None,
             capture,
@@ -99,37 +99,39 @@ impl<'a> LakeWriter<'a> {
         self.error.is_some()
     }
 
-    /// Whether [`Self::frame`] is needed.
+    /// Whether [`Self::add_frame`] is needed.
     pub fn wants_frames(&self) -> bool {
         self.capture.has_frames
     }
 
     /// Number of messages above the limit of the wide layout.
     pub fn messages_skipped(&self) -> usize {
-        self.wide.skipped()
+        self.wide.skipped_count()
     }
 
     /// Adds a frame of bus `bus`, before its events.
-    pub fn frame(&mut self, frame: &Frame, bus: &str) {
+    pub fn add_frame(&mut self, frame: &Frame, bus: &str) {
         if self.error.is_none() && self.capture.has_frames {
             let Self { calendar, frames, files, capture, .. } = self;
-            let day = calendar.day(frame.time);
-            let row = frames::row(frame, (&capture.name, bus), &mut |cells| frames.push(day, *files, cells));
+            let day = calendar.day_of(frame.time);
+            let row =
+                frames::push_row(frame, (&capture.name, bus), &mut |cells| frames.push(day, *files, cells));
             self.error = row.err();
         }
     }
 
-    fn rows(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
+    fn write_rows(&mut self, event: &Event, bus: &Bus) -> io::Result<()> {
         let Self { calendar, files, event_rows, signal_rows, intervals, .. } = self;
-        let day = calendar.day(event.time);
-        signal_rows.rows(event, bus, &mut |cells| self.signals.push(day, *files, cells))?;
+        let day = calendar.day_of(event.time);
+        signal_rows.push_rows(event, bus, &mut |cells| self.signals.push(day, *files, cells))?;
         if self.capture.has_wide {
-            self.wide.row(event, bus, day, *files)?;
+            self.wide.add_row(event, bus, day, *files)?;
         }
         let objects = &mut self.objects;
-        intervals.event(event, bus, &mut |time, cells| objects.push(calendar.day(time), *files, cells))?;
+        intervals
+            .take_event(event, bus, &mut |time, cells| objects.push(calendar.day_of(time), *files, cells))?;
         if self.capture.has_all_events || has_news(event) {
-            event_rows.row(event, bus, &mut |cells| self.events.push(day, *files, cells))?;
+            event_rows.push_row(event, bus, &mut |cells| self.events.push(day, *files, cells))?;
         }
         Ok(())
     }
@@ -138,27 +140,28 @@ impl<'a> LakeWriter<'a> {
     ///
     /// # Errors
     /// The first write error since the start.
-    pub fn finish(mut self, results: &LakeResults<'_>) -> io::Result<()> {
+    pub fn finish_capture(mut self, results: &LakeResults<'_>) -> io::Result<()> {
         if let Some(error) = self.error.take() {
             return Err(error);
         }
         let Self { capture, calendar, files, intervals, events, signals, objects, frames, wide, .. } =
             &mut self;
-        wide.finish()?;
-        intervals
-            .finish(results.buses, &mut |time, cells| objects.push(calendar.day(time), *files, cells))?;
-        let hash = capture.hash.as_str();
-        let mut findings = Partitions::new("findings", findings::HEADINGS, hash);
-        findings::rows(results.judged, results.diagnosis, results.buses, &mut |time, cells| {
-            findings.push(calendar.day(time), *files, cells)
+        wide.finish_files()?;
+        intervals.finish_intervals(results.buses, &mut |time, cells| {
+            objects.push(calendar.day_of(time), *files, cells)
         })?;
-        let counts = RowCounts { events: events.rows(), signals: signals.rows() };
-        let mut captures = Partitions::new("captures", captures::HEADINGS, hash);
-        captures::row(capture, results, counts, &mut |time, cells| {
-            captures.push(calendar.day(time), *files, cells)
+        let hash = capture.hash.as_str();
+        let mut findings = TablePartitions::new("findings", findings::HEADINGS, hash);
+        findings::push_rows(results.judged, results.diagnosis, results.buses, &mut |time, cells| {
+            findings.push(calendar.day_of(time), *files, cells)
+        })?;
+        let counts = TableRowCounts { events: events.row_count(), signals: signals.row_count() };
+        let mut captures = TablePartitions::new("captures", captures::HEADINGS, hash);
+        captures::push_row(capture, results, counts, &mut |time, cells| {
+            captures.push(calendar.day_of(time), *files, cells)
         })?;
         let all = [frames, signals, events, objects, &mut findings, &mut captures];
-        all.into_iter().try_for_each(Partitions::finish)
+        all.into_iter().try_for_each(TablePartitions::finish_files)
     }
 }
 
@@ -166,7 +169,7 @@ impl LakeWriter<'_> {
     /// Takes an event of the capture, or of a finding.
     pub fn event(&mut self, event: &Event, bus: &Bus) {
         if self.error.is_none() {
-            self.error = self.rows(event, bus).err();
+            self.error = self.write_rows(event, bus).err();
         }
     }
 }

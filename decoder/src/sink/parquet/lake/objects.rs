@@ -10,45 +10,45 @@ use std::io;
 use super::partitions::PushRow;
 use crate::event::{Event, EventKind};
 use crate::frame::{BusIndex, Timestamp};
-use crate::profile::{Persistence, Value};
-use crate::session::{Bus, Buses, Entry, Node, Origin, OriginKind};
-use crate::sink::parquet::table::{Cell, Heading, Kind, always, maybe};
-use crate::sink::parquet::time::{micros_of_date, nanos, node_number};
+use crate::profile::{DecodedValue, Persistence};
+use crate::session::{Bus, Buses, Node, OriginKind, StoredObject, StoredOrigin};
+use crate::sink::parquet::table::{ColumnHeading, ColumnType, RowCell, optional_column, required_column};
+use crate::sink::parquet::time::{micros_of_date, nanos_cell, node_number};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
 /// Columns of the table of objects.
-pub(super) const HEADINGS: &[Heading] = &[
-    maybe("time", Kind::Time),
-    maybe("time_ns", Kind::Number),
-    maybe("until", Kind::Time),
-    maybe("until_ns", Kind::Number),
-    maybe("confirmed", Kind::Time),
-    always("capture", Kind::Name),
-    always("bus", Kind::Name),
-    maybe("frame", Kind::Number),
-    maybe("until_frame", Kind::Number),
-    maybe("node", Kind::Number),
-    maybe("node_name", Kind::Name),
-    maybe("device", Kind::Name),
-    always("object", Kind::Name),
-    maybe("name", Kind::Name),
-    maybe("value", Kind::Real),
-    maybe("text", Kind::Name),
-    maybe("unit", Kind::Name),
-    always("data", Kind::Name),
-    always("size", Kind::Number),
-    always("origin", Kind::Name),
-    always("stale", Kind::Truth),
-    maybe("persists", Kind::Name),
+pub(super) const HEADINGS: &[ColumnHeading] = &[
+    optional_column("time", ColumnType::Time),
+    optional_column("time_ns", ColumnType::Number),
+    optional_column("until", ColumnType::Time),
+    optional_column("until_ns", ColumnType::Number),
+    optional_column("confirmed", ColumnType::Time),
+    required_column("capture", ColumnType::Name),
+    required_column("bus", ColumnType::Name),
+    optional_column("frame", ColumnType::Number),
+    optional_column("until_frame", ColumnType::Number),
+    optional_column("node", ColumnType::Number),
+    optional_column("node_name", ColumnType::Name),
+    optional_column("device", ColumnType::Name),
+    required_column("object", ColumnType::Name),
+    optional_column("name", ColumnType::Name),
+    optional_column("value", ColumnType::Real),
+    optional_column("text", ColumnType::Name),
+    optional_column("unit", ColumnType::Name),
+    required_column("data", ColumnType::Name),
+    required_column("size", ColumnType::Number),
+    required_column("origin", ColumnType::Name),
+    required_column("stale", ColumnType::Truth),
+    optional_column("persists", ColumnType::Name),
 ];
 
 /// An object value from its first message on.
-struct Interval {
+struct ValueInterval {
     /// Last confirmed value.
-    entry: Entry,
+    entry: StoredObject,
     /// First message with the value.
-    since: Origin,
+    since: StoredOrigin,
     name: Option<String>,
     value: Option<f64>,
     text: Option<String>,
@@ -66,7 +66,7 @@ struct PendingCheck {
 /// Intervals of all nodes.
 #[derive(Default)]
 pub(super) struct ObjectIntervals {
-    nodes: BTreeMap<(BusIndex, NodeId), BTreeMap<ObjectAddress, Interval>>,
+    nodes: BTreeMap<(BusIndex, NodeId), BTreeMap<ObjectAddress, ValueInterval>>,
     pending: Vec<PendingCheck>,
     capture: String,
 }
@@ -78,7 +78,7 @@ impl ObjectIntervals {
 
     /// Compares the objects of earlier events, then takes note of those of this one: the event of a transfer precedes its
     /// value in the store.
-    pub(super) fn event(&mut self, event: &Event, bus: &Bus, push: PushRow<'_>) -> io::Result<()> {
+    pub(super) fn take_event(&mut self, event: &Event, bus: &Bus, push: PushRow<'_>) -> io::Result<()> {
         if !self.pending.is_empty() {
             self.check_pending(bus, (event.time, event.frames.last), push)?;
         }
@@ -112,7 +112,7 @@ impl ObjectIntervals {
         for check in own {
             let Some(node) = bus.node(check.node) else { continue };
             if let Some(object) = check.object {
-                self.check(bus, node, object, now, push)?;
+                self.check_object(bus, node, object, now, push)?;
                 continue;
             }
             let known = self.nodes.get(&(bus.index(), check.node));
@@ -121,13 +121,13 @@ impl ObjectIntervals {
             let mut all: Vec<_> = known.chain(stored).collect();
             all.sort_unstable();
             all.dedup();
-            all.into_iter().try_for_each(|object| self.check(bus, node, object, now, push))?;
+            all.into_iter().try_for_each(|object| self.check_object(bus, node, object, now, push))?;
         }
         Ok(())
     }
 
     /// Compares one object with its interval.
-    fn check(
+    fn check_object(
         &mut self,
         bus: &Bus,
         node: &Node,
@@ -136,7 +136,7 @@ impl ObjectIntervals {
         push: PushRow<'_>,
     ) -> io::Result<()> {
         // A value of a PDO is one sample of a process value.
-        let entry = node.store().seen(object).filter(|entry| entry.origin.kind != OriginKind::Pdo);
+        let entry = node.store().seen_value(object).filter(|entry| entry.origin.kind != OriginKind::Pdo);
         let intervals = self.nodes.entry((bus.index(), node.id())).or_default();
         if let (Some(entry), Some(interval)) = (entry, intervals.get_mut(&object))
             && entry.value == interval.entry.value
@@ -146,41 +146,42 @@ impl ObjectIntervals {
         }
         let ended = intervals.remove(&object);
         if let Some(entry) = entry {
-            intervals.insert(object, Interval::of(node, object, entry));
+            intervals.insert(object, ValueInterval::interval_of(node, object, entry));
         }
         let Some(ended) = ended else { return Ok(()) };
         let end = entry.map_or((time, frame), |entry| (entry.origin.time, entry.origin.frame));
-        self.row(bus, node, (object, &ended), Some(end), push)
+        self.push_row(bus, node, (object, &ended), Some(end), push)
     }
 
     /// Writes all intervals that last to the end of the capture.
     ///
     /// # Errors
     /// If a row cannot be written.
-    pub(super) fn finish(&mut self, buses: Buses<'_>, push: PushRow<'_>) -> io::Result<()> {
+    pub(super) fn finish_intervals(&mut self, buses: Buses<'_>, push: PushRow<'_>) -> io::Result<()> {
         for bus in buses {
             // The last event of a bus has no later one.
             self.check_pending(bus, (None, 0), push)?;
             for node in bus.nodes() {
                 let Some(intervals) = self.nodes.remove(&(bus.index(), node.id())) else { continue };
                 for (object, interval) in &intervals {
-                    self.row(bus, node, (*object, interval), None, push)?;
+                    self.push_row(bus, node, (*object, interval), None, push)?;
                 }
             }
         }
         Ok(())
     }
 
-    fn row(
+    fn push_row(
         &self,
         bus: &Bus,
         node: &Node,
-        (object, interval): (ObjectAddress, &Interval),
+        (object, interval): (ObjectAddress, &ValueInterval),
         end: Option<(Option<Timestamp>, u64)>,
         push: PushRow<'_>,
     ) -> io::Result<()> {
         let (until, until_frame) = end.unwrap_or((None, 0));
-        let frame = |number: u64| if number == 0 { Cell::Null } else { Cell::Number(number.cast_signed()) };
+        let frame =
+            |number: u64| if number == 0 { RowCell::Null } else { RowCell::Number(number.cast_signed()) };
         let mut data = Vec::new();
         crate::ascii::push_hex(&mut data, &interval.entry.value);
         let time = interval.since.time;
@@ -188,49 +189,49 @@ impl ObjectIntervals {
             time,
             &[
                 micros_of_date(time),
-                nanos(time),
+                nanos_cell(time),
                 micros_of_date(until),
-                nanos(until),
+                nanos_cell(until),
                 micros_of_date(interval.entry.origin.time),
-                Cell::Text(&self.capture),
-                Cell::Text(bus.name()),
+                RowCell::Text(&self.capture),
+                RowCell::Text(bus.name()),
                 frame(interval.since.frame),
                 frame(until_frame),
                 node_number(Some(node.id())),
-                Cell::text(node.name()),
-                Cell::text(node.device_id()),
-                Cell::Text(&object.to_string()),
-                Cell::text(interval.name.as_deref()),
-                interval.value.map_or(Cell::Null, Cell::Real),
-                Cell::text(interval.text.as_deref()),
-                Cell::text(interval.unit.as_deref()),
-                Cell::Text(&String::from_utf8_lossy(&data)),
-                Cell::Number(i64::try_from(interval.entry.size).unwrap_or(i64::MAX)),
-                Cell::Text(interval.since.kind.name()),
-                Cell::Truth(interval.entry.stale),
-                Cell::text(interval.persists.map(Persistence::name)),
+                RowCell::text_or_null(node.name()),
+                RowCell::text_or_null(node.device_id()),
+                RowCell::Text(&object.to_string()),
+                RowCell::text_or_null(interval.name.as_deref()),
+                interval.value.map_or(RowCell::Null, RowCell::Real),
+                RowCell::text_or_null(interval.text.as_deref()),
+                RowCell::text_or_null(interval.unit.as_deref()),
+                RowCell::Text(&String::from_utf8_lossy(&data)),
+                RowCell::Number(i64::try_from(interval.entry.size).unwrap_or(i64::MAX)),
+                RowCell::Text(interval.since.kind.name()),
+                RowCell::Truth(interval.entry.stale),
+                RowCell::text_or_null(interval.persists.map(Persistence::name)),
             ],
         )
     }
 }
 
-impl Interval {
+impl ValueInterval {
     #[expect(clippy::cast_precision_loss, reason = "`data` is exact")]
-    fn of(node: &Node, object: ObjectAddress, entry: &Entry) -> Self {
+    fn interval_of(node: &Node, object: ObjectAddress, entry: &StoredObject) -> Self {
         let meaning = node.meaning(object);
         let (mut value, mut text) = (None, None);
         if let Some(meaning) = &meaning {
             let decoded = meaning.decode(&entry.value);
             match &decoded {
-                Value::Unsigned(number) => value = Some(*number as f64),
-                Value::Integer(number) => value = Some(*number as f64),
-                Value::Real(number) => value = Some(*number).filter(|number| number.is_finite()),
-                Value::Text(_) | Value::Bytes(_) => {}
+                DecodedValue::Unsigned(number) => value = Some(*number as f64),
+                DecodedValue::Integer(number) => value = Some(*number as f64),
+                DecodedValue::Real(number) => value = Some(*number).filter(|number| number.is_finite()),
+                DecodedValue::Text(_) | DecodedValue::Bytes(_) => {}
             }
             text = match &decoded {
-                Value::Bytes(_) => None,
-                Value::Text(text) => Some(text.clone()),
-                number => Some(meaning.show(number)),
+                DecodedValue::Bytes(_) => None,
+                DecodedValue::Text(text) => Some(text.clone()),
+                number => Some(meaning.format_value(number)),
             };
         }
         let unit = meaning.as_ref().map(|meaning| meaning.unit.clone()).filter(|unit| !unit.is_empty());
@@ -241,7 +242,7 @@ impl Interval {
             value,
             text,
             unit,
-            persists: node.persists(object),
+            persists: node.persistence_text(object),
         }
     }
 }

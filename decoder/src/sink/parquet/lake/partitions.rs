@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::io;
 
 use super::capture::LakeFiles;
-use super::day::Day;
+use super::day::PartitionDay;
 use crate::frame::Timestamp;
 use crate::sink::Output;
-use crate::sink::parquet::table::{Cell, Heading, Table};
+use crate::sink::parquet::table::{ColumnHeading, RowCell, TableWriter};
 
 /// Days of which a file is open. A capture passes midnight in order; a clock that was set goes back once.
 const OPEN_DAYS: usize = 3;
@@ -19,23 +19,23 @@ const MOST_FILES: usize = 1_000;
 pub(super) const HASH: &str = "capture_hash";
 
 /// Receives a row: the time that determines its day, and its cells.
-pub(super) type PushRow<'a> = &'a mut dyn FnMut(Option<Timestamp>, &[Cell<'_>]) -> io::Result<()>;
+pub(super) type PushRow<'a> = &'a mut dyn FnMut(Option<Timestamp>, &[RowCell<'_>]) -> io::Result<()>;
 
 /// Rows of one table of a capture.
-pub(super) struct Partitions {
+pub(super) struct TablePartitions {
     table: &'static str,
-    headings: &'static [Heading],
+    headings: &'static [ColumnHeading],
     hash: String,
     /// Open files, that of the last row first.
-    open: Vec<(Day, Table<Output>)>,
+    open: Vec<(PartitionDay, TableWriter<Output>)>,
     /// Number of files per day.
-    files: BTreeMap<Day, usize>,
+    files: BTreeMap<PartitionDay, usize>,
     created: usize,
     rows: u64,
 }
 
-impl Partitions {
-    pub(super) fn new(table: &'static str, headings: &'static [Heading], hash: &str) -> Self {
+impl TablePartitions {
+    pub(super) fn new(table: &'static str, headings: &'static [ColumnHeading], hash: &str) -> Self {
         Self {
             table,
             headings,
@@ -48,7 +48,7 @@ impl Partitions {
     }
 
     /// Number of rows.
-    pub(super) fn rows(&self) -> u64 {
+    pub(super) fn row_count(&self) -> u64 {
         self.rows
     }
 
@@ -56,7 +56,12 @@ impl Partitions {
     ///
     /// # Errors
     /// If the file cannot be created or written.
-    pub(super) fn push(&mut self, day: Day, files: &mut dyn LakeFiles, cells: &[Cell<'_>]) -> io::Result<()> {
+    pub(super) fn push(
+        &mut self,
+        day: PartitionDay,
+        files: &mut dyn LakeFiles,
+        cells: &[RowCell<'_>],
+    ) -> io::Result<()> {
         if self.open.first().is_none_or(|(open, _)| *open != day) {
             self.turn_to(day, files)?;
         }
@@ -65,8 +70,8 @@ impl Partitions {
     }
 
     /// Makes the file of a day the first open one.
-    fn turn_to(&mut self, day: Day, files: &mut dyn LakeFiles) -> io::Result<()> {
-        let day = if self.created >= MOST_FILES { Day::Unknown } else { day };
+    fn turn_to(&mut self, day: PartitionDay, files: &mut dyn LakeFiles) -> io::Result<()> {
+        let day = if self.created >= MOST_FILES { PartitionDay::Unknown } else { day };
         if let Some(place) = self.open.iter().position(|(open, _)| *open == day) {
             self.open.get_mut(..=place).unwrap_or_default().rotate_right(1);
             return Ok(());
@@ -74,13 +79,13 @@ impl Partitions {
         if self.open.len() >= OPEN_DAYS
             && let Some((_, mut oldest)) = self.open.pop()
         {
-            oldest.finish()?;
+            oldest.finish_table()?;
         }
         self.created = self.created.saturating_add(1);
         let number = self.files.entry(day).or_default();
         *number = number.saturating_add(1);
-        let output = files.create(self.table, &day.to_string(), *number)?;
-        let table = Table::new(output, self.headings, &[(HASH, &self.hash)])?;
+        let output = files.create_file(self.table, &day.to_string(), *number)?;
+        let table = TableWriter::new(output, self.headings, &[(HASH, &self.hash)])?;
         self.open.insert(0, (day, table));
         Ok(())
     }
@@ -89,8 +94,8 @@ impl Partitions {
     ///
     /// # Errors
     /// If one of them cannot be written.
-    pub(super) fn finish(&mut self) -> io::Result<()> {
-        self.open.drain(..).try_for_each(|(_, mut table)| table.finish())
+    pub(super) fn finish_files(&mut self) -> io::Result<()> {
+        self.open.drain(..).try_for_each(|(_, mut table)| table.finish_table())
     }
 }
 
@@ -99,33 +104,33 @@ mod tests {
     use std::sync::{Arc, Mutex};
 
     use super::*;
-    use crate::sink::parquet::table::{Kind, always};
+    use crate::sink::parquet::table::{ColumnType, required_column};
 
-    const HEADINGS: &[Heading] = &[always("n", Kind::Number)];
+    const HEADINGS: &[ColumnHeading] = &[required_column("n", ColumnType::Number)];
 
     #[derive(Default)]
     struct Names(Arc<Mutex<Vec<String>>>);
 
     impl LakeFiles for Names {
-        fn create(&mut self, table: &'static str, day: &str, number: usize) -> io::Result<Output> {
+        fn create_file(&mut self, table: &'static str, day: &str, number: usize) -> io::Result<Output> {
             self.0.lock().unwrap().push(format!("{table} {day} {number}"));
             Ok(Box::new(io::sink()))
         }
 
         fn create_wide(&mut self, _message: &str, day: &str, number: usize) -> io::Result<Output> {
-            self.create("wide", day, number)
+            self.create_file("wide", day, number)
         }
     }
 
     fn created(days: impl Iterator<Item = i64>) -> Vec<String> {
-        let mut calendar = super::super::day::Calendar::new(None);
+        let mut calendar = super::super::day::DayCalendar::new(None);
         let mut files = Names::default();
-        let mut table = Partitions::new("t", HEADINGS, "00");
+        let mut table = TablePartitions::new("t", HEADINGS, "00");
         for day in days {
             let time = Timestamp((20_000 + day) * 86_400_000_000_000);
-            table.push(calendar.day(Some(time)), &mut files, &[Cell::Number(day)]).unwrap();
+            table.push(calendar.day_of(Some(time)), &mut files, &[RowCell::Number(day)]).unwrap();
         }
-        table.finish().unwrap();
+        table.finish_files().unwrap();
         files.0.lock().unwrap().clone()
     }
 

@@ -10,15 +10,15 @@ use std::io;
 use std::sync::Arc;
 
 use super::capture::LakeFiles;
-use super::day::Day;
+use super::day::PartitionDay;
 use crate::event::Event;
-use crate::profile::Layout;
+use crate::profile::PayloadLayout;
 use crate::query::record::FieldValue;
 use crate::session::Bus;
 use crate::sink::Output;
-use crate::sink::parquet::table::{Cell, Heading, Kind, Table, maybe};
+use crate::sink::parquet::table::{ColumnHeading, ColumnType, RowCell, TableWriter, optional_column};
 use crate::sink::parquet::time::micros_of_date;
-use crate::sink::values::{self, EventValues, FieldNames, Group, GroupNames};
+use crate::sink::values::{self, EventValues, FieldNames, GroupNames, ValueGroupKey};
 
 /// Maximum number of messages, each with an open file.
 const MOST_MESSAGES: usize = 256;
@@ -31,21 +31,21 @@ const MOST_BYTES: usize = 1024 * 1024;
 
 /// Table of one message and day.
 struct WideTable {
-    day: Day,
-    layout: Arc<Layout>,
+    day: PartitionDay,
+    layout: Arc<PayloadLayout>,
     fields: Vec<FieldNames>,
-    table: Table<Output>,
+    table: TableWriter<Output>,
 }
 
 /// Tables of all messages of a capture.
 #[derive(Default)]
 pub(super) struct WideTables {
-    open: BTreeMap<Group, WideTable>,
+    open: BTreeMap<ValueGroupKey, WideTable>,
     /// Number of files per message and day.
-    files: BTreeMap<(Group, Day), usize>,
+    files: BTreeMap<(ValueGroupKey, PartitionDay), usize>,
     created: usize,
     /// Messages without a table.
-    skipped: BTreeSet<Group>,
+    skipped: BTreeSet<ValueGroupKey>,
 }
 
 impl WideTables {
@@ -53,14 +53,14 @@ impl WideTables {
     ///
     /// # Errors
     /// If a file cannot be created or written.
-    pub(super) fn row(
+    pub(super) fn add_row(
         &mut self,
         event: &Event,
         bus: &Bus,
-        day: Day,
+        day: PartitionDay,
         files: &mut dyn LakeFiles,
     ) -> io::Result<()> {
-        let Some(carried) = values::carried(event) else { return Ok(()) };
+        let Some(carried) = values::carried_values(event) else { return Ok(()) };
         let known = self.open.get(&carried.group);
         if !known.is_some_and(|known| known.day == day && Arc::ptr_eq(&known.layout, carried.layout)) {
             let is_full = known.is_none() && self.open.len() >= MOST_MESSAGES;
@@ -70,14 +70,14 @@ impl WideTables {
                 }
                 return Ok(());
             }
-            self.begin(&carried, bus, day, files)?;
+            self.begin_file(&carried, bus, day, files)?;
         }
         let Some(own) = self.open.get_mut(&carried.group) else { return Ok(()) };
-        let mut cells = vec![Cell::Null; own.fields.len().saturating_add(1)];
-        for (signal, (place, names)) in carried.with(own.fields.iter_mut().enumerate()) {
-            let reading = values::reading(&signal, &mut names.label);
+        let mut cells = vec![RowCell::Null; own.fields.len().saturating_add(1)];
+        for (signal, (place, names)) in carried.zip_values(own.fields.iter_mut().enumerate()) {
+            let reading = values::signal_reading(&signal, &mut names.label);
             if let Some(cell) = cells.get_mut(place.saturating_add(1)) {
-                *cell = number(reading.value);
+                *cell = number_cell(reading.value);
             }
         }
         if let Some(cell) = cells.first_mut() {
@@ -87,14 +87,14 @@ impl WideTables {
     }
 
     /// Ends the present file of a message and starts the next one: a new day, or other signals.
-    fn begin(
+    fn begin_file(
         &mut self,
         carried: &EventValues<'_>,
         bus: &Bus,
-        day: Day,
+        day: PartitionDay,
         files: &mut dyn LakeFiles,
     ) -> io::Result<()> {
-        let GroupNames { group, fields } = GroupNames::of(carried, bus);
+        let GroupNames { group, fields } = GroupNames::names_of(carried, bus);
         let layout = Arc::clone(carried.layout);
         if let Some(mut before) = self.open.remove(&carried.group) {
             let names =
@@ -104,7 +104,7 @@ impl WideTables {
                 self.open.insert(carried.group, WideTable { layout, fields, ..before });
                 return Ok(());
             }
-            before.table.finish()?;
+            before.table.finish_table()?;
         }
         self.created = self.created.saturating_add(1);
         let number = self.files.entry((carried.group, day)).or_default();
@@ -114,13 +114,13 @@ impl WideTables {
             group.strip_prefix(bus.name()).map_or(group.as_str(), |rest| rest.trim_start_matches('/'));
         let message = format!("{}_{}", bus.name(), message.replace('/', "_"));
         let output = files.create_wide(&message, &day.to_string(), *number)?;
-        let table = Table::with_limit(output, &headings(&fields), &[], MOST_BYTES)?;
+        let table = TableWriter::with_limit(output, &wide_headings(&fields), &[], MOST_BYTES)?;
         self.open.insert(carried.group, WideTable { day, layout, fields, table });
         Ok(())
     }
 
     /// Number of messages without a table.
-    pub(super) fn skipped(&self) -> usize {
+    pub(super) fn skipped_count(&self) -> usize {
         self.skipped.len()
     }
 
@@ -128,30 +128,30 @@ impl WideTables {
     ///
     /// # Errors
     /// If one of them cannot be written.
-    pub(super) fn finish(&mut self) -> io::Result<()> {
-        std::mem::take(&mut self.open).into_values().try_for_each(|mut own| own.table.finish())
+    pub(super) fn finish_files(&mut self) -> io::Result<()> {
+        std::mem::take(&mut self.open).into_values().try_for_each(|mut own| own.table.finish_table())
     }
 }
 
 /// `t`, and a column per signal; a name that repeats gets a number.
-fn headings(fields: &[FieldNames]) -> Vec<Heading> {
+fn wide_headings(fields: &[FieldNames]) -> Vec<ColumnHeading> {
     let mut known = BTreeSet::from(["t".to_owned()]);
-    let mut all = vec![maybe("t", Kind::Time)];
+    let mut all = vec![optional_column("t", ColumnType::Time)];
     for (field, place) in fields.iter().zip(1_usize..) {
         let name =
             if known.contains(&field.name) { format!("{} {place}", field.name) } else { field.name.clone() };
         known.insert(name.clone());
-        all.push(Heading { name: Cow::Owned(name), kind: Kind::Real, is_optional: true });
+        all.push(ColumnHeading { name: Cow::Owned(name), kind: ColumnType::Real, is_optional: true });
     }
     all
 }
 
 #[expect(clippy::cast_precision_loss, reason = "`signals` has the exact bits")]
-fn number(value: FieldValue<'_>) -> Cell<'static> {
+fn number_cell(value: FieldValue<'_>) -> RowCell<'static> {
     match value {
-        FieldValue::Unsigned(value) => Cell::Real(value as f64),
-        FieldValue::Integer(value) => Cell::Real(value as f64),
-        FieldValue::Real(value) if value.is_finite() => Cell::Real(value),
-        _ => Cell::Null,
+        FieldValue::Unsigned(value) => RowCell::Real(value as f64),
+        FieldValue::Integer(value) => RowCell::Real(value as f64),
+        FieldValue::Real(value) if value.is_finite() => RowCell::Real(value),
+        _ => RowCell::Null,
     }
 }

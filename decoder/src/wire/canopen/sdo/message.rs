@@ -4,7 +4,7 @@ use super::super::ObjectAddress;
 
 /// Data or size in an initiate message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Payload<'a> {
+pub enum InitiateData<'a> {
     /// The data itself, at most four bytes.
     Expedited {
         /// Data bytes; all transmitted bytes if the size is not indicated.
@@ -21,13 +21,13 @@ pub enum Payload<'a> {
 
 /// One SDO message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sdo<'a> {
+pub enum SdoMessage<'a> {
     /// Client: write an object (specifier 1).
     InitiateDownload {
         /// Object to write.
         object: ObjectAddress,
         /// Data or size.
-        payload: Payload<'a>,
+        payload: InitiateData<'a>,
     },
     /// Server: object accepted (3).
     DownloadInitiated {
@@ -35,7 +35,7 @@ pub enum Sdo<'a> {
         object: ObjectAddress,
     },
     /// Client: data of a segmented download (0).
-    DownloadSegment(Segment<'a>),
+    DownloadSegment(SdoSegment<'a>),
     /// Server: segment accepted (1).
     DownloadSegmentAccepted {
         /// Toggle bit.
@@ -51,7 +51,7 @@ pub enum Sdo<'a> {
         /// Object read.
         object: ObjectAddress,
         /// Data or size.
-        payload: Payload<'a>,
+        payload: InitiateData<'a>,
     },
     /// Client: request for the next segment (3).
     RequestUploadSegment {
@@ -59,7 +59,7 @@ pub enum Sdo<'a> {
         toggle: bool,
     },
     /// Server: data of a segmented upload (0).
-    UploadSegment(Segment<'a>),
+    UploadSegment(SdoSegment<'a>),
     /// Client: block download of an object (6, sub 0).
     InitiateBlockDownload {
         /// Object to write.
@@ -145,9 +145,9 @@ pub enum Sdo<'a> {
     },
 }
 
-impl Sdo<'_> {
+impl SdoMessage<'_> {
     /// Whether this is a request that starts a transfer.
-    pub const fn begins(&self) -> bool {
+    pub const fn starts_transfer(&self) -> bool {
         matches!(
             self,
             Self::InitiateDownload { .. }
@@ -202,7 +202,7 @@ impl Sdo<'_> {
 
 /// A segment of a segmented transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Segment<'a> {
+pub struct SdoSegment<'a> {
     /// Toggle bit: clear in the first segment, then alternating.
     pub toggle: bool,
     /// Whether this is the last segment.

@@ -1,29 +1,29 @@
 //! SDO messages as text.
 
-use super::{Payload, Sdo, Segment};
-use crate::words::plural;
+use super::{InitiateData, SdoMessage, SdoSegment};
+use crate::words::count_noun;
 
-impl Sdo<'_> {
+impl SdoMessage<'_> {
     /// The message as one line of text.
-    pub fn describe(&self) -> String {
+    pub fn message_text(&self) -> String {
         let toggle = |toggle: bool| u8::from(toggle);
         match *self {
             Self::InitiateDownload { object, payload } => {
-                format!("initiate download of {object}, {}", payload.describe())
+                format!("initiate download of {object}, {}", payload.message_text())
             }
             Self::DownloadInitiated { object } => format!("download of {object} accepted"),
-            Self::DownloadSegment(segment) => format!("download segment, {}", segment.describe()),
+            Self::DownloadSegment(segment) => format!("download segment, {}", segment.message_text()),
             Self::DownloadSegmentAccepted { toggle: bit } => {
                 format!("download segment accepted, toggle {}", toggle(bit))
             }
             Self::InitiateUpload { object } => format!("initiate upload of {object}"),
             Self::UploadInitiated { object, payload } => {
-                format!("upload of {object}, {}", payload.describe())
+                format!("upload of {object}, {}", payload.message_text())
             }
             Self::RequestUploadSegment { toggle: bit } => {
                 format!("request for upload segment, toggle {}", toggle(bit))
             }
-            Self::UploadSegment(segment) => format!("upload segment, {}", segment.describe()),
+            Self::UploadSegment(segment) => format!("upload segment, {}", segment.message_text()),
             Self::Abort { object, code } => format!("abort of {object}, code {code:08X}"),
             Self::Unknown { command } => format!("unknown command specifier, byte 0 is {command:02X}"),
             _ => self.describe_block(),
@@ -31,7 +31,8 @@ impl Sdo<'_> {
     }
 
     fn describe_block(&self) -> String {
-        let bytes = |size: Option<u32>| size.map_or("size not indicated".into(), |size| plural(size, "byte"));
+        let bytes =
+            |size: Option<u32>| size.map_or("size not indicated".into(), |size| count_noun(size, "byte"));
         let crc = |crc: bool| if crc { "CRC" } else { "no CRC" };
         match *self {
             Self::InitiateBlockDownload { object, crc: with, size } => {
@@ -53,7 +54,7 @@ impl Sdo<'_> {
             Self::EndBlockDownload(end) | Self::EndBlockUpload(end) => {
                 format!(
                     "end of block transfer, {} unused in the last segment, CRC {:04X}",
-                    plural(end.unused, "byte"),
+                    count_noun(end.unused, "byte"),
                     end.crc
                 )
             }
@@ -65,22 +66,22 @@ impl Sdo<'_> {
     }
 }
 
-impl Payload<'_> {
-    fn describe(&self) -> String {
+impl InitiateData<'_> {
+    fn message_text(&self) -> String {
         match self {
-            Self::Expedited { data, sized: true } => format!("expedited, {}", plural(data.len(), "byte")),
+            Self::Expedited { data, sized: true } => format!("expedited, {}", count_noun(data.len(), "byte")),
             Self::Expedited { data, sized: false } => {
-                format!("expedited, size not indicated, max {}", plural(data.len(), "byte"))
+                format!("expedited, size not indicated, max {}", count_noun(data.len(), "byte"))
             }
-            Self::Segmented { size: Some(size) } => format!("segmented, {}", plural(*size, "byte")),
+            Self::Segmented { size: Some(size) } => format!("segmented, {}", count_noun(*size, "byte")),
             Self::Segmented { size: None } => "segmented, size not indicated".into(),
         }
     }
 }
 
-impl Segment<'_> {
-    fn describe(&self) -> String {
+impl SdoSegment<'_> {
+    fn message_text(&self) -> String {
         let last = if self.last { ", last segment" } else { "" };
-        format!("toggle {}, {}{last}", u8::from(self.toggle), plural(self.data.len(), "byte"))
+        format!("toggle {}, {}{last}", u8::from(self.toggle), count_noun(self.data.len(), "byte"))
     }
 }

@@ -18,7 +18,7 @@ pub(super) use uds::*;
 
 /// Presentation of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Read {
+pub(super) enum FieldPresentation {
     /// Decimal number.
     Number,
     /// Hexadecimal number.
@@ -55,7 +55,7 @@ pub(super) enum Read {
 
 /// A field of a service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Slot {
+pub(super) struct ServiceField {
     /// Name of the field.
     pub(super) name: &'static str,
     /// First bit.
@@ -65,12 +65,12 @@ pub(super) struct Slot {
     /// Byte order.
     pub(super) order: BitOrder,
     /// Presentation of the value.
-    pub(super) read: Read,
+    pub(super) read: FieldPresentation,
 }
 
 /// A frame type, selected by the first byte.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Shape {
+pub(super) struct ServiceFrame {
     /// Name of the frame type.
     pub(super) name: &'static str,
     /// Bits of the first byte that select it.
@@ -78,58 +78,64 @@ pub(super) struct Shape {
     /// Their value.
     pub(super) value: u8,
     /// Fields of the frame.
-    pub(super) slots: &'static [Slot],
+    pub(super) slots: &'static [ServiceField],
 }
 
 /// A service: its frame types and their source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Service {
+pub(super) struct ServiceDescription {
     /// Document and clause.
     pub(super) source: &'static str,
     /// Frame types; the first match is used.
-    pub(super) shapes: &'static [Shape],
+    pub(super) shapes: &'static [ServiceFrame],
     /// Fields repeated up to the end of the payload, with their distance in bits.
-    pub(super) again: Option<(&'static [Slot], u16)>,
+    pub(super) again: Option<(&'static [ServiceField], u16)>,
 }
 
-const fn slot(name: &'static str, bit: u16, bits: u16, read: Read) -> Slot {
-    Slot { name, bit, bits, order: BitOrder::LittleEndian, read }
+const fn intel_slot(name: &'static str, bit: u16, bits: u16, read: FieldPresentation) -> ServiceField {
+    ServiceField { name, bit, bits, order: BitOrder::LittleEndian, read }
 }
 
-const fn motorola(name: &'static str, bit: u16, bits: u16, read: Read) -> Slot {
-    Slot { name, bit, bits, order: BitOrder::BigEndian, read }
+const fn motorola_slot(name: &'static str, bit: u16, bits: u16, read: FieldPresentation) -> ServiceField {
+    ServiceField { name, bit, bits, order: BitOrder::BigEndian, read }
 }
 
-const fn shape(name: &'static str, mask: u8, value: u8, slots: &'static [Slot]) -> Shape {
-    Shape { name, mask, value, slots }
+const fn define_shape(
+    name: &'static str,
+    mask: u8,
+    value: u8,
+    slots: &'static [ServiceField],
+) -> ServiceFrame {
+    ServiceFrame { name, mask, value, slots }
 }
 
-const fn service(source: &'static str, shapes: &'static [Shape]) -> Service {
-    Service { source, shapes, again: None }
+const fn define_service(source: &'static str, shapes: &'static [ServiceFrame]) -> ServiceDescription {
+    ServiceDescription { source, shapes, again: None }
 }
 
-impl Service {
+impl ServiceDescription {
     /// The frame type of a payload.
-    pub(super) fn shape(&self, bytes: &[u8]) -> Option<&'static Shape> {
+    pub(super) fn shape_for(&self, bytes: &[u8]) -> Option<&'static ServiceFrame> {
         let first = bytes.first()?;
         self.shapes.iter().find(|shape| first & shape.mask == shape.value)
     }
 
     /// Fields that fit into the payload; repeated fields have their number in the name.
-    pub(super) fn slots(&self, bytes: &[u8]) -> Vec<(String, Slot)> {
+    pub(super) fn slots_for(&self, bytes: &[u8]) -> Vec<(String, ServiceField)> {
         let length = u16::try_from(bytes.len() * 8).unwrap_or(u16::MAX);
-        let fits = |slot: &Slot| match slot.order {
+        let fits = |slot: &ServiceField| match slot.order {
             BitOrder::LittleEndian if slot.bits == 0 => slot.bit < length,
             BitOrder::LittleEndian => slot.bit.saturating_add(slot.bits) <= length,
             BitOrder::BigEndian => (slot.bit ^ 7).saturating_add(slot.bits) <= length,
         };
-        let own = self.shape(bytes).map_or(&[][..], |shape| shape.slots);
-        let mut all: Vec<(String, Slot)> =
+        let own = self.shape_for(bytes).map_or(&[][..], |shape| shape.slots);
+        let mut all: Vec<(String, ServiceField)> =
             own.iter().filter(|slot| fits(slot)).map(|slot| (slot.name.to_owned(), *slot)).collect();
         if let Some((slots, stride)) = self.again {
             for (number, shift) in (0..length).step_by(usize::from(stride)).enumerate() {
-                let moved = slots.iter().map(|slot| Slot { bit: slot.bit.saturating_add(shift), ..*slot });
-                let moved: Vec<Slot> = moved.collect();
+                let moved =
+                    slots.iter().map(|slot| ServiceField { bit: slot.bit.saturating_add(shift), ..*slot });
+                let moved: Vec<ServiceField> = moved.collect();
                 if !moved.iter().all(fits) {
                     break;
                 }
@@ -145,20 +151,20 @@ impl Service {
 mod tests {
     use super::*;
 
-    fn names(service: &Service, bytes: &[u8]) -> Vec<String> {
-        service.slots(bytes).into_iter().map(|(name, _)| name).collect()
+    fn names(service: &ServiceDescription, bytes: &[u8]) -> Vec<String> {
+        service.slots_for(bytes).into_iter().map(|(name, _)| name).collect()
     }
 
     #[test]
     fn frames_are_recognised_by_their_first_byte() {
-        let name = |service: &Service, first| service.shape(&[first]).map(|shape| shape.name);
+        let name = |service: &ServiceDescription, first| service.shape_for(&[first]).map(|shape| shape.name);
         assert_eq!(name(&SDO_REQUEST, 0x2B), Some("initiate download, expedited"));
         assert_eq!(name(&SDO_REQUEST, 0x21), Some("initiate download"));
         assert_eq!(name(&SDO_REQUEST, 0xA2), Some("block upload: acknowledge"));
         assert_eq!(name(&SDO_RESPONSE, 0xC1), Some("block upload: end"));
         assert_eq!(name(&SDO_RESPONSE, 0xE0), None);
         assert_eq!(name(&ISO_TP, 0x21), Some("consecutive frame"));
-        assert_eq!(NMT.shape(&[]), None);
+        assert_eq!(NMT.shape_for(&[]), None);
     }
 
     #[test]
@@ -180,7 +186,7 @@ mod tests {
             for first in 0..=255 {
                 let bytes = [first, 0, 0, 0, 0, 0, 0, 0];
                 let mut taken = [false; 64];
-                for (name, slot) in service.slots(&bytes) {
+                for (name, slot) in service.slots_for(&bytes) {
                     let bits = if slot.bits == 0 { 64 - slot.bit } else { slot.bits };
                     for place in 0..bits {
                         let bit = match slot.order {

@@ -1,9 +1,9 @@
 //! Start of a capture: items that are in the files of the ring only, and the bus file.
 
-use super::super::super::item::Item;
+use super::super::super::item::PendingItem;
 use super::super::super::status::RecordFailure;
 use super::super::clock::RingClock;
-use super::super::cut::Cut;
+use super::super::cut::OpenCut;
 use super::super::state::{BusState, path_of};
 use super::CutWriter;
 
@@ -24,19 +24,19 @@ struct FilesRead {
 
 impl FilesRead {
     /// Advances the time to that of an item.
-    fn advance(&mut self, item: &Item) {
+    fn advance_to(&mut self, item: &PendingItem) {
         if let Some(stamp) = item.frame().and_then(|frame| frame.time) {
-            self.time = self.clock.at(stamp);
+            self.time = self.clock.ring_time(stamp);
             self.first = self.first.or(Some(self.time));
         }
     }
 
     /// Adds an item to a capture if it is in its window; if it is before the window, it changes the state.
-    fn take(&mut self, item: Item, cut: &mut Cut, buses: &[String]) -> bool {
-        let is_in = cut.has(self.time);
+    fn take_item(&mut self, item: PendingItem, cut: &mut OpenCut, buses: &[String]) -> bool {
+        let is_in = cut.has_time(self.time);
         if is_in {
             self.has_begun = true;
-            cut.add(item);
+            cut.add_item(item);
         } else if let Some(state) = self.state.as_mut().filter(|_| !self.has_begun) {
             state.push(&item, buses);
         }
@@ -46,12 +46,12 @@ impl FilesRead {
 
 impl CutWriter {
     /// Writes the bus file of a capture, and items of its window that are no longer in memory.
-    pub(super) fn begin(&mut self, cut: &mut Cut, buses: &[String]) {
-        cut.late = self.lacking(cut.begin);
+    pub(super) fn begin_cut(&mut self, cut: &mut OpenCut, buses: &[String]) {
+        cut.late = self.lacking_time(cut.begin);
         let in_files = if cut.late > 0 { self.begin_in_files(cut, buses) } else { None };
         let state = in_files.or_else(|| {
             let mut state = self.state.as_ref()?.in_memory.clone();
-            let before = self.ring.items_from(0).take_while(|one| !cut.has(one.time));
+            let before = self.ring.items_from(0).take_while(|one| !cut.has_time(one.time));
             before.for_each(|one| state.push(&one.item, buses));
             Some(state)
         });
@@ -61,14 +61,14 @@ impl CutWriter {
     }
 
     /// Time that the ring in memory lacks at the start of a window, in ns.
-    fn lacking(&self, begin: i64) -> i64 {
+    fn lacking_time(&self, begin: i64) -> i64 {
         let first = self.ring.first_time().filter(|_| self.ring.first_sequence() > 0);
         first.map_or(0, |first| first.saturating_sub(begin).max(0))
     }
 
     /// Takes the items before those in memory from the files; returns the state before the first one. `None` if the
     /// files have none.
-    fn begin_in_files(&mut self, cut: &mut Cut, buses: &[String]) -> Option<BusState> {
+    fn begin_in_files(&mut self, cut: &mut OpenCut, buses: &[String]) -> Option<BusState> {
         let state = self.state.as_ref().map(|state| state.in_files.clone());
         let found = self.read_files(cut, 0, state, buses)?;
         if let Some(first) = found.first {
@@ -79,8 +79,8 @@ impl CutWriter {
 
     /// Takes the items between those in the file and those in memory from the files of the ring; `false` if they are
     /// incomplete.
-    pub(super) fn fill_gap(&mut self, cut: &mut Cut, buses: &[String]) -> bool {
-        cut.write(buses, self.now);
+    pub(super) fn fill_gap(&mut self, cut: &mut OpenCut, buses: &[String]) -> bool {
+        cut.write_items(buses, self.now);
         let is_filled = self.read_files(cut, cut.next_frame(), None, buses).is_some();
         cut.skip_to_memory(&self.ring);
         is_filled
@@ -90,7 +90,7 @@ impl CutWriter {
     /// memory. `state` follows the items before them. `None` if the files are incomplete.
     fn read_files(
         &mut self,
-        cut: &mut Cut,
+        cut: &mut OpenCut,
         from: u64,
         state: Option<BusState>,
         buses: &[String],
@@ -101,13 +101,13 @@ impl CutWriter {
         let is_all = files.removed_frames() == 0;
         let (clock, time) = (self.clock, i64::MIN);
         let mut found = FilesRead { state, first: None, has_begun: false, is_all, clock, time };
-        let read = files.read(buses, &mut |before, item| {
+        let read = files.read_items(buses, &mut |before, item| {
             let is_over = before >= until;
             // A notice directly before the first frame may be in the file already.
             let is_known = before < from || (from > 0 && !found.has_begun && !item.is_frame());
-            found.advance(&item);
-            if !is_over && !is_known && found.take(item, cut, buses) && cut.is_full() {
-                cut.write(buses, now);
+            found.advance_to(&item);
+            if !is_over && !is_known && found.take_item(item, cut, buses) && cut.is_full() {
+                cut.write_items(buses, now);
             }
             !is_over && cut.bytes() < most
         });
@@ -118,11 +118,11 @@ impl CutWriter {
     }
 
     /// Writes the bus file with the state before the first frame.
-    fn write_state(&mut self, cut: &mut Cut, state: &BusState) {
+    fn write_state(&mut self, cut: &mut OpenCut, state: &BusState) {
         let Some(follower) = &self.state else { return };
         let path = path_of(&cut.path);
         let written = follower
-            .text(state, &path)
+            .bus_file_text(state, &path)
             .and_then(|text| Ok(self.files.write_state(&path, &text).map(|()| text.len())?));
         match written {
             Ok(size) => {

@@ -70,7 +70,7 @@ fn a_full_disk_is_tried_again_and_missing_frames_are_counted() {
     assert_eq!((status.frames, status.missing), (3, 10));
     assert!(status.is_incomplete());
     // The text of the number is that of the system.
-    assert!(status.remarks()[0].contains("(os error 28): 10 frames not written"));
+    assert!(status.remark_texts()[0].contains("(os error 28): 10 frames not written"));
 
     // Never any room: all frames of the window are missing.
     let mut bench = Bench::on(Memory::new(0), options(1_000, 60_000));
@@ -78,7 +78,7 @@ fn a_full_disk_is_tried_again_and_missing_frames_are_counted() {
     bench.frame(1);
     let status = bench.finish();
     assert_eq!((status.frames, status.missing), (0, 2));
-    assert!(status.remarks()[0].contains("2 frames not written"), "{:?}", status.remarks());
+    assert!(status.remark_texts()[0].contains("2 frames not written"), "{:?}", status.remark_texts());
 }
 
 #[test]

@@ -9,9 +9,9 @@ use std::sync::mpsc::{Receiver, channel};
 use cobscope_decoder::wire::NodeId;
 
 use super::*;
-use crate::record::backend::Backend as _;
+use crate::record::backend::RecorderBackend as _;
 use crate::record::cuts::{CutNews, CutOptions, CutWriter, RefusalReason, StateFollower, StateText};
-use crate::record::trigger::Trigger;
+use crate::record::trigger::CaptureTrigger;
 use crate::record::{CompleteCut, CutEnd};
 
 const SECOND: i64 = 1_000_000_000;
@@ -62,13 +62,13 @@ impl Bench {
     fn with(memory: Memory, options: CutOptions, state: Option<StateFollower>) -> Self {
         let (sender, news) = channel();
         let disk = memory.clone();
-        let maker = Box::new(move || Box::new(disk.clone()) as Box<dyn Disk>);
-        let writer = CutWriter::open(maker, options, state, sender, day()).unwrap();
+        let maker = Box::new(move || Box::new(disk.clone()) as Box<dyn RecordDisk>);
+        let writer = CutWriter::open_writer(maker, options, state, sender, day()).unwrap();
         Self { memory, writer, news, frames: 0, now: Instant::now() }
     }
 
     fn take(&mut self, what: RecordItem) {
-        self.writer.take(vec![Item { bus: 0, what }], &can0(), Some(self.now));
+        self.writer.take_items(vec![PendingItem { bus: 0, what }], &can0(), Some(self.now));
     }
 
     /// The next frame, `milliseconds` after the start.
@@ -78,14 +78,14 @@ impl Bench {
         self.take(RecordItem::Frame(Frame {
             number: number.into(),
             time: Some(at(milliseconds)),
-            ..Frame::data_frame(CanId::standard(0x185), &number.to_le_bytes())
+            ..Frame::data_frame(CanId::from_standard(0x185), &number.to_le_bytes())
         }));
     }
 
     /// A heartbeat of node 5 as the next frame.
     fn heartbeat(&mut self, milliseconds: i64) {
         self.frames += 1;
-        let frame = Frame::data_frame(CanId::standard(0x705), &[5]);
+        let frame = Frame::data_frame(CanId::from_standard(0x705), &[5]);
         let (number, time) = (self.frames.into(), Some(at(milliseconds)));
         self.take(RecordItem::Frame(Frame { number, time, ..frame }));
     }
@@ -103,7 +103,7 @@ impl Bench {
     /// A trigger of the next frame, whose first frame is `first`.
     fn trigger(&mut self, milliseconds: i64, first: u32) {
         let last_frame = u64::from(self.frames) + 1;
-        self.take(RecordItem::Trigger(Box::new(Trigger {
+        self.take(RecordItem::Trigger(Box::new(CaptureTrigger {
             bus: "can0".to_owned(),
             node: Some(NodeId::Canopen(2)),
             subject: "2/02".to_owned(),
@@ -126,7 +126,7 @@ impl Bench {
     }
 
     fn finish(&mut self) -> RecordStatus {
-        self.writer.finish(&can0());
+        self.writer.finish_recording(&can0());
         self.writer.status().clone()
     }
 

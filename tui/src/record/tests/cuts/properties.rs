@@ -107,7 +107,7 @@ proptest! {
             match kind {
                 0 => bench.take(RecordItem::Notice(Notice::Quiet(time))),
                 1 => bench.take(RecordItem::Notice(Notice::ClockSet { bus: BusIndex(0), time, step: time.0 / 2 })),
-                2 => bench.take(RecordItem::Trigger(Box::new(Trigger {
+                2 => bench.take(RecordItem::Trigger(Box::new(CaptureTrigger {
                     bus: String::new(),
                     subject: String::new(),
                     node: None,
@@ -119,7 +119,7 @@ proptest! {
                 }))),
                 _ => {
                     bench.frames += 1;
-                    let frame = Frame::data_frame(CanId::standard(0x185), &bench.frames.to_le_bytes());
+                    let frame = Frame::data_frame(CanId::from_standard(0x185), &bench.frames.to_le_bytes());
                     bench.take(RecordItem::Frame(Frame {
                         number: bench.frames.into(),
                         time: Some(time),

@@ -9,17 +9,17 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use cobscope_adapters::{
-    AdapterKind, BusError, ChannelState, Confinement, ControllerStatus, Counters, ErrorFrame, Listener,
-    OpenError, Reading, ReceivedFrame, Violation,
+    AdapterErrorFrame, AdapterKind, BusError, ChannelListener, ChannelState, ControllerStatus, ErrorCounters,
+    FaultConfinement, OpenError, ReceivedFrame, ReceivedItem, ViolationKind,
 };
 use cobscope_decoder::capture::adapter::driver::{self, BusErrorReport, frame_of_state};
 use cobscope_decoder::capture::{CapturePlace, Notice};
 use cobscope_decoder::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
 
 use super::backoff::ConnectError;
-use super::returning::{Connection, ReconnectingSource, unreadable};
+use super::returning::{ReconnectingSource, SourceConnection, unreadable_notice};
 use super::stamps::StampClock;
-use super::{AdapterSpec, Arrival, ControllerMode, Source, Stamps, clock};
+use super::{AdapterSpec, Arrival, ControllerMode, LiveSource, SourceClock, clock};
 
 /// Maximum delay of a frame: the buffers of the USB line and the pauses between reads.
 const LAG: Duration = Duration::from_millis(50);
@@ -34,7 +34,7 @@ const WRAP: i64 = 0x1_0000_0000 * 1_000;
 ///
 /// # Errors
 /// Driver, channel, bit rate or listen-only mode are not available, or another program uses the channel.
-pub fn open(spec: &AdapterSpec) -> anyhow::Result<Box<dyn Source>> {
+pub fn open(spec: &AdapterSpec) -> anyhow::Result<Box<dyn LiveSource>> {
     let AdapterSpec { prefix, channel, bit_rate } = spec.clone();
     let kind = AdapterKind::ALL.into_iter().find(|kind| kind.prefix() == prefix);
     let kind = kind.ok_or_else(|| anyhow!("{prefix}: no such adapters"))?;
@@ -62,7 +62,7 @@ fn channels(kind: AdapterKind) -> Vec<String> {
     let prefix = kind.prefix();
     match kind.channels() {
         Ok(channels) => {
-            let line = |channel: cobscope_adapters::Channel| {
+            let line = |channel: cobscope_adapters::AdapterChannel| {
                 format!("{prefix}:{}@BITRATE: {}, {}", channel.name, channel.device, state(channel.state))
             };
             channels.into_iter().map(line).collect()
@@ -83,18 +83,18 @@ const fn state(state: ChannelState) -> &'static str {
 
 /// An open adapter.
 struct Adapter {
-    listener: Box<dyn Listener>,
+    listener: Box<dyn ChannelListener>,
     bit_rate: u32,
     clock: StampClock,
     status: Option<ControllerStatus>,
     next_status: Instant,
     lost: u64,
     /// Kept from call to call for its memory.
-    readings: Vec<Reading>,
+    readings: Vec<ReceivedItem>,
 }
 
 impl Adapter {
-    fn new(listener: Box<dyn Listener>, bit_rate: u32) -> Self {
+    fn new(listener: Box<dyn ChannelListener>, bit_rate: u32) -> Self {
         Self {
             listener,
             bit_rate,
@@ -114,7 +114,7 @@ impl Adapter {
         }
         self.next_status = now + STATUS_EVERY;
         let status = self.listener.status().map_err(|error| error.0)?;
-        let last = self.status.map_or(Confinement::Active, |status| status.confinement);
+        let last = self.status.map_or(FaultConfinement::Active, |status| status.confinement);
         if status.confinement != last {
             let frame = frame_of_state(confinement(status.confinement), status.counters.map(counters));
             items.push(Arrival::Frame(Frame { time: Some(clock::now()), ..frame }));
@@ -123,17 +123,17 @@ impl Adapter {
         Ok(())
     }
 
-    fn take(&mut self, reading: &Reading, arrival: Timestamp) -> Option<Arrival> {
+    fn take(&mut self, reading: &ReceivedItem, arrival: Timestamp) -> Option<Arrival> {
         match reading {
-            Reading::Frame(received) => {
+            ReceivedItem::Frame(received) => {
                 let time = self.time(received.stamp, arrival);
                 Some(Arrival::Frame(Frame { time: Some(time), ..frame(received) }))
             }
-            Reading::Error(error) => {
+            ReceivedItem::Error(error) => {
                 let time = self.time(error.stamp, arrival);
-                report(error).frame().map(|frame| Arrival::Frame(Frame { time: Some(time), ..frame }))
+                report(error).to_frame().map(|frame| Arrival::Frame(Frame { time: Some(time), ..frame }))
             }
-            Reading::ErrorFrame(error) => {
+            ReceivedItem::ErrorFrame(error) => {
                 let time = self.time(error.stamp, arrival);
                 if let Some(confinement) = error.confinement {
                     // The adapter reports it itself: `watch` must not report it again.
@@ -142,25 +142,25 @@ impl Adapter {
                 }
                 Some(Arrival::Frame(Frame { time: Some(time), ..error_frame(error) }))
             }
-            Reading::Lost => {
+            ReceivedItem::Lost => {
                 self.lost = self.lost.saturating_add(1);
                 let (place, bus) = (CapturePlace::Now, BusIndex(0));
                 Some(Arrival::Notice(Notice::LostFrames { place, bus, count: None }))
             }
-            Reading::Invalid(reason) => Some(unreadable(reason.clone())),
+            ReceivedItem::Invalid(reason) => Some(unreadable_notice(reason.clone())),
         }
     }
 
     fn time(&mut self, microseconds: u32, arrival: Timestamp) -> Timestamp {
-        self.clock.time(i64::from(microseconds).saturating_mul(1_000), WRAP, arrival)
+        self.clock.time_of(i64::from(microseconds).saturating_mul(1_000), WRAP, arrival)
     }
 }
 
 fn frame(received: &ReceivedFrame) -> Frame {
     let id = if received.is_extended {
-        CanId::extended(received.id)
+        CanId::from_extended(received.id)
     } else {
-        CanId::standard(u16::try_from(received.id).unwrap_or(u16::MAX))
+        CanId::from_standard(u16::try_from(received.id).unwrap_or(u16::MAX))
     };
     if received.is_remote {
         return Frame { id, flags: FrameFlags::REMOTE, length: received.length, ..Frame::EMPTY };
@@ -168,18 +168,18 @@ fn frame(received: &ReceivedFrame) -> Frame {
     Frame::data_frame(id, received.data.get(..usize::from(received.length)).unwrap_or(&received.data))
 }
 
-fn error_frame(error: &ErrorFrame) -> Frame {
-    let frame = Frame::data_frame(CanId::extended(error.class), &error.data);
+fn error_frame(error: &AdapterErrorFrame) -> Frame {
+    let frame = Frame::data_frame(CanId::from_extended(error.class), &error.data);
     Frame { flags: FrameFlags::ERROR, ..frame }
 }
 
 fn report(error: &BusError) -> BusErrorReport {
     let violation = error.violation.map(|violation| match violation {
-        Violation::Bit => driver::Violation::Bit,
-        Violation::Form => driver::Violation::Form,
-        Violation::Stuff => driver::Violation::Stuff,
-        Violation::Checksum => driver::Violation::Checksum,
-        Violation::Other => driver::Violation::Other,
+        ViolationKind::Bit => driver::Violation::Bit,
+        ViolationKind::Form => driver::Violation::Form,
+        ViolationKind::Stuff => driver::Violation::Stuff,
+        ViolationKind::Checksum => driver::Violation::Checksum,
+        ViolationKind::Other => driver::Violation::Other,
     });
     BusErrorReport {
         violation,
@@ -189,20 +189,20 @@ fn report(error: &BusError) -> BusErrorReport {
     }
 }
 
-const fn counters(Counters { receive, transmit }: Counters) -> driver::Counters {
+const fn counters(ErrorCounters { receive, transmit }: ErrorCounters) -> driver::Counters {
     driver::Counters { receive, transmit }
 }
 
-const fn confinement(state: Confinement) -> driver::Confinement {
+const fn confinement(state: FaultConfinement) -> driver::SlcanConfinement {
     match state {
-        Confinement::Active => driver::Confinement::Active,
-        Confinement::Warning => driver::Confinement::Warning,
-        Confinement::Passive => driver::Confinement::Passive,
-        Confinement::BusOff => driver::Confinement::BusOff,
+        FaultConfinement::Active => driver::SlcanConfinement::Active,
+        FaultConfinement::Warning => driver::SlcanConfinement::Warning,
+        FaultConfinement::Passive => driver::SlcanConfinement::Passive,
+        FaultConfinement::BusOff => driver::SlcanConfinement::BusOff,
     }
 }
 
-impl Connection for Adapter {
+impl SourceConnection for Adapter {
     fn read(&mut self, items: &mut Vec<Arrival>, wait: Duration) -> Result<(), String> {
         let wait = wait.min(self.next_status.saturating_duration_since(Instant::now()));
         let mut readings = std::mem::take(&mut self.readings);
@@ -223,27 +223,27 @@ impl Connection for Adapter {
         Some(self.bit_rate)
     }
 
-    fn stamps(&self) -> Stamps {
-        if self.listener.has_stamps() { Stamps::Adapter } else { Stamps::Arrival }
+    fn timestamp_clock(&self) -> SourceClock {
+        if self.listener.has_stamps() { SourceClock::Adapter } else { SourceClock::Arrival }
     }
 
-    fn controller(&self) -> Option<String> {
+    fn controller_state(&self) -> Option<String> {
         let status = self.status?;
         let name = confinement(status.confinement).name();
         Some(match status.counters {
-            Some(Counters { receive, transmit }) => {
+            Some(ErrorCounters { receive, transmit }) => {
                 format!("{name}, rx {receive} tx {transmit}")
             }
             None => name.to_owned(),
         })
     }
 
-    fn mode(&self) -> ControllerMode {
+    fn controller_mode(&self) -> ControllerMode {
         // `cobscope_adapters` refuses a channel without it.
         ControllerMode::ListenOnly
     }
 
-    fn lost(&self) -> u64 {
+    fn lost_frames(&self) -> u64 {
         self.lost
     }
 }

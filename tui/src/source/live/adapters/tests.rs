@@ -8,12 +8,12 @@ use super::*;
 
 /// Returns one list of readings per call, then nothing; then it is unplugged.
 struct Prepared {
-    readings: VecDeque<Vec<Reading>>,
+    readings: VecDeque<Vec<ReceivedItem>>,
     status: ControllerStatus,
 }
 
-impl Listener for Prepared {
-    fn read(&mut self, readings: &mut Vec<Reading>, _wait: Duration) -> Result<(), Disconnected> {
+impl ChannelListener for Prepared {
+    fn read(&mut self, readings: &mut Vec<ReceivedItem>, _wait: Duration) -> Result<(), Disconnected> {
         readings.extend(self.readings.pop_front().ok_or_else(|| Disconnected("unplugged".into()))?);
         Ok(())
     }
@@ -23,12 +23,12 @@ impl Listener for Prepared {
     }
 }
 
-fn adapter(readings: &[&[Reading]], status: ControllerStatus) -> Adapter {
+fn adapter(readings: &[&[ReceivedItem]], status: ControllerStatus) -> Adapter {
     let readings = readings.iter().map(|readings| readings.to_vec()).collect();
     Adapter::new(Box::new(Prepared { readings, status }), 250_000)
 }
 
-const ACTIVE: ControllerStatus = ControllerStatus { confinement: Confinement::Active, counters: None };
+const ACTIVE: ControllerStatus = ControllerStatus { confinement: FaultConfinement::Active, counters: None };
 
 const RECEIVED: ReceivedFrame = ReceivedFrame {
     id: 0x181,
@@ -50,15 +50,15 @@ fn frames(items: &[Arrival]) -> Vec<Frame> {
 #[test]
 fn frames_keep_their_kind_and_their_distance() {
     let readings = [
-        Reading::Frame(RECEIVED),
-        Reading::Frame(ReceivedFrame {
+        ReceivedItem::Frame(RECEIVED),
+        ReceivedItem::Frame(ReceivedFrame {
             id: 0x18FE_F100,
             is_extended: true,
             length: 8,
             stamp: 1_250,
             ..RECEIVED
         }),
-        Reading::Frame(ReceivedFrame { is_remote: true, length: 4, stamp: 1_375, ..RECEIVED }),
+        ReceivedItem::Frame(ReceivedFrame { is_remote: true, length: 4, stamp: 1_375, ..RECEIVED }),
     ];
     let mut adapter = adapter(&[&readings], ACTIVE);
     let mut items = Vec::new();
@@ -74,7 +74,7 @@ fn frames_keep_their_kind_and_their_distance() {
 
 #[test]
 fn stamps_continue_after_their_restart() {
-    let at = |stamp| Reading::Frame(ReceivedFrame { stamp, ..RECEIVED });
+    let at = |stamp| ReceivedItem::Frame(ReceivedFrame { stamp, ..RECEIVED });
     let mut adapter = adapter(&[], ACTIVE);
     let mut time = |stamp, milliseconds: i64| {
         let arrival = Timestamp(1_700_000_000_000_000_000 + milliseconds * 1_000_000);
@@ -91,16 +91,16 @@ fn stamps_continue_after_their_restart() {
 
 #[test]
 fn states_errors_and_losses_are_reported() {
-    let counters = Some(Counters { receive: 130, transmit: 0 });
-    let status = ControllerStatus { confinement: Confinement::Passive, counters };
+    let counters = Some(ErrorCounters { receive: 130, transmit: 0 });
+    let status = ControllerStatus { confinement: FaultConfinement::Passive, counters };
     let error = BusError {
-        violation: Some(Violation::Checksum),
+        violation: Some(ViolationKind::Checksum),
         is_transmitting: false,
         place: 0,
         counters: None,
         stamp: 1_000,
     };
-    let readings = [Reading::Lost, Reading::Error(error), Reading::Invalid("length 9".into())];
+    let readings = [ReceivedItem::Lost, ReceivedItem::Error(error), ReceivedItem::Invalid("length 9".into())];
     let mut adapter = adapter(&[&readings], status);
     let mut items = Vec::new();
     adapter.read(&mut items, Duration::ZERO).unwrap();
@@ -112,20 +112,27 @@ fn states_errors_and_losses_are_reported() {
     let bus_error = frames(std::slice::from_ref(bus_error))[0];
     assert_eq!((bus_error.id.number(), bus_error.data()), (0x088, &[0, 0, 0, 8, 0, 0, 0, 0][..]));
     assert!(matches!(invalid, Arrival::Notice(Notice::Unreadable { .. })));
-    assert_eq!(adapter.controller().unwrap(), "error passive, rx 130 tx 0");
-    assert_eq!((adapter.lost(), adapter.bit_rate(), adapter.stamps()), (1, Some(250_000), Stamps::Adapter));
+    assert_eq!(adapter.controller_state().unwrap(), "error passive, rx 130 tx 0");
+    assert_eq!(
+        (adapter.lost_frames(), adapter.bit_rate(), adapter.timestamp_clock()),
+        (1, Some(250_000), SourceClock::Adapter)
+    );
 }
 
 /// The adapter reports the state itself; the state that is read afterwards adds no second frame.
 #[test]
 fn an_error_frame_of_the_adapter_is_passed_on_once() {
     let data = [0, 0x10, 0, 0, 0, 0, 0, 130];
-    let error = ErrorFrame { class: 0x204, data, confinement: Some(Confinement::Passive), stamp: 1_000 };
-    let status = ControllerStatus { confinement: Confinement::Passive, counters: None };
-    let mut adapter = adapter(&[&[Reading::ErrorFrame(error)]], status);
+    let error =
+        AdapterErrorFrame { class: 0x204, data, confinement: Some(FaultConfinement::Passive), stamp: 1_000 };
+    let status = ControllerStatus { confinement: FaultConfinement::Passive, counters: None };
+    let mut adapter = adapter(&[&[ReceivedItem::ErrorFrame(error)]], status);
     let mut items = Vec::new();
     adapter.read(&mut items, Duration::ZERO).unwrap();
     let [frame] = frames(&items)[..] else { panic!("{items:?}") };
-    assert_eq!((frame.id, frame.flags, frame.data()), (CanId::extended(0x204), FrameFlags::ERROR, &data[..]));
-    assert_eq!(adapter.controller().unwrap(), "error passive");
+    assert_eq!(
+        (frame.id, frame.flags, frame.data()),
+        (CanId::from_extended(0x204), FrameFlags::ERROR, &data[..])
+    );
+    assert_eq!(adapter.controller_state().unwrap(), "error passive");
 }

@@ -8,49 +8,50 @@ use std::time::Duration;
 use cobscope_decoder::capture::{CaptureError, ReadOptions};
 
 use super::super::SourceEnd;
-use super::outlet::Outlet;
+use super::outlet::ThreadOutlet;
 use crate::file_identity::StorageIdentity;
-use crate::path_text::shown;
+use crate::path_text::path_text;
 
 /// Interval between two checks of a file without new data.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// Reads the file at `path` and its replacements until the receiver ends.
-pub fn follow(path: &Path, options: &ReadOptions, outlet: &mut Outlet) -> SourceEnd {
-    let shown = shown(path);
+pub fn follow_file(path: &Path, options: &ReadOptions, outlet: &mut ThreadOutlet) -> SourceEnd {
+    let shown = path_text(path);
     let mut has_said = false;
     while !outlet.is_over() {
         let mut growing = match GrowingFile::open(path, outlet) {
             Ok(growing) => growing,
             Err(error) if error.kind() == ErrorKind::NotFound => {
-                if !has_said && !outlet.report(format!("{shown} does not exist yet; waiting for it")) {
+                if !has_said && !outlet.deliver_report(format!("{shown} does not exist yet; waiting for it"))
+                {
                     break;
                 }
                 has_said = true;
                 std::thread::sleep(LOOK);
                 continue;
             }
-            Err(error) => return failed(path, error.into()),
+            Err(error) => return read_failure(path, error.into()),
         };
-        let result = outlet.pump(&mut growing, options);
+        let result = outlet.pump_capture(&mut growing, options);
         match (result, growing.begins_anew) {
             // The receiver has ended.
             (Ok(()), _) => break,
             (Err(CaptureError::Io(_)), Some(how)) => {
                 let cut = if growing.is_within_line { "; incomplete last line skipped" } else { "" };
-                if !outlet.report(format!("{shown} {how}; reading from its start{cut}")) {
+                if !outlet.deliver_report(format!("{shown} {how}; reading from its start{cut}")) {
                     break;
                 }
             }
             (Err(_), _) if outlet.is_over() => break,
-            (Err(error), _) => return failed(path, error),
+            (Err(error), _) => return read_failure(path, error),
         }
     }
     SourceEnd::Complete
 }
 
-fn failed(path: &Path, error: CaptureError) -> SourceEnd {
-    SourceEnd::Failed(anyhow::Error::new(error).context(shown(path)))
+fn read_failure(path: &Path, error: CaptureError) -> SourceEnd {
+    SourceEnd::Failed(anyhow::Error::new(error).context(path_text(path)))
 }
 
 /// A file that may grow.
@@ -67,7 +68,7 @@ struct GrowingFile<'a> {
 }
 
 impl<'a> GrowingFile<'a> {
-    fn open(path: &'a Path, outlet: &Outlet) -> io::Result<Self> {
+    fn open(path: &'a Path, outlet: &ThreadOutlet) -> io::Result<Self> {
         if path.is_dir() {
             return Err(io::Error::new(ErrorKind::IsADirectory, "found a folder, expected a file"));
         }
@@ -77,14 +78,14 @@ impl<'a> GrowingFile<'a> {
             identity: StorageIdentity::of_file(&file)?,
             file,
             position: 0,
-            is_over: outlet.flag(),
+            is_over: outlet.end_flag(),
             is_within_line: false,
             begins_anew: None,
         })
     }
 
     /// Whether the path is another file now, or a shorter one than was read.
-    fn look(&self) -> Option<&'static str> {
+    fn find_change(&self) -> Option<&'static str> {
         // A removed file may be replaced soon.
         let metadata = std::fs::metadata(self.path).ok()?;
         if StorageIdentity::of_path(self.path).ok()? != self.identity {
@@ -93,7 +94,7 @@ impl<'a> GrowingFile<'a> {
         (metadata.is_file() && metadata.len() < self.position).then_some("was truncated")
     }
 
-    fn take(&mut self, room: &mut [u8]) -> io::Result<usize> {
+    fn read_bytes(&mut self, room: &mut [u8]) -> io::Result<usize> {
         let count = self.file.read(room)?;
         if let Some(last) = room.get(..count).and_then(<[u8]>::last) {
             self.is_within_line = !matches!(last, b'\n' | b'\r');
@@ -107,8 +108,8 @@ impl Read for GrowingFile<'_> {
     fn read(&mut self, room: &mut [u8]) -> io::Result<usize> {
         loop {
             // Checked before reading: bytes written before the replacement are read to the end.
-            let change = self.look();
-            let count = self.take(room)?;
+            let change = self.find_change();
+            let count = self.read_bytes(room)?;
             if count > 0 || room.is_empty() {
                 return Ok(count);
             }

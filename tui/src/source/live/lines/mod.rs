@@ -19,8 +19,8 @@ use anyhow::Context as _;
 use cobscope_decoder::capture::{BATCH_FRAMES, BusNames, CaptureError, Notice, ReadOptions};
 use cobscope_decoder::frame::LinkState;
 
-use super::{Arrival, Arrivals, BusStatus, Source, SourceEnd, Stamps};
-use outlet::{Delivery, Outlet};
+use super::{Arrival, Arrivals, BusStatus, LiveSource, SourceClock, SourceEnd};
+use outlet::{ThreadDelivery, ThreadOutlet};
 
 /// Maximum delay of frames: an ssh connection stalls, a writer buffers lines.
 const LAG: Duration = Duration::from_secs(1);
@@ -38,7 +38,7 @@ const AHEAD: usize = MOST / BATCH_FRAMES;
 ///
 /// # Errors
 /// A thread cannot be started.
-pub fn stdin(options: ReadOptions) -> anyhow::Result<Box<dyn Source>> {
+pub fn stdin(options: ReadOptions) -> anyhow::Result<Box<dyn LiveSource>> {
     Ok(Box::new(Lines::read(std::io::stdin(), options)?))
 }
 
@@ -46,14 +46,14 @@ pub fn stdin(options: ReadOptions) -> anyhow::Result<Box<dyn Source>> {
 ///
 /// # Errors
 /// A thread cannot be started.
-pub fn follow(path: &Path, options: ReadOptions) -> anyhow::Result<Box<dyn Source>> {
+pub fn follow(path: &Path, options: ReadOptions) -> anyhow::Result<Box<dyn LiveSource>> {
     let path = path.to_path_buf();
-    Ok(Box::new(Lines::start(move |outlet| follow::follow(&path, &options, outlet))?))
+    Ok(Box::new(Lines::start(move |outlet| follow::follow_file(&path, &options, outlet))?))
 }
 
 /// A source of text.
 struct Lines {
-    deliveries: Receiver<Delivery>,
+    deliveries: Receiver<ThreadDelivery>,
     /// Ends the thread.
     is_over: Arc<AtomicBool>,
     names: BusNames,
@@ -65,21 +65,21 @@ struct Lines {
 impl Lines {
     /// Reads `source` to its end.
     fn read(source: impl Read + Send + 'static, options: ReadOptions) -> anyhow::Result<Self> {
-        Self::start(move |outlet| match outlet.pump(source, &options) {
+        Self::start(move |outlet| match outlet.pump_capture(source, &options) {
             // A pipe that was closed without data.
             Ok(()) | Err(CaptureError::Empty) => SourceEnd::Complete,
             Err(error) => SourceEnd::Failed(anyhow::Error::new(error).context("standard input")),
         })
     }
 
-    fn start(work: impl FnOnce(&mut Outlet) -> SourceEnd + Send + 'static) -> anyhow::Result<Self> {
+    fn start(work: impl FnOnce(&mut ThreadOutlet) -> SourceEnd + Send + 'static) -> anyhow::Result<Self> {
         let (give, deliveries) = mpsc::sync_channel(AHEAD);
         let is_over = Arc::new(AtomicBool::new(false));
-        let mut outlet = Outlet::new(give, Arc::clone(&is_over));
+        let mut outlet = ThreadOutlet::new(give, Arc::clone(&is_over));
         let work = move || {
             let ended = work(&mut outlet);
             // The receiver may have ended.
-            outlet.end(ended);
+            outlet.report_end(ended);
         };
         std::thread::Builder::new().name("lines".into()).spawn(work).context("cannot start a thread")?;
         Ok(Self { deliveries, is_over, names: BusNames::default(), lost: Vec::new(), ended: None })
@@ -99,8 +99,8 @@ impl Lines {
     }
 }
 
-impl Source for Lines {
-    fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), SourceEnd> {
+impl LiveSource for Lines {
+    fn receive_items(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), SourceEnd> {
         let begin = Instant::now();
         let before = arrivals.items.len();
         // A delivery contains at most as many frames, and as many notices, as a batch.
@@ -113,8 +113,8 @@ impl Source for Lines {
                 wait.saturating_sub(begin.elapsed())
             };
             match self.deliveries.recv_timeout(left) {
-                Ok(Delivery::Items(names, items)) => self.take(names, items, arrivals),
-                Ok(Delivery::Ended(ended)) => self.ended = Some(ended),
+                Ok(ThreadDelivery::Items(names, items)) => self.take(names, items, arrivals),
+                Ok(ThreadDelivery::Ended(ended)) => self.ended = Some(ended),
                 Err(RecvTimeoutError::Timeout) => break,
                 Err(RecvTimeoutError::Disconnected) => self.ended = Some(SourceEnd::Complete),
             }
@@ -131,20 +131,20 @@ impl Source for Lines {
         }
     }
 
-    fn status(&mut self) -> Vec<BusStatus> {
+    fn bus_status(&mut self) -> Vec<BusStatus> {
         let status = |(name, lost): (&String, &u64)| BusStatus {
             name: name.clone(),
             state: LinkState::Up,
             bit_rate: None,
             controller: None,
             mode: None,
-            stamps: Stamps::Recorded,
+            stamps: SourceClock::Recorded,
             lost: *lost,
         };
         self.names.names().iter().zip(&self.lost).map(status).collect()
     }
 
-    fn lag(&self) -> Duration {
+    fn max_lag(&self) -> Duration {
         LAG
     }
 }

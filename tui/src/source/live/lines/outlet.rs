@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::SyncSender;
 
 use cobscope_decoder::capture::{
-    BATCH_FRAMES, Batch, BusNames, CaptureError, CapturePlace, Item, MAX_BUSES, Notice, ReadOptions, Reader,
+    BATCH_FRAMES, Batch, BatchItem, BusNames, CaptureError, CapturePlace, CaptureReader, MAX_BUSES, Notice,
+    ReadOptions,
 };
 use cobscope_decoder::frame::{BusIndex, Frame};
 
@@ -14,31 +15,31 @@ use crate::source::live::gather::PACE;
 use crate::source::live::{Arrival, SourceEnd};
 
 /// A message of the reading thread.
-pub enum Delivery {
+pub enum ThreadDelivery {
     Items(BusNames, Vec<Arrival>),
     Ended(SourceEnd),
 }
 
 /// Output of the reading thread.
-pub struct Outlet {
-    give: SyncSender<Delivery>,
+pub struct ThreadOutlet {
+    give: SyncSender<ThreadDelivery>,
     is_over: Arc<AtomicBool>,
     /// Buses in order of appearance.
     names: BusNames,
 }
 
-impl Outlet {
-    pub fn new(give: SyncSender<Delivery>, is_over: Arc<AtomicBool>) -> Self {
+impl ThreadOutlet {
+    pub fn new(give: SyncSender<ThreadDelivery>, is_over: Arc<AtomicBool>) -> Self {
         Self { give, is_over, names: BusNames::default() }
     }
 
     /// Reports the end; the receiver may have ended already.
-    pub fn end(&self, ended: SourceEnd) {
-        let _ = self.give.send(Delivery::Ended(ended));
+    pub fn report_end(&self, ended: SourceEnd) {
+        let _ = self.give.send(ThreadDelivery::Ended(ended));
     }
 
     /// Becomes true when the receiver has ended.
-    pub fn flag(&self) -> Arc<AtomicBool> {
+    pub fn end_flag(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.is_over)
     }
 
@@ -47,18 +48,18 @@ impl Outlet {
     }
 
     /// Delivers items; `false` if the receiver has ended.
-    pub fn give(&self, items: Vec<Arrival>) -> bool {
-        self.give.send(Delivery::Items(self.names.clone(), items)).is_ok()
+    pub fn deliver_items(&self, items: Vec<Arrival>) -> bool {
+        self.give.send(ThreadDelivery::Items(self.names.clone(), items)).is_ok()
     }
 
     /// Delivers a message without a bus; `false` if the receiver has ended.
-    pub fn report(&self, text: String) -> bool {
-        self.give(vec![Arrival::Notice(Notice::Assumption(text))])
+    pub fn deliver_report(&self, text: String) -> bool {
+        self.deliver_items(vec![Arrival::Notice(Notice::Assumption(text))])
     }
 
     /// Reads a capture to its end, or until the receiver ends.
-    pub fn pump(&mut self, source: impl Read, options: &ReadOptions) -> Result<(), CaptureError> {
-        let mut reader = Reader::open(source, options)?;
+    pub fn pump_capture(&mut self, source: impl Read, options: &ReadOptions) -> Result<(), CaptureError> {
+        let mut reader = CaptureReader::open(source, options)?;
         let mut batch = Batch::new();
         let mut buses = Vec::new();
         while reader.read(&mut batch)? {
@@ -67,10 +68,10 @@ impl Outlet {
                 buses.push(self.names.index_of(name.as_bytes()));
             }
             let items = batch.items().map(|item| match item {
-                Item::Frame(frame) => renamed(frame, &buses),
-                Item::Notice(notice) => Arrival::Notice(on_bus(notice, &buses)),
+                BatchItem::Frame(frame) => rename_bus(frame, &buses),
+                BatchItem::Notice(notice) => Arrival::Notice(on_bus(notice, &buses)),
             });
-            if !self.give(items.collect()) {
+            if !self.deliver_items(items.collect()) {
                 break;
             }
             if batch.frames().len() < BATCH_FRAMES / 2 {
@@ -87,7 +88,7 @@ fn bus_of(bus: BusIndex, buses: &[Option<BusIndex>]) -> Option<BusIndex> {
     buses.get(usize::from(bus.0)).copied().flatten()
 }
 
-fn renamed(frame: &Frame, buses: &[Option<BusIndex>]) -> Arrival {
+fn rename_bus(frame: &Frame, buses: &[Option<BusIndex>]) -> Arrival {
     match bus_of(frame.bus, buses) {
         Some(bus) => Arrival::Frame(Frame { bus, ..*frame }),
         None => Arrival::Notice(Notice::Unreadable {

@@ -13,22 +13,22 @@ use super::*;
 const LIMIT: Duration = Duration::from_secs(30);
 
 /// Receives until there are `count` items.
-fn receive(source: &mut dyn Source, count: usize) -> Arrivals {
+fn receive(source: &mut dyn LiveSource, count: usize) -> Arrivals {
     let (begin, mut arrivals) = (Instant::now(), Arrivals::default());
     while arrivals.items.len() < count {
         assert!(begin.elapsed() < LIMIT, "{:?}", arrivals.items);
-        source.receive(&mut arrivals, Duration::from_millis(100)).unwrap();
+        source.receive_items(&mut arrivals, Duration::from_millis(100)).unwrap();
     }
     arrivals
 }
 
 /// Receives until the source ends.
-fn end(source: &mut dyn Source) -> SourceEnd {
+fn end(source: &mut dyn LiveSource) -> SourceEnd {
     let mut arrivals = Arrivals::default();
     let begin = Instant::now();
     loop {
         assert!(begin.elapsed() < LIMIT);
-        match source.receive(&mut arrivals, Duration::from_millis(100)) {
+        match source.receive_items(&mut arrivals, Duration::from_millis(100)) {
             Ok(()) => assert!(arrivals.items.is_empty(), "{arrivals:?}"),
             Err(ended) => return ended,
         }
@@ -36,10 +36,10 @@ fn end(source: &mut dyn Source) -> SourceEnd {
 }
 
 /// Asserts that nothing arrives during several checks of the file.
-fn nothing(source: &mut dyn Source) {
+fn nothing(source: &mut dyn LiveSource) {
     let (begin, mut arrivals) = (Instant::now(), Arrivals::default());
     let wait = Duration::from_millis(200);
-    source.receive(&mut arrivals, wait).unwrap();
+    source.receive_items(&mut arrivals, wait).unwrap();
     assert!(arrivals.items.is_empty(), "{arrivals:?}");
     assert!(begin.elapsed() >= wait);
 }
@@ -64,7 +64,7 @@ fn notices(arrivals: &Arrivals) -> Vec<String> {
 struct Followed {
     _folder: tempfile::TempDir,
     path: PathBuf,
-    source: Box<dyn Source>,
+    source: Box<dyn LiveSource>,
 }
 
 impl Followed {
@@ -103,15 +103,15 @@ fn a_pipe_gives_each_line_when_it_is_complete_and_ends_with_its_writer() {
     assert_eq!(frames(&arrivals).len(), 1);
     let [notice] = &notices(&arrivals)[..] else { panic!("{arrivals:?}") };
     assert!(notice.starts_with("line 3: identifier: expected 3 hex digits"), "{notice}");
-    assert_eq!(source.lag(), Duration::from_secs(1));
+    assert_eq!(source.max_lag(), Duration::from_secs(1));
     // The rest of a pipe is a line, with or without a line end.
     drop(writer);
     assert_eq!(frames(&receive(&mut source, 1))[0].id, CanId::Standard(0x81));
     assert!(matches!(end(&mut source), SourceEnd::Complete));
     assert!(matches!(end(&mut source), SourceEnd::Complete));
-    let status = source.status();
+    let status = source.bus_status();
     assert_eq!(status.iter().map(|bus| bus.name.as_str()).collect::<Vec<_>>(), ["can1", "can0"]);
-    assert!(status.iter().all(|bus| bus.stamps == Stamps::Recorded && bus.lost == 0));
+    assert!(status.iter().all(|bus| bus.stamps == SourceClock::Recorded && bus.lost == 0));
 }
 
 #[test]
@@ -132,7 +132,7 @@ fn a_receive_gives_a_bounded_number_and_all_of_them_come() {
     let mut numbers = Vec::new();
     loop {
         let mut arrivals = Arrivals::default();
-        if source.receive(&mut arrivals, LIMIT).is_err() {
+        if source.receive_items(&mut arrivals, LIMIT).is_err() {
             break;
         }
         assert!((1..=MOST).contains(&arrivals.items.len()), "{}", arrivals.items.len());
@@ -147,7 +147,7 @@ fn losses_that_the_text_tells_are_counted_on_their_bus() {
         DROPCOUNT: dropped 55 CAN frames on 'can1' socket (total drops 55)\n";
     let mut source = Lines::read(&text[..], ReadOptions::default()).unwrap();
     receive(&mut source, 3);
-    assert_eq!(source.status().iter().map(|bus| bus.lost).collect::<Vec<_>>(), [0, 55]);
+    assert_eq!(source.bus_status().iter().map(|bus| bus.lost).collect::<Vec<_>>(), [0, 55]);
 }
 
 #[test]
@@ -266,7 +266,7 @@ fn the_thread_ends_when_nobody_listens_any_more() {
     std::fs::write(&path, "(1700000000.000000) can0 001#\n").unwrap();
     let source = Lines::start({
         let path = path.clone();
-        move |outlet| follow::follow(&path, &ReadOptions::default(), outlet)
+        move |outlet| follow::follow_file(&path, &ReadOptions::default(), outlet)
     })
     .unwrap();
     let is_over = Arc::downgrade(&source.is_over);

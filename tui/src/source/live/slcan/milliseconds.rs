@@ -21,11 +21,11 @@ pub struct MillisecondClock {
 
 impl MillisecondClock {
     /// Time of a frame with timestamp `milliseconds` that arrived at `arrival`.
-    pub fn time(&mut self, milliseconds: u16, arrival: Timestamp) -> Timestamp {
+    pub fn time_of(&mut self, milliseconds: u16, arrival: Timestamp) -> Timestamp {
         let stamp = i64::from(milliseconds) * MILLISECOND;
         self.is_long |= stamp >= WRAP;
         let wrap = if self.is_long { LONG_WRAP } else { WRAP };
-        self.clock.time(stamp, wrap, arrival)
+        self.clock.time_of(stamp, wrap, arrival)
     }
 }
 
@@ -38,7 +38,7 @@ mod tests {
         let mut clock = MillisecondClock::default();
         let frames = [(59_000, 0), (65_000, 6_000), (464, 7_000), (465, 7_003)];
         let times = frames.map(|(stamp, arrival)| {
-            clock.time(stamp, Timestamp(1_700_000_000_000 * MILLISECOND + arrival * MILLISECOND)).0
+            clock.time_of(stamp, Timestamp(1_700_000_000_000 * MILLISECOND + arrival * MILLISECOND)).0
                 / MILLISECOND
                 - 1_700_000_000_000
         });

@@ -12,15 +12,15 @@ mod tests;
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
-use cobscope_decoder::capture::adapter::slcan::{BitRate, Command, Reply};
+use cobscope_decoder::capture::adapter::slcan::{SlcanBitRate, SlcanCommand, SlcanReply};
 use cobscope_decoder::capture::{CapturePlace, Notice};
 use cobscope_decoder::frame::{BusIndex, Frame, FrameFlags, Timestamp};
 
 use super::backoff::ConnectError;
-use super::returning::{Connection, ReconnectingSource, unreadable};
-use super::{Arrival, ControllerMode, Source, Stamps, clock};
+use super::returning::{ReconnectingSource, SourceConnection, unreadable_notice};
+use super::{Arrival, ControllerMode, LiveSource, SourceClock, clock};
 use milliseconds::MillisecondClock;
-use port::{Answer, BAUD_RATE, Port};
+use port::{BAUD_RATE, CommandResult, OpenPort};
 
 /// Maximum delay of a frame: the buffers of the serial line.
 const LAG: Duration = Duration::from_millis(50);
@@ -46,8 +46,9 @@ const UNANSWERED: u32 = 5;
 ///
 /// # Errors
 /// Bit rate not available in slcan; port missing or in use; adapter unresponsive or without listen-only mode.
-pub fn open(device: &str, bit_rate: Option<u32>) -> anyhow::Result<Box<dyn Source>> {
-    let rate = bit_rate.map(|rate| BitRate::of(rate).ok_or_else(|| unknown_rate(rate))).transpose()?;
+pub fn open(device: &str, bit_rate: Option<u32>) -> anyhow::Result<Box<dyn LiveSource>> {
+    let rate =
+        bit_rate.map(|rate| SlcanBitRate::for_rate(rate).ok_or_else(|| unknown_rate(rate))).transpose()?;
     let name = device.rsplit(['/', '\\']).next().unwrap_or(device).to_owned();
     let mut remarks = Vec::new();
     if bit_rate.is_none() {
@@ -57,34 +58,35 @@ pub fn open(device: &str, bit_rate: Option<u32>) -> anyhow::Result<Box<dyn Sourc
     }
     let device = device.to_owned();
     let connect = move || {
-        let port = ready(&device, bit_rate.zip(rate))?;
-        Ok(Adapter::new(port, bit_rate))
+        let port = ready_port(&device, bit_rate.zip(rate))?;
+        Ok(SlcanAdapter::new(port, bit_rate))
     };
     Ok(Box::new(ReconnectingSource::open(&name, LAG, remarks, connect)?))
 }
 
 fn unknown_rate(rate: u32) -> anyhow::Error {
-    let known: Vec<_> = BitRate::all().map(|rate| rate.to_string()).collect();
+    let known: Vec<_> = SlcanBitRate::supported_rates().map(|rate| rate.to_string()).collect();
     anyhow!("slcan has no command for {rate} bit/s; it has {}", known.join(", "))
 }
 
 /// A port whose adapter is in listen-only mode, and whether the adapter sends timestamps.
-fn ready(device: &str, rate: Option<(u32, BitRate)>) -> Result<(Port, bool), ConnectError> {
+fn ready_port(device: &str, rate: Option<(u32, SlcanBitRate)>) -> Result<(OpenPort, bool), ConnectError> {
     let gone = |error: std::io::Error| ConnectError::Again(not_there(device, &error));
-    let mut port = Port::open(device).map_err(gone)?;
-    if !close(&mut port).map_err(gone)? {
+    let mut port = OpenPort::open(device).map_err(gone)?;
+    if !close_channel(&mut port).map_err(gone)? {
         return Err(ConnectError::Again(anyhow!(
             "{device}: no response to slcan command C; expected an adapter with the Lawicel protocol at \
              {BAUD_RATE} baud that no other program (slcand) uses"
         )));
     }
     if let Some((bits_per_second, rate)) = rate
-        && port.ask(Command::SetBitRate(rate), ANSWER).map_err(gone)? != Answer::Done
+        && port.ask_command(SlcanCommand::SetBitRate(rate), ANSWER).map_err(gone)? != CommandResult::Done
     {
         return Err(ConnectError::Never(anyhow!("{device}: the adapter refuses {bits_per_second} bit/s")));
     }
-    let has_stamps = port.ask(Command::TimestampsOn, ANSWER).map_err(gone)? == Answer::Done;
-    if port.ask(Command::Listen, ANSWER).map_err(gone)? != Answer::Done {
+    let has_stamps =
+        port.ask_command(SlcanCommand::TimestampsOn, ANSWER).map_err(gone)? == CommandResult::Done;
+    if port.ask_command(SlcanCommand::Listen, ANSWER).map_err(gone)? != CommandResult::Done {
         let hint = match rate {
             Some(_) => "use firmware that supports this command",
             None => "its bit rate may not be set: add @500000; or use firmware that supports this command",
@@ -98,11 +100,11 @@ fn ready(device: &str, rate: Option<(u32, BitRate)>) -> Result<(Port, bool), Con
 }
 
 /// Closes the channel for the configuration; returns whether the adapter responded.
-fn close(port: &mut Port) -> std::io::Result<bool> {
+fn close_channel(port: &mut OpenPort) -> std::io::Result<bool> {
     for _ in 0..ATTEMPTS {
         // An adapter whose channel is already closed may refuse; that is a response too.
-        if port.ask(Command::Close, ANSWER)? != Answer::Nothing {
-            port.settle(SETTLED)?;
+        if port.ask_command(SlcanCommand::Close, ANSWER)? != CommandResult::Nothing {
+            port.settle_input(SETTLED)?;
             return Ok(true);
         }
     }
@@ -129,33 +131,34 @@ fn not_there(device: &str, error: &std::io::Error) -> anyhow::Error {
 }
 
 /// An adapter in listen-only mode.
-struct Adapter {
-    port: Port,
+struct SlcanAdapter {
+    port: OpenPort,
     bit_rate: Option<u32>,
     has_stamps: bool,
     clock: MillisecondClock,
     controller: Option<String>,
     lost: u64,
-    questions: Questions,
+    questions: StatusRequests,
 }
 
 /// State of the requests for status flags.
-struct Questions {
+struct StatusRequests {
     next: Instant,
     unanswered: u32,
     /// Whether it has ever responded; `None` once it is known that it does not.
     answers: Option<bool>,
 }
 
-impl Adapter {
-    fn new((port, has_stamps): (Port, bool), bit_rate: Option<u32>) -> Self {
-        let questions = Questions { next: Instant::now() + FLAGS_EVERY, unanswered: 0, answers: Some(false) };
+impl SlcanAdapter {
+    fn new((port, has_stamps): (OpenPort, bool), bit_rate: Option<u32>) -> Self {
+        let questions =
+            StatusRequests { next: Instant::now() + FLAGS_EVERY, unanswered: 0, answers: Some(false) };
         let clock = MillisecondClock::default();
         Self { port, bit_rate, has_stamps, clock, controller: None, lost: 0, questions }
     }
 
     /// Requests the status flags when it is time.
-    fn ask(&mut self) -> Result<(), String> {
+    fn ask_status(&mut self) -> Result<(), String> {
         let questions = &mut self.questions;
         let Some(has_answered) = questions.answers.filter(|_| questions.next <= Instant::now()) else {
             return Ok(());
@@ -169,7 +172,7 @@ impl Adapter {
         }
         questions.unanswered += 1;
         questions.next = Instant::now() + FLAGS_EVERY;
-        self.port.send(Command::ReadFlags).map_err(|error| error.to_string())
+        self.port.send_command(SlcanCommand::ReadFlags).map_err(|error| error.to_string())
     }
 
     /// Time to wait before the next request, at most `wait`.
@@ -181,16 +184,16 @@ impl Adapter {
     }
 
     /// Converts a reply to an item, if it is one.
-    fn take(&mut self, reply: Reply, arrival: Timestamp) -> Option<Arrival> {
+    fn take_reply(&mut self, reply: SlcanReply, arrival: Timestamp) -> Option<Arrival> {
         match reply {
-            Reply::Frame(frame, milliseconds) => {
-                Some(Arrival::Frame(self.stamped(frame, milliseconds, arrival)))
+            SlcanReply::Frame(frame, milliseconds) => {
+                Some(Arrival::Frame(self.stamp_frame(frame, milliseconds, arrival)))
             }
-            Reply::State(state) => {
+            SlcanReply::State(state) => {
                 self.controller = Some(state.to_string());
                 None
             }
-            Reply::Flags(flags) => {
+            SlcanReply::Flags(flags) => {
                 (self.questions.unanswered, self.questions.answers) = (0, Some(true));
                 let said = flags.to_string();
                 self.controller = (!said.is_empty()).then_some(said);
@@ -204,34 +207,36 @@ impl Adapter {
                 })
             }
             // The adapter does not support the command; no other command was sent.
-            Reply::Refused if self.questions.unanswered > 0 => {
+            SlcanReply::Refused if self.questions.unanswered > 0 => {
                 (self.questions.unanswered, self.questions.answers) = (0, None);
                 None
             }
-            Reply::Refused => Some(unreadable("slcan: the adapter reports an error (BEL)".into())),
-            Reply::Unreadable(reason) => Some(unreadable(reason)),
-            Reply::Done => None,
+            SlcanReply::Refused => {
+                Some(unreadable_notice("slcan: the adapter reports an error (BEL)".into()))
+            }
+            SlcanReply::Unreadable(reason) => Some(unreadable_notice(reason)),
+            SlcanReply::Done => None,
         }
     }
 
-    fn stamped(&mut self, frame: Frame, milliseconds: Option<u16>, arrival: Timestamp) -> Frame {
+    fn stamp_frame(&mut self, frame: Frame, milliseconds: Option<u16>, arrival: Timestamp) -> Frame {
         // Error frames are built from lines without a timestamp, even if frames have one.
         if !frame.flags.contains(FrameFlags::ERROR) {
             self.has_stamps = milliseconds.is_some();
         }
-        let time = milliseconds.map_or(arrival, |stamp| self.clock.time(stamp, arrival));
+        let time = milliseconds.map_or(arrival, |stamp| self.clock.time_of(stamp, arrival));
         Frame { time: Some(time), ..frame }
     }
 }
 
-impl Connection for Adapter {
+impl SourceConnection for SlcanAdapter {
     fn read(&mut self, items: &mut Vec<Arrival>, wait: Duration) -> Result<(), String> {
-        self.ask()?;
+        self.ask_status()?;
         let wait = self.until_next(wait);
         let mut replies = Vec::new();
-        self.port.listen(wait, |reply| replies.push(reply)).map_err(|error| error.to_string())?;
+        self.port.read_replies(wait, |reply| replies.push(reply)).map_err(|error| error.to_string())?;
         let arrival = clock::now();
-        items.extend(replies.into_iter().filter_map(|reply| self.take(reply, arrival)));
+        items.extend(replies.into_iter().filter_map(|reply| self.take_reply(reply, arrival)));
         Ok(())
     }
 
@@ -243,20 +248,20 @@ impl Connection for Adapter {
         self.bit_rate
     }
 
-    fn stamps(&self) -> Stamps {
-        if self.has_stamps { Stamps::Adapter } else { Stamps::Arrival }
+    fn timestamp_clock(&self) -> SourceClock {
+        if self.has_stamps { SourceClock::Adapter } else { SourceClock::Arrival }
     }
 
-    fn controller(&self) -> Option<String> {
+    fn controller_state(&self) -> Option<String> {
         self.controller.clone()
     }
 
-    fn mode(&self) -> ControllerMode {
+    fn controller_mode(&self) -> ControllerMode {
         // `ready` refuses an adapter without it.
         ControllerMode::ListenOnly
     }
 
-    fn lost(&self) -> u64 {
+    fn lost_frames(&self) -> u64 {
         self.lost
     }
 }

@@ -1,9 +1,9 @@
-//! A serial port with an adapter. Only a [`Command`] can be written to it.
+//! A serial port with an adapter. Only a [`SlcanCommand`] can be written to it.
 
 use std::io::{self, ErrorKind};
 use std::time::{Duration, Instant};
 
-use cobscope_decoder::capture::adapter::slcan::{Command, Reader, Reply};
+use cobscope_decoder::capture::adapter::slcan::{SlcanCommand, SlcanReader, SlcanReply};
 use serial2::SerialPort;
 
 /// Bit rate of the serial line in bit/s; USB adapters ignore it.
@@ -17,7 +17,7 @@ const CHUNK: usize = 4_096;
 
 /// Result of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Answer {
+pub enum CommandResult {
     /// Executed.
     Done,
     /// Refused.
@@ -27,13 +27,13 @@ pub enum Answer {
 }
 
 /// An open port. Dropping it closes the channel.
-pub struct Port {
+pub struct OpenPort {
     serial: SerialPort,
-    reader: Reader,
+    reader: SlcanReader,
     buffer: Vec<u8>,
 }
 
-impl Port {
+impl OpenPort {
     /// Opens the port `device`.
     ///
     /// # Errors
@@ -41,14 +41,14 @@ impl Port {
     pub fn open(device: &str) -> io::Result<Self> {
         let mut serial = SerialPort::open(device, BAUD_RATE)?;
         serial.set_write_timeout(WRITING)?;
-        Ok(Self { serial, reader: Reader::default(), buffer: vec![0; CHUNK] })
+        Ok(Self { serial, reader: SlcanReader::default(), buffer: vec![0; CHUNK] })
     }
 
     /// Sends a command.
     ///
     /// # Errors
     /// The port is gone.
-    pub fn send(&self, command: Command) -> io::Result<()> {
+    pub fn send_command(&self, command: SlcanCommand) -> io::Result<()> {
         self.serial.write_all(command.bytes())
     }
 
@@ -56,13 +56,13 @@ impl Port {
     ///
     /// # Errors
     /// The port is gone.
-    pub fn listen(&mut self, wait: Duration, give: impl FnMut(Reply)) -> io::Result<bool> {
+    pub fn read_replies(&mut self, wait: Duration, give: impl FnMut(SlcanReply)) -> io::Result<bool> {
         // The port rounds to milliseconds: without rounding up, short waits would become a busy loop.
         self.serial.set_read_timeout(wait + Duration::from_micros(999))?;
         match self.serial.read(&mut self.buffer) {
             Ok(0) => Err(ErrorKind::UnexpectedEof.into()),
             Ok(count) => {
-                self.reader.read(self.buffer.get(..count).unwrap_or_default(), give);
+                self.reader.read_input(self.buffer.get(..count).unwrap_or_default(), give);
                 Ok(true)
             }
             Err(error) => match error.kind() {
@@ -76,15 +76,15 @@ impl Port {
     ///
     /// # Errors
     /// The port is gone.
-    pub fn ask(&mut self, command: Command, wait: Duration) -> io::Result<Answer> {
-        self.send(command)?;
+    pub fn ask_command(&mut self, command: SlcanCommand, wait: Duration) -> io::Result<CommandResult> {
+        self.send_command(command)?;
         let begin = Instant::now();
-        let mut answer = Answer::Nothing;
-        while answer == Answer::Nothing {
+        let mut answer = CommandResult::Nothing;
+        while answer == CommandResult::Nothing {
             let left = wait.saturating_sub(begin.elapsed());
-            self.listen(left, |reply| match reply {
-                Reply::Done if answer == Answer::Nothing => answer = Answer::Done,
-                Reply::Refused if answer == Answer::Nothing => answer = Answer::Refused,
+            self.read_replies(left, |reply| match reply {
+                SlcanReply::Done if answer == CommandResult::Nothing => answer = CommandResult::Done,
+                SlcanReply::Refused if answer == CommandResult::Nothing => answer = CommandResult::Refused,
                 _ => {}
             })?;
             if left.is_zero() {
@@ -99,17 +99,17 @@ impl Port {
     ///
     /// # Errors
     /// The port is gone.
-    pub fn settle(&mut self, pause: Duration) -> io::Result<()> {
+    pub fn settle_input(&mut self, pause: Duration) -> io::Result<()> {
         let begin = Instant::now();
-        while begin.elapsed() < pause * 10 && self.listen(pause, |_| {})? {}
+        while begin.elapsed() < pause * 10 && self.read_replies(pause, |_| {})? {}
         self.reader.reset();
         Ok(())
     }
 }
 
-impl Drop for Port {
+impl Drop for OpenPort {
     fn drop(&mut self) {
         // A port that is gone has no channel to close.
-        let _ = self.send(Command::Close);
+        let _ = self.send_command(SlcanCommand::Close);
     }
 }

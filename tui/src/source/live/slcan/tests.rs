@@ -107,11 +107,11 @@ fn place() -> (tempfile::TempDir, PathBuf) {
 }
 
 /// Receives until there are `count` items.
-fn receive(source: &mut dyn Source, count: usize) -> Vec<Arrival> {
+fn receive(source: &mut dyn LiveSource, count: usize) -> Vec<Arrival> {
     let (begin, mut arrivals) = (Instant::now(), Arrivals::default());
     while arrivals.items.len() < count {
         assert!(begin.elapsed() < LIMIT, "{:?}", arrivals.items);
-        source.receive(&mut arrivals, Duration::from_millis(100)).unwrap();
+        source.receive_items(&mut arrivals, Duration::from_millis(100)).unwrap();
         assert_eq!(arrivals.names.names(), ["ttyACM7"]);
     }
     arrivals.items
@@ -122,8 +122,8 @@ fn frame(item: &Arrival) -> Frame {
     *frame
 }
 
-fn only_status(source: &mut dyn Source) -> BusStatus {
-    let mut status = source.status();
+fn only_status(source: &mut dyn LiveSource) -> BusStatus {
+    let mut status = source.bus_status();
     assert_eq!(status.len(), 1);
     status.remove(0)
 }
@@ -160,7 +160,7 @@ fn an_adapter_is_closed_set_up_and_opened_to_listen_and_closed_in_the_end() {
         (status.name.as_str(), status.state, status.bit_rate),
         ("ttyACM7", LinkState::Up, Some(500_000))
     );
-    assert_eq!((status.stamps, status.controller, status.lost), (Stamps::Adapter, None, 0));
+    assert_eq!((status.stamps, status.controller, status.lost), (SourceClock::Adapter, None, 0));
     assert_eq!(status.mode, Some(ControllerMode::ListenOnly));
     drop(source);
     adapter.hears("C\rS6\rZ1\rL\rC\r");
@@ -183,7 +183,7 @@ fn without_a_bit_rate_the_adapter_keeps_its_own_and_this_is_reported() {
         panic!("{items:?}")
     };
     assert!(text.starts_with("ttyACM7: bit rate of the adapter unchanged; slcan:/"), "{text}");
-    assert_eq!(only_status(&mut *source).stamps, Stamps::Arrival);
+    assert_eq!(only_status(&mut *source).stamps, SourceClock::Arrival);
     let before = clock::now();
     adapter.send(b"t1230\r");
     let time = frame(&receive(&mut *source, 1)[0]).time.unwrap();
@@ -225,7 +225,7 @@ fn frames_of_every_kind_are_received_unchanged() {
     let status = only_status(&mut *source);
     assert_eq!(
         (status.controller.as_deref(), status.stamps),
-        (Some("error warning, rx 96 tx 0"), Stamps::Adapter)
+        (Some("error warning, rx 96 tx 0"), SourceClock::Adapter)
     );
 }
 
@@ -313,7 +313,7 @@ fn an_adapter_without_flags_is_asked_once() {
     let mut arrivals = Arrivals::default();
     // Longer than the time until the second request.
     let begin = Instant::now();
-    source.receive(&mut arrivals, Duration::from_millis(2_300)).unwrap();
+    source.receive_items(&mut arrivals, Duration::from_millis(2_300)).unwrap();
     assert!(arrivals.items.is_empty(), "{arrivals:?}");
     assert!(begin.elapsed() >= Duration::from_millis(2_300));
     assert_eq!(adapter.received(), "C\rS6\rZ1\rL\rF\r");
@@ -340,7 +340,7 @@ fn an_adapter_that_is_unplugged_comes_back_by_itself() {
     assert_eq!((status.state, status.bit_rate), (LinkState::Gone, None));
     // While it is disconnected, nothing arrives, and receiving waits.
     let (begin, mut arrivals) = (Instant::now(), Arrivals::default());
-    source.receive(&mut arrivals, Duration::from_millis(300)).unwrap();
+    source.receive_items(&mut arrivals, Duration::from_millis(300)).unwrap();
     assert!(arrivals.items.is_empty() && begin.elapsed() >= Duration::from_millis(300));
 
     let adapter = Plugged::new(&link, obliging);
@@ -367,7 +367,7 @@ fn an_adapter_that_comes_back_and_will_not_listen_only_is_the_end() {
     let begin = Instant::now();
     let ended = loop {
         assert!(begin.elapsed() < LIMIT);
-        if let Err(ended) = source.receive(&mut Arrivals::default(), Duration::from_millis(100)) {
+        if let Err(ended) = source.receive_items(&mut Arrivals::default(), Duration::from_millis(100)) {
             break ended;
         }
     };

@@ -40,14 +40,14 @@ pub(super) struct Datagram<'a> {
 
 /// State between two reads of a socket.
 #[derive(Default)]
-pub(super) struct Datagrams {
+pub(super) struct DatagramState {
     /// Number of frames lost since the socket was opened (SO_RXQ_OVFL, a wrapping counter).
     lost: u32,
     /// Kernel time minus hardware time; None before the first hardware timestamp.
     hardware: Option<i64>,
 }
 
-impl Datagrams {
+impl DatagramState {
     /// Whether the timestamps are those of the hardware.
     pub(super) fn has_hardware_stamps(&self) -> bool {
         self.hardware.is_some()
@@ -80,7 +80,7 @@ impl Datagrams {
             let mut count = 0;
             for message in read {
                 count += 1;
-                let (time, lost) = self.controls(&message);
+                let (time, lost) = self.read_controls(&message);
                 let is_own = message.flags.contains(OWN);
                 let bytes = message.iovs().next().unwrap_or_default();
                 see(Datagram { bytes, time, is_own, lost });
@@ -94,7 +94,7 @@ impl Datagrams {
     }
 
     /// Time of a message, and number of frames lost before it.
-    fn controls(&mut self, message: &RecvMsg<'_, '_, ()>) -> (Timestamp, u32) {
+    fn read_controls(&mut self, message: &RecvMsg<'_, '_, ()>) -> (Timestamp, u32) {
         let (mut stamps, mut lost) = (None, self.lost);
         for control in message.cmsgs().into_iter().flatten() {
             match control {
@@ -105,14 +105,14 @@ impl Datagrams {
         }
         let newly = lost.wrapping_sub(std::mem::replace(&mut self.lost, lost));
         let time = stamps.map_or_else(now, |Timestamps { system, hw_raw, .. }| {
-            self.time(nanoseconds(system).unwrap_or_else(now), nanoseconds(hw_raw))
+            self.hardware_time(to_nanoseconds(system).unwrap_or_else(now), to_nanoseconds(hw_raw))
         });
         (time, newly)
     }
 
     /// The hardware timestamp on the clock of this computer, else the kernel timestamp. The kernel timestamp
     /// is never earlier, so the smallest difference is the best estimate.
-    fn time(&mut self, kernel: Timestamp, hardware: Option<Timestamp>) -> Timestamp {
+    fn hardware_time(&mut self, kernel: Timestamp, hardware: Option<Timestamp>) -> Timestamp {
         let Some(hardware) = hardware else { return kernel };
         let difference = kernel.since(hardware);
         let known = self.hardware.filter(|known| (0..DRIFT).contains(&difference.saturating_sub(*known)));
@@ -122,7 +122,7 @@ impl Datagrams {
 }
 
 /// Converts a kernel timestamp; all zeros mean none.
-fn nanoseconds(stamp: TimeSpec) -> Option<Timestamp> {
+fn to_nanoseconds(stamp: TimeSpec) -> Option<Timestamp> {
     let time = stamp.tv_sec().saturating_mul(1_000_000_000).saturating_add(stamp.tv_nsec());
     (time != 0).then_some(Timestamp(time))
 }
@@ -144,9 +144,10 @@ mod tests {
 
     #[test]
     fn hardware_stamps_are_put_on_this_computers_clock() {
-        let mut datagrams = Datagrams::default();
-        let mut time =
-            |kernel, hardware: Option<i64>| datagrams.time(Timestamp(kernel), hardware.map(Timestamp)).0;
+        let mut datagrams = DatagramState::default();
+        let mut time = |kernel, hardware: Option<i64>| {
+            datagrams.hardware_time(Timestamp(kernel), hardware.map(Timestamp)).0
+        };
         assert_eq!(time(1_000, None), 1_000);
         // The hardware clock is 900 ns slow, and the kernel timestamp was 50 ns late.
         assert_eq!(time(1_000, Some(100)), 1_000);
@@ -164,7 +165,7 @@ mod tests {
         setsockopt(&receiver, sockopt::ReceiveTimestampns, &true).unwrap();
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
         sender.connect(receiver.local_addr().unwrap()).unwrap();
-        let (mut datagrams, mut seen, mut lost) = (Datagrams::default(), Vec::new(), 0);
+        let (mut datagrams, mut seen, mut lost) = (DatagramState::default(), Vec::new(), 0);
         for number in 0..200u32 {
             sender.send(&[&number.to_ne_bytes()[..], &[0; 12]].concat()).unwrap();
         }

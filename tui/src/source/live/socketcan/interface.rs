@@ -13,8 +13,8 @@ use socketcan::nl::{CanCtrlMode, CanState, InterfaceDetails};
 use socketcan::{CanFdSocket, CanFilter, CanInterface, Socket as _, SocketOptions as _};
 
 use super::super::spec::InterfaceSpec;
-use super::super::{Arrival, Arrivals, BusStatus, ControllerMode, Stamps};
-use super::datagrams::{Datagram, Datagrams, now};
+use super::super::{Arrival, Arrivals, BusStatus, ControllerMode, SourceClock};
+use super::datagrams::{Datagram, DatagramState, now};
 
 /// Requested size of the receive buffer: 30,000 frames, 0.7 s of two full buses. Without privileges the
 /// kernel grants less.
@@ -24,45 +24,45 @@ pub(super) const BUFFER: usize = 8 * 1024 * 1024;
 const MOST: usize = 4_096;
 
 /// An interface with its socket.
-pub(super) struct Interface {
+pub(super) struct BoundInterface {
     spec: InterfaceSpec,
-    socket: Option<Bound>,
+    socket: Option<InterfaceBinding>,
     /// State and bit rate as last reported.
     told: Option<(LinkState, Option<u32>)>,
     details: Option<InterfaceDetails>,
     lost: u64,
 }
 
-struct Bound {
+struct InterfaceBinding {
     socket: CanFdSocket,
     /// Index of the bound interface; a re-created interface has another one.
     index: u32,
-    datagrams: Datagrams,
+    datagrams: DatagramState,
 }
 
-impl Interface {
+impl BoundInterface {
     /// Opens an interface, which may be down.
     ///
     /// # Errors
     /// The interface does not exist, or the kernel has no CAN or denies access.
     pub(super) fn open(spec: InterfaceSpec) -> anyhow::Result<Self> {
-        let mut interface = Self::of(spec);
-        if !interface.look() {
-            return Err(missing(&interface.spec.name));
+        let mut interface = Self::from_spec(spec);
+        if !interface.query_state() {
+            return Err(missing_interface(&interface.spec.name));
         }
-        interface.bind().map_err(|error| explained(&interface.spec.name, error))?;
+        interface.bind_socket().map_err(|error| explain_error(&interface.spec.name, error))?;
         Ok(interface)
     }
 
     /// An interface without a socket, for its status only.
-    pub(super) fn named(name: &str) -> Self {
+    pub(super) fn without_socket(name: &str) -> Self {
         let (filters, is_joined, errors) = (Vec::new(), false, 0);
-        let mut interface = Self::of(InterfaceSpec { name: name.into(), filters, is_joined, errors });
-        interface.look();
+        let mut interface = Self::from_spec(InterfaceSpec { name: name.into(), filters, is_joined, errors });
+        interface.query_state();
         interface
     }
 
-    fn of(spec: InterfaceSpec) -> Self {
+    fn from_spec(spec: InterfaceSpec) -> Self {
         Self { spec, socket: None, told: None, details: None, lost: 0 }
     }
 
@@ -75,7 +75,7 @@ impl Interface {
         self.socket.as_ref().map(|socket| socket.socket.as_fd())
     }
 
-    fn bind(&mut self) -> std::io::Result<()> {
+    fn bind_socket(&mut self) -> std::io::Result<()> {
         let socket = CanFdSocket::open(&self.spec.name)?;
         socket.set_nonblocking(true)?;
         let filters: Vec<CanFilter> =
@@ -90,25 +90,25 @@ impl Interface {
         }
         set_stamps(&socket)?;
         let index = self.details.as_ref().map_or(0, |details| details.index);
-        self.socket = Some(Bound { socket, index, datagrams: Datagrams::default() });
+        self.socket = Some(InterfaceBinding { socket, index, datagrams: DatagramState::default() });
         Ok(())
     }
 
     /// Queries the state from the kernel; `false` if the interface is gone.
-    fn look(&mut self) -> bool {
+    fn query_state(&mut self) -> bool {
         self.details = CanInterface::open(&self.spec.name).and_then(|interface| interface.details()).ok();
         self.details.is_some()
     }
 
     /// Checks whether the interface was removed or has returned, and reports changes.
-    pub(super) fn watch(&mut self, arrivals: &mut Arrivals) {
-        let is_there = self.look();
+    pub(super) fn watch_interface(&mut self, arrivals: &mut Arrivals) {
+        let is_there = self.query_state();
         let index = self.details.as_ref().map(|details| details.index);
         let is_same = self.socket.as_ref().is_some_and(|socket| Some(socket.index) == index);
         if !is_same {
             self.socket = None;
-            if is_there && let Err(error) = self.bind() {
-                report(format!("{}: cannot be opened again: {error}", self.spec.name), arrivals);
+            if is_there && let Err(error) = self.bind_socket() {
+                report_text(format!("{}: cannot be opened again: {error}", self.spec.name), arrivals);
             }
         }
         let state = match (&self.details, &self.socket) {
@@ -119,7 +119,7 @@ impl Interface {
         let told = (state, self.bit_rate());
         if self.told.replace(told) != Some(told) {
             let (state, bit_rate) = told;
-            if let Some(bus) = self.bus(&mut arrivals.names) {
+            if let Some(bus) = self.bus_index(&mut arrivals.names) {
                 arrivals.items.push(Arrival::Notice(Notice::Link { bus, time: now(), state, bit_rate }));
             }
         }
@@ -127,27 +127,27 @@ impl Interface {
 
     /// Reads the received frames.
     pub(super) fn receive(&mut self, arrivals: &mut Arrivals) {
-        let Some(bus) = self.bus(&mut arrivals.names) else { return };
-        let Some(Bound { socket, datagrams, .. }) = &mut self.socket else { return };
+        let Some(bus) = self.bus_index(&mut arrivals.names) else { return };
+        let Some(InterfaceBinding { socket, datagrams, .. }) = &mut self.socket else { return };
         let mut newly = 0u64;
         let items = &mut arrivals.items;
         let read = datagrams.read(socket.as_raw_fd(), MOST, |datagram| {
             newly = newly.saturating_add(datagram.lost.into());
-            take(&datagram, bus, items);
+            take_datagram(&datagram, bus, items);
         });
         self.lost = self.lost.saturating_add(newly);
         match read {
             // Reported once when the interface is removed; `watch` checks its state.
             Ok(()) => {}
-            Err(Errno::ENETDOWN | Errno::ENODEV | Errno::ENXIO) => self.watch(arrivals),
+            Err(Errno::ENETDOWN | Errno::ENODEV | Errno::ENXIO) => self.watch_interface(arrivals),
             Err(error) => {
                 self.socket = None;
-                report(format!("{}: reading failed: {}", self.spec.name, error.desc()), arrivals);
+                report_text(format!("{}: reading failed: {}", self.spec.name, error.desc()), arrivals);
             }
         }
     }
 
-    fn bus(&self, names: &mut BusNames) -> Option<BusIndex> {
+    fn bus_index(&self, names: &mut BusNames) -> Option<BusIndex> {
         names.index_of(self.spec.name.as_bytes())
     }
 
@@ -156,7 +156,7 @@ impl Interface {
         (timing.bitrate > 0).then_some(timing.bitrate)
     }
 
-    /// Status, as of the last call of [`Interface::watch`].
+    /// Status, as of the last call of [`BoundInterface::watch_interface`].
     pub(super) fn status(&self) -> BusStatus {
         let has_hardware = self.socket.as_ref().is_some_and(|socket| socket.datagrams.has_hardware_stamps());
         BusStatus {
@@ -167,9 +167,9 @@ impl Interface {
                 None => LinkState::Gone,
             },
             bit_rate: self.bit_rate(),
-            controller: self.details.as_ref().and_then(controller),
-            mode: self.details.as_ref().and_then(|details| mode(&self.spec.name, details)),
-            stamps: if has_hardware { Stamps::Hardware } else { Stamps::Kernel },
+            controller: self.details.as_ref().and_then(controller_text),
+            mode: self.details.as_ref().and_then(|details| controller_mode(&self.spec.name, details)),
+            stamps: if has_hardware { SourceClock::Hardware } else { SourceClock::Kernel },
             lost: self.lost,
         }
     }
@@ -185,12 +185,12 @@ pub(super) fn set_stamps(socket: &impl AsFd) -> nix::Result<()> {
     setsockopt(socket, sockopt::Timestamping, &stamps)
 }
 
-fn report(text: String, arrivals: &mut Arrivals) {
+fn report_text(text: String, arrivals: &mut Arrivals) {
     arrivals.items.push(Arrival::Notice(Notice::Assumption(text)));
 }
 
 /// Adds a frame, after a notice about losses before it.
-pub(super) fn take(datagram: &Datagram<'_>, bus: BusIndex, items: &mut Vec<Arrival>) {
+pub(super) fn take_datagram(datagram: &Datagram<'_>, bus: BusIndex, items: &mut Vec<Arrival>) {
     let place = CapturePlace::Now;
     if datagram.lost > 0 {
         let count = Some(datagram.lost.into());
@@ -207,7 +207,7 @@ pub(super) fn take(datagram: &Datagram<'_>, bus: BusIndex, items: &mut Vec<Arriv
 }
 
 /// `error passive, rx 135 tx 0`, if the driver reports it.
-fn controller(details: &InterfaceDetails) -> Option<String> {
+fn controller_text(details: &InterfaceDetails) -> Option<String> {
     let state = match details.can.state? {
         CanState::ErrorActive => "error active",
         CanState::ErrorWarning => "error warning",
@@ -221,7 +221,7 @@ fn controller(details: &InterfaceDetails) -> Option<String> {
 }
 
 /// Mode of the controller of an interface that is up, unless it is virtual.
-fn mode(name: &str, details: &InterfaceDetails) -> Option<ControllerMode> {
+fn controller_mode(name: &str, details: &InterfaceDetails) -> Option<ControllerMode> {
     if !details.is_up || is_virtual(name) {
         return None;
     }
@@ -236,7 +236,7 @@ fn is_virtual(name: &str) -> bool {
 }
 
 /// Names of all CAN interfaces.
-pub(super) fn interfaces() -> Vec<String> {
+pub(super) fn interface_names() -> Vec<String> {
     /// Type of CAN network interfaces (ARPHRD_CAN, linux/if_arp.h).
     const CAN: &str = "280";
     let Ok(folder) = std::fs::read_dir("/sys/class/net") else { return Vec::new() };
@@ -249,8 +249,8 @@ pub(super) fn interfaces() -> Vec<String> {
     names
 }
 
-fn missing(name: &str) -> anyhow::Error {
-    let known = interfaces();
+fn missing_interface(name: &str) -> anyhow::Error {
+    let known = interface_names();
     if known.is_empty() {
         return anyhow!(
             "{name}: there is no CAN interface on this computer. Is the adapter plugged in, and its driver loaded \
@@ -261,7 +261,7 @@ fn missing(name: &str) -> anyhow::Error {
     anyhow!("{name}: unknown interface; available: {}", known.join(", "))
 }
 
-fn explained(name: &str, error: std::io::Error) -> anyhow::Error {
+fn explain_error(name: &str, error: std::io::Error) -> anyhow::Error {
     let hint = match (error.kind(), error.raw_os_error().map(Errno::from_raw)) {
         (_, Some(Errno::EAFNOSUPPORT | Errno::EPROTONOSUPPORT)) => {
             "the kernel has no CAN support loaded: sudo modprobe can_raw"
@@ -291,12 +291,12 @@ pub fn how_to_bring_up(name: &str, bit_rate: Option<u32>) -> String {
 }
 
 /// All interfaces, or the reason why there are none.
-pub(super) fn any(spec: &InterfaceSpec) -> anyhow::Result<Vec<Interface>> {
-    let names = interfaces();
+pub(super) fn all_interfaces(spec: &InterfaceSpec) -> anyhow::Result<Vec<BoundInterface>> {
+    let names = interface_names();
     if names.is_empty() {
-        return Err(missing(&spec.name));
+        return Err(missing_interface(&spec.name));
     }
-    let open = |name: String| Interface::open(InterfaceSpec { name, ..spec.clone() });
+    let open = |name: String| BoundInterface::open(InterfaceSpec { name, ..spec.clone() });
     names.into_iter().map(open).collect::<anyhow::Result<_>>().context("any")
 }
 
@@ -311,7 +311,7 @@ mod tests {
         let mut details = InterfaceDetails { is_up, ..InterfaceDetails::new(3) };
         // The kernel reports the mask as 0.
         details.can.ctrl_mode = flags.map(|flags| CanCtrlModes::new(0, flags));
-        mode(name, &details)
+        controller_mode(name, &details)
     }
 
     #[test]

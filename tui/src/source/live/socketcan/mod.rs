@@ -13,11 +13,11 @@ use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
 use super::gather::PACE;
 use super::spec::InterfaceSpec;
-use super::{Arrivals, BusStatus, Source, SourceEnd};
-use interface::Interface;
+use super::{Arrivals, BusStatus, LiveSource, SourceEnd};
+use interface::BoundInterface;
 
 pub use interface::how_to_bring_up;
-use interface::interfaces;
+use interface::interface_names;
 pub use stand_in::stand_in;
 
 /// Name for all interfaces.
@@ -28,7 +28,7 @@ const WATCH: Duration = Duration::from_millis(250);
 
 /// CAN interfaces read by one thread.
 struct Interfaces {
-    all: Vec<Interface>,
+    all: Vec<BoundInterface>,
     /// New interfaces are opened too.
     any: Option<InterfaceSpec>,
     watched: Option<Instant>,
@@ -38,14 +38,14 @@ struct Interfaces {
 ///
 /// # Errors
 /// An interface does not exist or cannot be opened; the error contains a remedy.
-pub fn open(specs: &[InterfaceSpec]) -> anyhow::Result<Box<dyn Source>> {
+pub fn open(specs: &[InterfaceSpec]) -> anyhow::Result<Box<dyn LiveSource>> {
     let (mut all, mut any) = (Vec::new(), None);
     for spec in specs {
         if spec.name == ANY {
-            all.extend(interface::any(spec)?);
+            all.extend(interface::all_interfaces(spec)?);
             any = Some(spec.clone());
         } else {
-            all.push(Interface::open(spec.clone())?);
+            all.push(BoundInterface::open(spec.clone())?);
         }
     }
     Ok(Box::new(Interfaces { all, any, watched: None }))
@@ -53,31 +53,31 @@ pub fn open(specs: &[InterfaceSpec]) -> anyhow::Result<Box<dyn Source>> {
 
 /// Status of all interfaces of this computer.
 pub fn all() -> Vec<BusStatus> {
-    interfaces().iter().map(|name| Interface::named(name).status()).collect()
+    interface_names().iter().map(|name| BoundInterface::without_socket(name).status()).collect()
 }
 
 impl Interfaces {
     /// Checks the interfaces at intervals.
-    fn watch(&mut self, arrivals: &mut Arrivals) {
+    fn watch_interfaces(&mut self, arrivals: &mut Arrivals) {
         if self.watched.is_some_and(|last| last.elapsed() < WATCH) {
             return;
         }
         self.watched = Some(Instant::now());
         if let Some(spec) = &self.any {
-            for name in interfaces() {
+            for name in interface_names() {
                 if !self.all.iter().any(|known| known.name() == name) {
                     // An interface that cannot be opened yet is retried at the next check.
-                    self.all.extend(Interface::open(InterfaceSpec { name, ..spec.clone() }));
+                    self.all.extend(BoundInterface::open(InterfaceSpec { name, ..spec.clone() }));
                 }
             }
         }
         for interface in &mut self.all {
-            interface.watch(arrivals);
+            interface.watch_interface(arrivals);
         }
     }
 
     /// Waits at most `wait` for the first frame; returns the interfaces with frames.
-    fn ready(&self, wait: Duration) -> Vec<usize> {
+    fn wait_ready(&self, wait: Duration) -> Vec<usize> {
         let open = self.all.iter().enumerate();
         let open: Vec<_> = open.filter_map(|(place, one)| Some((place, one.socket()?))).collect();
         let mut sockets: Vec<PollFd<'_>> =
@@ -99,13 +99,13 @@ impl Interfaces {
     }
 }
 
-impl Source for Interfaces {
-    fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), SourceEnd> {
-        self.watch(arrivals);
+impl LiveSource for Interfaces {
+    fn receive_items(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), SourceEnd> {
+        self.watch_interfaces(arrivals);
         if !arrivals.items.is_empty() {
             return Ok(());
         }
-        let ready = self.ready(wait.min(WATCH));
+        let ready = self.wait_ready(wait.min(WATCH));
         if ready.is_empty() {
             return Ok(());
         }
@@ -115,15 +115,15 @@ impl Source for Interfaces {
         Ok(())
     }
 
-    fn status(&mut self) -> Vec<BusStatus> {
-        self.all.iter().map(Interface::status).collect()
+    fn bus_status(&mut self) -> Vec<BusStatus> {
+        self.all.iter().map(BoundInterface::status).collect()
     }
 
     fn has_local_times(&self) -> bool {
         true
     }
 
-    fn lag(&self) -> Duration {
+    fn max_lag(&self) -> Duration {
         PACE * 2
     }
 }

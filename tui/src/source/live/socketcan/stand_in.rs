@@ -10,16 +10,16 @@ use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::socket::{setsockopt, sockopt};
 
 use super::super::gather::PACE;
-use super::super::{Arrivals, BusStatus, Source, SourceEnd, Stamps};
-use super::datagrams::Datagrams;
-use crate::source::live::socketcan::interface::{BUFFER, set_stamps, take};
+use super::super::{Arrivals, BusStatus, LiveSource, SourceClock, SourceEnd};
+use super::datagrams::DatagramState;
+use crate::source::live::socketcan::interface::{BUFFER, set_stamps, take_datagram};
 
 /// Name of the bus.
 const NAME: &str = "datagrams";
 
 struct StandIn {
     socket: UdpSocket,
-    datagrams: Datagrams,
+    datagrams: DatagramState,
     lost: u64,
 }
 
@@ -27,33 +27,33 @@ struct StandIn {
 ///
 /// # Errors
 /// The socket cannot be configured.
-pub fn stand_in(socket: UdpSocket) -> anyhow::Result<Box<dyn Source>> {
+pub fn stand_in(socket: UdpSocket) -> anyhow::Result<Box<dyn LiveSource>> {
     setsockopt(&socket, sockopt::RcvBuf, &BUFFER)?;
     set_stamps(&socket)?;
-    Ok(Box::new(StandIn { socket, datagrams: Datagrams::default(), lost: 0 }))
+    Ok(Box::new(StandIn { socket, datagrams: DatagramState::default(), lost: 0 }))
 }
 
-impl Source for StandIn {
-    fn receive(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), SourceEnd> {
+impl LiveSource for StandIn {
+    fn receive_items(&mut self, arrivals: &mut Arrivals, wait: Duration) -> Result<(), SourceEnd> {
         let bus = arrivals.names.index_of(NAME.as_bytes()).unwrap_or_default();
         if is_readable(self.socket.as_fd(), wait) {
             let (lost, items) = (&mut self.lost, &mut arrivals.items);
             let read = self.datagrams.read(self.socket.as_raw_fd(), usize::MAX, |datagram| {
                 *lost = lost.saturating_add(datagram.lost.into());
-                take(&datagram, bus, items);
+                take_datagram(&datagram, bus, items);
             });
             read.map_err(|error| SourceEnd::Failed(error.into()))?;
         }
         Ok(())
     }
 
-    fn status(&mut self) -> Vec<BusStatus> {
-        let (name, state, stamps) = (NAME.to_owned(), LinkState::Up, Stamps::Kernel);
+    fn bus_status(&mut self) -> Vec<BusStatus> {
+        let (name, state, stamps) = (NAME.to_owned(), LinkState::Up, SourceClock::Kernel);
         let (bit_rate, controller, mode, lost) = (None, None, None, self.lost);
         vec![BusStatus { name, state, bit_rate, controller, mode, stamps, lost }]
     }
 
-    fn lag(&self) -> Duration {
+    fn max_lag(&self) -> Duration {
         PACE * 2
     }
 }

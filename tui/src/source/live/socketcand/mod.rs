@@ -9,12 +9,14 @@ use std::net::{TcpStream, ToSocketAddrs as _};
 use std::time::{Duration, Instant};
 
 use anyhow::{anyhow, bail};
-use cobscope_decoder::capture::adapter::socketcand::{BusName, LONGEST_NAME, Reader, Reply, Request};
+use cobscope_decoder::capture::adapter::socketcand::{
+    BusName, LONGEST_NAME, SocketcandReader, SocketcandReply, SocketcandRequest,
+};
 use cobscope_decoder::frame::Timestamp;
 
 use super::backoff::ConnectError;
-use super::returning::{Connection, ReconnectingSource, unreadable};
-use super::{Arrival, ControllerMode, Source, Stamps, clock};
+use super::returning::{ReconnectingSource, SourceConnection, unreadable_notice};
+use super::{Arrival, ControllerMode, LiveSource, SourceClock, clock};
 
 /// Default port of socketcand.
 const DEFAULT_PORT: u16 = 29_536;
@@ -45,11 +47,11 @@ const CHUNK: usize = 64 * 1024;
 ///
 /// # Errors
 /// Invalid bus name; server unreachable; bus refused.
-pub fn open(address: &str, bus: &str) -> anyhow::Result<Box<dyn Source>> {
+pub fn open(address: &str, bus: &str) -> anyhow::Result<Box<dyn LiveSource>> {
     open_with(address, bus, PATIENCE)
 }
 
-fn open_with(address: &str, bus: &str, patience: SilenceLimits) -> anyhow::Result<Box<dyn Source>> {
+fn open_with(address: &str, bus: &str, patience: SilenceLimits) -> anyhow::Result<Box<dyn LiveSource>> {
     let Some(name) = BusName::new(bus) else {
         bail!(
             "{bus:?} is not a valid bus name; expected 1 to {LONGEST_NAME} characters without blanks and brackets, \
@@ -57,7 +59,7 @@ fn open_with(address: &str, bus: &str, patience: SilenceLimits) -> anyhow::Resul
         );
     };
     let address = with_port(address);
-    let connect = move || Server::open(&address, &name, patience).map_err(ConnectError::Again);
+    let connect = move || SocketcandConnection::open(&address, &name, patience).map_err(ConnectError::Again);
     Ok(Box::new(ReconnectingSource::open(bus, LAG, Vec::new(), connect)?))
 }
 
@@ -72,12 +74,12 @@ fn with_port(address: &str) -> String {
 }
 
 /// A connection to a server.
-struct Server {
+struct SocketcandConnection {
     stream: TcpStream,
-    reader: Reader,
+    reader: SocketcandReader,
     buffer: Vec<u8>,
     /// Replies that are read but not yet processed.
-    replies: VecDeque<Reply>,
+    replies: VecDeque<SocketcandReply>,
     heard: Instant,
     patience: SilenceLimits,
     has_asked: bool,
@@ -85,12 +87,12 @@ struct Server {
     ahead: i64,
 }
 
-impl Server {
+impl SocketcandConnection {
     fn open(address: &str, bus: &BusName, patience: SilenceLimits) -> anyhow::Result<Self> {
-        let stream = connect(address)?;
+        let stream = connect_to(address)?;
         let mut server = Self {
             stream,
-            reader: Reader::default(),
+            reader: SocketcandReader::default(),
             buffer: vec![0; CHUNK],
             replies: VecDeque::new(),
             heard: Instant::now(),
@@ -99,25 +101,29 @@ impl Server {
             ahead: 0,
         };
         let deadline = Instant::now() + CONNECTING;
-        server.expect(&Reply::Hi, deadline).map_err(|error| anyhow!("{address}: {error}"))?;
-        for request in [Request::Open(bus.clone()), Request::RawMode] {
-            let result = server.send(&request).and_then(|()| server.expect(&Reply::Ok, deadline));
-            result.map_err(|error| anyhow!("{address}: {}: {error}", request.text()))?;
+        server.expect_reply(&SocketcandReply::Hi, deadline).map_err(|error| anyhow!("{address}: {error}"))?;
+        for request in [SocketcandRequest::Open(bus.clone()), SocketcandRequest::RawMode] {
+            let result = server
+                .send_request(&request)
+                .and_then(|()| server.expect_reply(&SocketcandReply::Ok, deadline));
+            result.map_err(|error| anyhow!("{address}: {}: {error}", request.to_text()))?;
         }
         Ok(server)
     }
 
-    fn send(&mut self, request: &Request) -> Result<(), String> {
-        self.stream.write_all(request.text().as_bytes()).map_err(|error| error.to_string())
+    fn send_request(&mut self, request: &SocketcandRequest) -> Result<(), String> {
+        self.stream.write_all(request.to_text().as_bytes()).map_err(|error| error.to_string())
     }
 
     /// Waits for the reply required to continue; replies after it stay in the queue.
-    fn expect(&mut self, expected: &Reply, deadline: Instant) -> Result<(), String> {
+    fn expect_reply(&mut self, expected: &SocketcandReply, deadline: Instant) -> Result<(), String> {
         loop {
             match self.replies.pop_front() {
                 Some(reply) if reply == *expected => return Ok(()),
-                Some(Reply::Error(text)) => return Err(format!("server reports {text:?}")),
-                Some(Reply::Unreadable(reason)) => return Err(format!("not a socketcand server: {reason}")),
+                Some(SocketcandReply::Error(text)) => return Err(format!("server reports {text:?}")),
+                Some(SocketcandReply::Unreadable(reason)) => {
+                    return Err(format!("not a socketcand server: {reason}"));
+                }
                 Some(_) => {}
                 None => {
                     let left = deadline.saturating_duration_since(Instant::now());
@@ -127,14 +133,14 @@ impl Server {
                             CONNECTING.as_secs()
                         ));
                     }
-                    self.fill(left)?;
+                    self.fill_buffer(left)?;
                 }
             }
         }
     }
 
     /// Reads once, waiting at most `wait`.
-    fn fill(&mut self, wait: Duration) -> Result<(), String> {
+    fn fill_buffer(&mut self, wait: Duration) -> Result<(), String> {
         // A timeout of zero would mean no timeout.
         let wait = wait.max(Duration::from_millis(1));
         self.stream.set_read_timeout(Some(wait)).map_err(|error| error.to_string())?;
@@ -143,7 +149,7 @@ impl Server {
             Ok(count) => {
                 let replies = &mut self.replies;
                 let input = self.buffer.get(..count).unwrap_or_default();
-                self.reader.read(input, |reply| replies.push_back(reply));
+                self.reader.read_input(input, |reply| replies.push_back(reply));
                 (self.heard, self.has_asked) = (Instant::now(), false);
                 Ok(())
             }
@@ -155,7 +161,7 @@ impl Server {
     }
 
     /// Queries a silent server; returns the maximum time to wait for it.
-    fn watch(&mut self, wait: Duration) -> Result<Duration, String> {
+    fn watch_silence(&mut self, wait: Duration) -> Result<Duration, String> {
         let SilenceLimits { quiet, dead } = self.patience;
         let silence = self.heard.elapsed();
         if silence >= dead {
@@ -163,7 +169,7 @@ impl Server {
         }
         if silence >= quiet && !self.has_asked {
             self.has_asked = true;
-            self.send(&Request::Echo)?;
+            self.send_request(&SocketcandRequest::Echo)?;
         }
         let next = if self.has_asked { dead } else { quiet };
         Ok(wait.min(next.saturating_sub(silence)))
@@ -171,7 +177,7 @@ impl Server {
 }
 
 /// Connects to the first address of a host that accepts.
-fn connect(address: &str) -> anyhow::Result<TcpStream> {
+fn connect_to(address: &str) -> anyhow::Result<TcpStream> {
     let addresses = address.to_socket_addrs().map_err(|error| anyhow!("{address}: {error}"))?;
     let mut failed = anyhow!("{address}: host name not found");
     for candidate in addresses {
@@ -192,21 +198,23 @@ fn connect(address: &str) -> anyhow::Result<TcpStream> {
     Err(failed)
 }
 
-impl Connection for Server {
+impl SourceConnection for SocketcandConnection {
     fn read(&mut self, items: &mut Vec<Arrival>, wait: Duration) -> Result<(), String> {
         if self.replies.is_empty() {
-            let wait = self.watch(wait)?;
-            self.fill(wait)?;
+            let wait = self.watch_silence(wait)?;
+            self.fill_buffer(wait)?;
         }
         let mut last = None;
         items.extend(self.replies.drain(..).filter_map(|reply| match reply {
-            Reply::Frame(frame) => {
+            SocketcandReply::Frame(frame) => {
                 last = frame.time;
                 Some(Arrival::Frame(frame))
             }
-            Reply::Unreadable(reason) => Some(unreadable(reason)),
-            Reply::Error(text) => Some(unreadable(format!("socketcand: server reports \"{text}\""))),
-            Reply::Hi | Reply::Ok | Reply::Echo => None,
+            SocketcandReply::Unreadable(reason) => Some(unreadable_notice(reason)),
+            SocketcandReply::Error(text) => {
+                Some(unreadable_notice(format!("socketcand: server reports \"{text}\"")))
+            }
+            SocketcandReply::Hi | SocketcandReply::Ok | SocketcandReply::Echo => None,
         }));
         if let Some(time) = last {
             self.ahead = time.since(clock::now());
@@ -222,19 +230,19 @@ impl Connection for Server {
         None
     }
 
-    fn stamps(&self) -> Stamps {
-        Stamps::Recorded
+    fn timestamp_clock(&self) -> SourceClock {
+        SourceClock::Recorded
     }
 
-    fn controller(&self) -> Option<String> {
+    fn controller_state(&self) -> Option<String> {
         None
     }
 
-    fn mode(&self) -> ControllerMode {
+    fn controller_mode(&self) -> ControllerMode {
         ControllerMode::OfServer
     }
 
-    fn lost(&self) -> u64 {
+    fn lost_frames(&self) -> u64 {
         0
     }
 }

@@ -71,11 +71,11 @@ fn serve(script: impl FnOnce() + Send + 'static) -> JoinHandle<()> {
 }
 
 /// Receives until there are `count` items.
-fn receive(source: &mut dyn Source, count: usize) -> Vec<Arrival> {
+fn receive(source: &mut dyn LiveSource, count: usize) -> Vec<Arrival> {
     let (begin, mut arrivals) = (Instant::now(), Arrivals::default());
     while arrivals.items.len() < count {
         assert!(begin.elapsed() < LIMIT, "{:?}", arrivals.items);
-        source.receive(&mut arrivals, Duration::from_millis(100)).unwrap();
+        source.receive_items(&mut arrivals, Duration::from_millis(100)).unwrap();
         assert_eq!(arrivals.names.names(), ["can0"]);
     }
     arrivals.items
@@ -125,10 +125,10 @@ fn a_bus_is_opened_in_raw_mode_and_its_frames_have_the_servers_times() {
     assert_eq!(frames[2].id, CanId::Extended(4));
     let Arrival::Notice(Notice::Unreadable { reason, .. }) = &items[3] else { panic!("{items:?}") };
     assert_eq!(reason, "socketcand: expected hi, ok, echo, frame, fdframe, rtr or error; found \"what\"");
-    let status = source.status().remove(0);
+    let status = source.bus_status().remove(0);
     assert_eq!(
         (status.name.as_str(), status.state, status.stamps),
-        ("can0", LinkState::Up, Stamps::Recorded)
+        ("can0", LinkState::Up, SourceClock::Recorded)
     );
     // The protocol does not report the mode of the interface of the server.
     assert_eq!(status.mode, Some(ControllerMode::OfServer));
@@ -161,7 +161,7 @@ fn a_connection_that_is_lost_comes_back_by_itself() {
     };
     let since = u64::try_from(time.0 - 1_000_000_000_000_000_000).unwrap();
     assert!(Duration::from_nanos(since) < LIMIT, "{time}");
-    assert_eq!(source.status().remove(0).controller.as_deref(), Some("the server closed the connection"));
+    assert_eq!(source.bus_status().remove(0).controller.as_deref(), Some("the server closed the connection"));
     items = receive(&mut *source, 2);
     let Arrival::Notice(Notice::Link { state: LinkState::Up, .. }) = items[0] else { panic!("{items:?}") };
     let Arrival::Frame(frame) = items[1] else { panic!("{items:?}") };
@@ -231,7 +231,7 @@ fn a_silent_server_is_asked_and_a_mute_one_is_gone() {
     let mut source = open_with(&address, "can0", patience).unwrap();
     let items = receive(&mut *source, 2);
     let Arrival::Notice(Notice::Link { state: LinkState::Gone, .. }) = items[1] else { panic!("{items:?}") };
-    let status = source.status().remove(0);
+    let status = source.bus_status().remove(0);
     assert_eq!(status.controller.as_deref(), Some("the server no longer responds"));
     server.join().unwrap();
 }
@@ -249,13 +249,13 @@ fn waiting_takes_as_long_as_it_may_and_no_longer_than_until_something_comes() {
     let mut source = open(&address, "can0").unwrap();
     receive(&mut *source, 1);
     let (begin, mut arrivals) = (Instant::now(), Arrivals::default());
-    source.receive(&mut arrivals, Duration::from_millis(120)).unwrap();
+    source.receive_items(&mut arrivals, Duration::from_millis(120)).unwrap();
     assert!(arrivals.items.is_empty() && begin.elapsed() >= Duration::from_millis(120));
-    source.receive(&mut arrivals, Duration::ZERO).unwrap();
+    source.receive_items(&mut arrivals, Duration::ZERO).unwrap();
     assert!(arrivals.items.is_empty());
     go.send(()).unwrap();
     let begin = Instant::now();
-    source.receive(&mut arrivals, LIMIT).unwrap();
+    source.receive_items(&mut arrivals, LIMIT).unwrap();
     assert!(arrivals.items.len() == 1 && begin.elapsed() < LIMIT);
     drop(source);
     server.join().unwrap();

@@ -5,15 +5,19 @@ use std::sync::{Arc, PoisonError};
 use cobscope_decoder::capture::CaptureError;
 use cobscope_decoder::replay::{EventPosition, ReplayState};
 
-use crate::timeline::order::{Order, Target, Window};
-use crate::timeline::shared::Shared;
-use crate::timeline::{News, Row};
+use crate::timeline::order::{RowWindow, SeekTarget, WindowRequest};
+use crate::timeline::shared::SharedResults;
+use crate::timeline::{ReplayRow, TimelineNews};
 
 /// One row with the reason, and the nearest state that was read before the position.
-pub(super) fn window(shared: &Shared, order: &Order, error: &CaptureError) -> News {
+pub(super) fn lost_window(
+    shared: &SharedResults,
+    order: &WindowRequest,
+    error: &CaptureError,
+) -> TimelineNews {
     let spot = match order.target {
-        Target::Event(spot) => spot,
-        Target::Time(_) | Target::End => EventPosition::after(shared.progress.frames()),
+        SeekTarget::Event(spot) => spot,
+        SeekTarget::Time(_) | SeekTarget::End => EventPosition::after_frame(shared.progress.frames()),
     };
     let index = shared.index.read().unwrap_or_else(PoisonError::into_inner);
     let world = index.before_frame(spot.frame).map(|mark| mark.world.clone());
@@ -23,8 +27,17 @@ pub(super) fn window(shared: &Shared, order: &Order, error: &CaptureError) -> Ne
         CaptureError::Io(error) => error.to_string(),
         other => other.to_string(),
     };
-    let rows = vec![Row::unreadable(spot, format!("{reason}; these frames cannot be read again"))];
+    let rows = vec![ReplayRow::unreadable_row(spot, format!("{reason}; these frames cannot be read again"))];
     let (serial, selected, frames) = (order.serial, 0, Vec::new());
     let (is_pending, is_missed) = (false, false);
-    News::Window(Box::new(Window { serial, rows, selected, spot, world, frames, is_pending, is_missed }))
+    TimelineNews::Window(Box::new(RowWindow {
+        serial,
+        rows,
+        selected,
+        spot,
+        world,
+        frames,
+        is_pending,
+        is_missed,
+    }))
 }

@@ -19,10 +19,10 @@ use cobscope_decoder::capture::CaptureError;
 use cobscope_decoder::frame::Frame;
 use cobscope_decoder::replay::{Checkpoint, EventPosition, PlacedEvent};
 
-use crate::timeline::order::{Order, Target, Window};
-use crate::timeline::shared::Shared;
+use crate::timeline::order::{RowWindow, SeekTarget, WindowRequest};
+use crate::timeline::shared::SharedResults;
 use crate::timeline::walk::{self, TimelineWalk};
-use crate::timeline::{Matcher, Matches, News, Row};
+use crate::timeline::{ReplayRow, RowMatcher, SearchMatches, TimelineNews};
 
 /// Time the index may take for its first frames before the pane is shown as empty.
 const FIRST_WAIT: Duration = Duration::from_millis(50);
@@ -41,7 +41,11 @@ const MOST_SPAN: u64 = 4_096;
 const MOST_FRAMES: usize = 512;
 
 /// Handles orders until the timeline ends; of several waiting orders only the last one.
-pub(in crate::timeline) fn run(shared: &Arc<Shared>, orders: &Receiver<Order>, news: &Sender<News>) {
+pub(in crate::timeline) fn run_seeker(
+    shared: &Arc<SharedResults>,
+    orders: &Receiver<WindowRequest>,
+    news: &Sender<TimelineNews>,
+) {
     let mut seeker = Seeker { shared: Arc::clone(shared), near: VecDeque::new() };
     let mut next = orders.recv().ok();
     shared.wait_for_first(FIRST_WAIT);
@@ -53,23 +57,23 @@ pub(in crate::timeline) fn run(shared: &Arc<Shared>, orders: &Receiver<Order>, n
             }
             newer.is_some() || shared.is_over()
         };
-        let answer = seeker.answer(&order, &mut is_stale);
+        let answer = seeker.answer_request(&order, &mut is_stale);
         let message = match answer {
-            Ok(Some(window)) => Some(News::Window(Box::new(window))),
+            Ok(Some(window)) => Some(TimelineNews::Window(Box::new(window))),
             Ok(None) => None,
             Err(error) => {
                 shared.report_changes(news);
-                Some(lost::window(shared, &order, &error))
+                Some(lost::lost_window(shared, &order, &error))
             }
         };
         if message.is_some_and(|message| news.send(message).is_err()) || shared.is_over() {
             return;
         }
-        next = newer.or_else(|| latest(orders));
+        next = newer.or_else(|| latest_request(orders));
     }
 }
 
-fn latest(orders: &Receiver<Order>) -> Option<Order> {
+fn latest_request(orders: &Receiver<WindowRequest>) -> Option<WindowRequest> {
     let mut last = orders.recv().ok()?;
     loop {
         match orders.try_recv() {
@@ -80,36 +84,42 @@ fn latest(orders: &Receiver<Order>) -> Option<Order> {
 }
 
 struct Seeker {
-    shared: Arc<Shared>,
+    shared: Arc<SharedResults>,
     near: VecDeque<Checkpoint>,
 }
 
 /// Rows collected on both sides of a position.
 #[derive(Default)]
 struct NeighbourRows {
-    before: VecDeque<Row>,
-    after: Vec<Row>,
+    before: VecDeque<ReplayRow>,
+    after: Vec<ReplayRow>,
 }
 
 type Answer<T> = Result<Option<T>, CaptureError>;
 
 impl Seeker {
     /// The window at a position; None if a newer order arrived.
-    fn answer(&mut self, order: &Order, is_stale: &mut impl FnMut() -> bool) -> Answer<Window> {
+    fn answer_request(
+        &mut self,
+        order: &WindowRequest,
+        is_stale: &mut impl FnMut() -> bool,
+    ) -> Answer<RowWindow> {
         let is_complete = self.shared.progress.is_complete();
         let frames = self.shared.progress.frames();
         let is_pending = !is_complete && self.is_behind(order.target, frames);
-        if is_pending && let Some(window) = self.pending(order).filter(|window| !window.rows.is_empty()) {
+        if is_pending
+            && let Some(window) = self.preview_window(order).filter(|window| !window.rows.is_empty())
+        {
             return Ok(Some(window));
         }
         let Some(mut spot) = self.spot_of(order.target, frames, is_stale)? else { return Ok(None) };
         let mut is_missed = false;
         if let Some(search) = &order.search {
-            let Some(met) = self.search(order, search, spot, frames, is_stale)? else { return Ok(None) };
+            let Some(met) = self.search_next(order, search, spot, frames, is_stale)? else { return Ok(None) };
             is_missed = met.is_none();
             spot = met.unwrap_or(spot);
         }
-        let matches = self.matches(&order.matcher);
+        let matches = self.find_matches(&order.matcher);
         let mut span = FIRST_SPAN.max(order.before as u64 * 4);
         loop {
             let from = match &matches {
@@ -117,50 +127,50 @@ impl Seeker {
                 None => spot.frame.saturating_sub(span),
             };
             let Some(walk) = self.walk_to(from, is_stale)? else { return Ok(None) };
-            let Some(window) = self.look(walk, order, spot, matches.as_deref(), is_stale)? else {
+            let Some(window) = self.look_around(walk, order, spot, matches.as_deref(), is_stale)? else {
                 return Ok(None);
             };
             if window.selected + 1 >= order.before || from == 0 || matches.is_some() {
-                let Some(frames) = self.frames(&window, is_stale)? else { return Ok(None) };
-                return Ok(Some(Window { frames, is_pending, is_missed, ..window }));
+                let Some(frames) = self.transfer_frames(&window, is_stale)? else { return Ok(None) };
+                return Ok(Some(RowWindow { frames, is_pending, is_missed, ..window }));
             }
             span = span.saturating_mul(8);
         }
     }
 
     /// A preview of a position ahead of the index.
-    fn pending(&self, order: &Order) -> Option<Window> {
+    fn preview_window(&self, order: &WindowRequest) -> Option<RowWindow> {
         let index = self.shared.index.read().unwrap_or_else(PoisonError::into_inner);
-        let world = Arc::new(index.marks().last()?.world.clone());
+        let world = Arc::new(index.checkpoints().last()?.world.clone());
         drop(index);
-        let rows = ahead::rows(&self.shared, order.target, order.before.max(1), &world)?;
-        let selected = if order.target == Target::End { rows.len().checked_sub(1)? } else { 0 };
-        let spot = EventPosition::after(world.frames());
+        let rows = ahead::rows_ahead(&self.shared, order.target, order.before.max(1), &world)?;
+        let selected = if order.target == SeekTarget::End { rows.len().checked_sub(1)? } else { 0 };
+        let spot = EventPosition::after_frame(world.frames());
         let (is_pending, is_missed, frames) = (true, false, Vec::new());
-        Some(Window { serial: order.serial, rows, selected, spot, world, is_pending, is_missed, frames })
+        Some(RowWindow { serial: order.serial, rows, selected, spot, world, is_pending, is_missed, frames })
     }
 
     /// Whether a position is not indexed yet.
-    fn is_behind(&self, target: Target, frames: u64) -> bool {
+    fn is_behind(&self, target: SeekTarget, frames: u64) -> bool {
         match target {
-            Target::Event(spot) => spot.frame > frames,
-            Target::Time(time) => self.shared.progress.times().is_none_or(|(_, last)| time > last),
+            SeekTarget::Event(spot) => spot.frame > frames,
+            SeekTarget::Time(time) => self.shared.progress.time_range().is_none_or(|(_, last)| time > last),
             // The end of a growing capture is its present end.
-            Target::End => self.shared.lanes.iter().all(|lane| lane.store.length().1),
+            SeekTarget::End => self.shared.lanes.iter().all(|lane| lane.store.length().1),
         }
     }
 
     /// Converts a target to the position of an event.
     fn spot_of(
         &mut self,
-        target: Target,
+        target: SeekTarget,
         frames: u64,
         is_stale: &mut impl FnMut() -> bool,
     ) -> Answer<EventPosition> {
         let time = match target {
-            Target::Event(spot) if spot.frame <= frames => return Ok(Some(spot)),
-            Target::Event(_) | Target::End => return Ok(Some(EventPosition::after(frames))),
-            Target::Time(time) => time,
+            SeekTarget::Event(spot) if spot.frame <= frames => return Ok(Some(spot)),
+            SeekTarget::Event(_) | SeekTarget::End => return Ok(Some(EventPosition::after_frame(frames))),
+            SeekTarget::Time(time) => time,
         };
         let index = self.shared.index.read().unwrap_or_else(PoisonError::into_inner);
         let from = index.before_time(time).map_or(0, |mark| mark.frames);
@@ -169,19 +179,19 @@ impl Seeker {
         let from = near.map(|mark| mark.frames).max().unwrap_or(0).max(from);
         let Some(mut walk) = self.walk_to(from, is_stale)? else { return Ok(None) };
         while walk.world.frames() < frames {
-            if walk.peek()?.and_then(|next| next.time).is_some_and(|next| next > time) {
+            if walk.peek_frame()?.and_then(|next| next.time).is_some_and(|next| next > time) {
                 break;
             }
-            walk.step(&mut |_| ())?;
+            walk.step_item(&mut |_| ())?;
             if walk.world.frames().is_multiple_of(NEAR) {
-                self.remember(&walk);
+                self.remember_walk(&walk);
             }
         }
-        Ok(Some(EventPosition::after(walk.world.frames())))
+        Ok(Some(EventPosition::after_frame(walk.world.frames())))
     }
 
     /// The complete search for this matcher.
-    fn matches(&self, matcher: &Matcher) -> Option<Arc<Matches>> {
+    fn find_matches(&self, matcher: &RowMatcher) -> Option<Arc<SearchMatches>> {
         let found = self.shared.matches.read().unwrap_or_else(PoisonError::into_inner).clone()?;
         (found.matcher == *matcher && found.is_complete()).then_some(found)
     }
@@ -196,12 +206,12 @@ impl Seeker {
         let mark = near.into_iter().chain(far).max_by_key(|mark| mark.frames).cloned();
         drop(index);
         let mut walk = match mark {
-            Some(mark) => walk::resume(&self.shared, &mark)?,
-            None => walk::start(&self.shared)?,
+            Some(mark) => walk::resume_walk(&self.shared, &mark)?,
+            None => walk::start_walk(&self.shared)?,
         };
         let mut next = walk.world.frames() + NEAR;
         while walk.world.frames() < frame {
-            if !walk.leap(frame, &mut |_| ())? {
+            if !walk.skip_batch(frame, &mut |_| ())? {
                 break;
             }
             if self.is_stale_at(&walk, &mut next, is_stale) {
@@ -211,13 +221,13 @@ impl Seeker {
         Ok(Some(walk))
     }
 
-    fn remember(&mut self, walk: &TimelineWalk) {
+    fn remember_walk(&mut self, walk: &TimelineWalk) {
         let frames = walk.world.frames();
         let is_known = self.near.iter().any(|mark| mark.frames.abs_diff(frames) < NEAR / 2);
         if is_known {
             return;
         }
-        if let Some(mark) = walk.mark() {
+        if let Some(mark) = walk.mark_position() {
             if self.near.len() >= MOST_NEAR {
                 self.near.pop_front();
             }
@@ -236,25 +246,25 @@ impl Seeker {
             return false;
         }
         *next = walk.world.frames() + NEAR;
-        self.remember(walk);
+        self.remember_walk(walk);
         is_stale()
     }
 
     /// Walks past the position and collects the rows on both sides.
-    fn look(
+    fn look_around(
         &mut self,
         mut walk: TimelineWalk,
-        order: &Order,
+        order: &WindowRequest,
         spot: EventPosition,
-        matches: Option<&Matches>,
+        matches: Option<&SearchMatches>,
         is_stale: &mut impl FnMut() -> bool,
-    ) -> Answer<Window> {
+    ) -> Answer<RowWindow> {
         let mut found = NeighbourRows::default();
         let mut next = walk.world.frames() + NEAR;
         while !walk::is_at_head(&walk, &self.shared)
-            && walk.peek()?.is_none_or(|next| next.number <= spot.frame)
+            && walk.peek_frame()?.is_none_or(|next| next.number <= spot.frame)
         {
-            if !walk.step(&mut |told: PlacedEvent<'_>| found.take(order, spot, &told))? {
+            if !walk.step_item(&mut |told: PlacedEvent<'_>| found.take_event(order, spot, &told))? {
                 break;
             }
             if self.is_stale_at(&walk, &mut next, is_stale) {
@@ -262,7 +272,7 @@ impl Seeker {
             }
         }
         let world = Arc::new(walk.world.clone());
-        let at_hand = matches.and_then(|matches| matches.rows(spot, order.before, order.after));
+        let at_hand = matches.and_then(|matches| matches.matching_rows(spot, order.before, order.after));
         let (rows, selected) = if let Some(rows) = at_hand {
             let selected = rows.partition_point(|row| row.spot <= spot).saturating_sub(1);
             (rows, selected)
@@ -273,11 +283,24 @@ impl Seeker {
             (found.before.into_iter().chain(after).collect(), selected)
         };
         let (serial, frames) = (order.serial, Vec::new());
-        Ok(Some(Window { serial, rows, selected, spot, world, frames, is_pending: false, is_missed: false }))
+        Ok(Some(RowWindow {
+            serial,
+            rows,
+            selected,
+            spot,
+            world,
+            frames,
+            is_pending: false,
+            is_missed: false,
+        }))
     }
 
     /// Frames of the transfer in the selected row.
-    fn frames(&mut self, window: &Window, is_stale: &mut impl FnMut() -> bool) -> Answer<Vec<Frame>> {
+    fn transfer_frames(
+        &mut self,
+        window: &RowWindow,
+        is_stale: &mut impl FnMut() -> bool,
+    ) -> Answer<Vec<Frame>> {
         let Some(row) = window.rows.get(window.selected).filter(|row| row.is_exchange()) else {
             return Ok(Some(Vec::new()));
         };
@@ -288,10 +311,10 @@ impl Seeker {
         let Some(mut walk) = self.walk_to(first - 1, is_stale)? else { return Ok(None) };
         let mut frames = Vec::new();
         while walk.world.frames() < last && frames.len() < MOST_FRAMES {
-            if let Some(frame) = walk.peek()?.filter(|frame| row.has_frame(frame)) {
+            if let Some(frame) = walk.peek_frame()?.filter(|frame| row.has_frame(frame)) {
                 frames.push(*frame);
             }
-            if !walk.step(&mut |_| ())? {
+            if !walk.step_item(&mut |_| ())? {
                 break;
             }
         }
@@ -307,8 +330,8 @@ impl Seeker {
     fn go_on(
         &mut self,
         mut walk: TimelineWalk,
-        order: &Order,
-        matches: Option<&Matches>,
+        order: &WindowRequest,
+        matches: Option<&SearchMatches>,
         found: &mut NeighbourRows,
         is_stale: &mut impl FnMut() -> bool,
     ) -> Result<(), CaptureError> {
@@ -324,11 +347,11 @@ impl Seeker {
                 }
             }
             let mut see = |told: PlacedEvent<'_>| {
-                if order.matcher.takes(&told) {
-                    found.after.push(Row::new(&told, order.matcher.only_news));
+                if order.matcher.matches_event(&told) {
+                    found.after.push(ReplayRow::new(&told, order.matcher.only_news));
                 }
             };
-            if !walk.step(&mut see)? {
+            if !walk.step_item(&mut see)? {
                 break;
             }
             if walk.world.frames() >= next {
@@ -344,11 +367,11 @@ impl Seeker {
 
 impl NeighbourRows {
     /// Adds an event to its side of the position.
-    fn take(&mut self, order: &Order, spot: EventPosition, told: &PlacedEvent<'_>) {
-        if !order.matcher.takes(told) {
+    fn take_event(&mut self, order: &WindowRequest, spot: EventPosition, told: &PlacedEvent<'_>) {
+        if !order.matcher.matches_event(told) {
             return;
         }
-        let row = Row::new(told, order.matcher.only_news);
+        let row = ReplayRow::new(told, order.matcher.only_news);
         if told.spot > spot {
             return self.after.push(row);
         }

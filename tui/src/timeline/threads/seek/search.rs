@@ -3,15 +3,15 @@
 use cobscope_decoder::replay::{EventPosition, PlacedEvent};
 
 use super::{Answer, FIRST_SPAN, NEAR, Seeker};
-use crate::timeline::order::{Order, Search};
+use crate::timeline::order::{TextSearch, WindowRequest};
 use crate::timeline::walk::TimelineWalk;
 
 impl Seeker {
     /// Position of the next match: `Some(None)` without a match, None if a newer order arrived.
-    pub(super) fn search(
+    pub(super) fn search_next(
         &mut self,
-        order: &Order,
-        search: &Search,
+        order: &WindowRequest,
+        search: &TextSearch,
         from: EventPosition,
         frames: u64,
         is_stale: &mut impl FnMut() -> bool,
@@ -35,8 +35,8 @@ impl Seeker {
     fn search_from(
         &mut self,
         mut walk: TimelineWalk,
-        order: &Order,
-        search: &Search,
+        order: &WindowRequest,
+        search: &TextSearch,
         from: EventPosition,
         frames: u64,
         is_stale: &mut impl FnMut() -> bool,
@@ -47,11 +47,11 @@ impl Seeker {
             let mut see = |told: PlacedEvent<'_>| {
                 let is_beyond =
                     if search.is_backward { told.spot < from } else { told.spot > from && met.is_none() };
-                if is_beyond && order.matcher.takes(&told) && search.matcher.takes(&told) {
+                if is_beyond && order.matcher.matches_event(&told) && search.matcher.matches_event(&told) {
                     met = Some(told.spot);
                 }
             };
-            let more = walk.step(&mut see)?;
+            let more = walk.step_item(&mut see)?;
             let is_over = if search.is_backward { walk.world.frames() > from.frame } else { met.is_some() };
             if !more || is_over {
                 break;
