@@ -239,11 +239,11 @@ fn every_layer_imports_only_from_the_left() {
 
 /// Calls that belong to the pass, and files outside of `reading/` that contain them, with the reason.
 const CALLS_OF_THE_PASS: &[(&str, &[&str])] = &[
-    ("Engine::new", &[]),
+    ("RuleEngine::new", &[]),
     // A baseline decides after the pass which findings the text has.
-    ("Diagnosis::of", &["decoder/src/sink/findings/text.rs"]),
+    ("Diagnosis::diagnose_findings", &["decoder/src/sink/findings/text.rs"]),
     // Statistics of all buses call those of one.
-    (".withdraw(", &["decoder/src/statistics/mod.rs"]),
+    (".withdraw_canopen(", &["decoder/src/statistics/mod.rs"]),
 ];
 
 /// Maximum number of implementations of `Observer`.
