@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use regex::Regex;
 
-use crate::support::code::{Part, parts};
+use crate::support::code::{CodePart, parts};
 use crate::support::modules::Modules;
 use crate::support::workspace;
 
@@ -347,13 +347,13 @@ fn decisions_by_word(text: &str) -> Vec<usize> {
     let mut code = String::new();
     for (_, part) in parts(without_tests(text)) {
         match part {
-            Part::Code(part) => code.push_str(part),
-            Part::String(part) if part.starts_with('"') && has_letter(part) => {
+            CodePart::Code(part) => code.push_str(part),
+            CodePart::String(part) if part.starts_with('"') && has_letter(part) => {
                 code.push_str("\"w\"");
                 code.extend(part.matches('\n'));
             }
-            Part::String(part) => code.extend(part.matches('\n')),
-            Part::Comment | Part::Character => {}
+            CodePart::String(part) => code.extend(part.matches('\n')),
+            CodePart::Comment | CodePart::Character => {}
         }
     }
     let words = [
