@@ -10,10 +10,9 @@ use std::sync::Arc;
 use cobscope_decoder::capture::{Batch, Item, ReadOptions, Reader};
 use cobscope_decoder::comparison::{CaptureRecord, Ending, Observation, Recorder, compare};
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::diagnosis::{Diagnosis, Setting};
 use cobscope_decoder::event::Event;
 use cobscope_decoder::query::Filter;
-use cobscope_decoder::rules::{Engine, Judge};
+use cobscope_decoder::reading::{Reading, Summary, diagnosis_of};
 use cobscope_decoder::session::Bus;
 use serde::Deserialize;
 
@@ -99,24 +98,12 @@ fn event_count(limit: &Limit, capture: Annotated) -> usize {
 
 /// What `cobscope diff` compares of a capture.
 fn record(capture: Annotated) -> CaptureRecord {
-    let mut reader = Reader::open(capture.frames.as_bytes(), &ReadOptions::default()).unwrap();
-    let mut decoder = Decoder::new(capture.options);
-    let mut engine = Engine::new(Arc::new(capture.setup));
-    let mut recorder = Recorder::new(None);
-    let (mut batch, mut zero) = (Batch::new(), None);
-    while reader.read(&mut batch).unwrap() {
-        for item in batch.items() {
-            let Item::Frame(frame) = item else { continue };
-            zero = zero.or(frame.time);
-            engine.frame(frame);
-            recorder.frame(frame);
-            decoder.push(frame, reader.buses(), &mut Judge { engine: &mut engine, out: &mut recorder });
-        }
-    }
-    decoder.finish(reader.buses(), &mut Judge { engine: &mut engine, out: &mut recorder });
-    let findings = engine.finish(decoder.buses(), &mut recorder);
-    let setting = Setting { zero, end: None, is_growing: false };
-    let diagnosis = Diagnosis::of(&findings, findings.groups.iter().filter(|group| group.counts()), setting);
+    let setup = Some(Arc::new(capture.setup));
+    let mut reading = Reading::of_options(capture.options, setup, Recorder::new(None));
+    reading.run(capture.frames.as_bytes()).unwrap();
+    let Summary { findings, part: recorder, decoder, first } = reading.finish();
+    let counting = findings.groups.iter().filter(|group| group.counts());
+    let diagnosis = diagnosis_of(&findings, counting, first.and_then(|first| first.time));
     recorder.finish(&Ending { name: "", buses: decoder.buses(), findings: &findings, diagnosis: &diagnosis })
 }
 
