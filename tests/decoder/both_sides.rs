@@ -12,10 +12,9 @@ use cobscope_decoder::comparison::{
     BehaviourRecorder, CaptureEnding, CaptureRecord, Observation, compare_captures,
 };
 use cobscope_decoder::decoder::Decoder;
-use cobscope_decoder::diagnosis::{Diagnosis, DiagnosisContext};
 use cobscope_decoder::event::Event;
 use cobscope_decoder::query::Filter;
-use cobscope_decoder::rules::{Judge, RuleEngine};
+use cobscope_decoder::reading::{Reading, Summary, diagnosis_of};
 use cobscope_decoder::session::Bus;
 use serde::Deserialize;
 
@@ -102,28 +101,12 @@ fn event_count(limit: &Limit, capture: Annotated) -> usize {
 
 /// What `cobscope diff` compares of a capture.
 fn record(capture: Annotated) -> CaptureRecord {
-    let mut reader = CaptureReader::open(capture.frames.as_bytes(), &ReadOptions::default()).unwrap();
-    let mut decoder = Decoder::new(capture.options);
-    let mut engine = RuleEngine::new(Arc::new(capture.setup));
-    let mut recorder = BehaviourRecorder::new(None);
-    let (mut batch, mut zero) = (Batch::new(), None);
-    while reader.read(&mut batch).unwrap() {
-        for item in batch.items() {
-            let BatchItem::Frame(frame) = item else { continue };
-            zero = zero.or(frame.time);
-            engine.on_frame(frame);
-            recorder.count_frame(frame);
-            decoder.push(frame, reader.buses(), &mut Judge { engine: &mut engine, out: &mut recorder });
-        }
-    }
-    decoder.finish_capture(reader.buses(), &mut Judge { engine: &mut engine, out: &mut recorder });
-    let findings = engine.finish_capture(decoder.buses(), &mut recorder);
-    let setting = DiagnosisContext { zero, end: None, is_growing: false };
-    let diagnosis = Diagnosis::diagnose_findings(
-        &findings,
-        findings.groups.iter().filter(|group| group.is_reported()),
-        setting,
-    );
+    let setup = Some(Arc::new(capture.setup));
+    let mut reading = Reading::of_options(capture.options, setup, BehaviourRecorder::new(None));
+    reading.run(capture.frames.as_bytes()).unwrap();
+    let Summary { findings, part: recorder, decoder, first } = reading.finish();
+    let counting = findings.groups.iter().filter(|group| group.is_reported());
+    let diagnosis = diagnosis_of(&findings, counting, first.and_then(|first| first.time));
     recorder.finish_record(&CaptureEnding {
         name: "",
         buses: decoder.buses(),
