@@ -81,9 +81,9 @@ fn a_truck_with_every_transfer_accounted_for() {
     let odd = ["transport-irregularity", "malformed", "evicted", "frame"];
     assert!(odd.iter().all(|kind| !counts.contains_key(kind)), "{counts:?}");
     // Each frame is a message, a request, an acknowledgement, or part of a transfer.
-    let told = ["j1939-message", "j1939-request", "acknowledgement"];
-    let told: u64 = told.iter().filter_map(|kind| counts.get(kind)).sum();
-    assert_eq!(told + 33, 9_950, "{counts:?}");
+    let reported = ["j1939-message", "j1939-request", "acknowledgement"];
+    let reported: u64 = reported.iter().filter_map(|kind| counts.get(kind)).sum();
+    assert_eq!(reported + 33, 9_950, "{counts:?}");
 }
 
 #[test]

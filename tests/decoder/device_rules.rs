@@ -169,16 +169,16 @@ fn a_waiver_of_some_objects_holds_for_these_only() {
         ["031001", "031008", "031009", "012000"].into_iter().flat_map(refused).collect();
     let mut head = PVE.to_owned();
     let rule = "sdo-abort-code";
-    let told = |head: &str| {
+    let reported = |head: &str| {
         let findings = judged(head, &frames.iter().map(String::as_str).collect::<Vec<_>>());
         let groups = findings.groups.iter().filter(|group| *group.rule == *rule);
         let about: Vec<_> = groups.map(|group| group.key.about.to_string()).collect();
         let place = findings.rules.iter().position(|info| *info.name == *rule).unwrap();
         (about.join(" "), findings.tallies[place].waived)
     };
-    assert_eq!(told(&head), ("1003:09 2001:00".to_owned(), 2));
+    assert_eq!(reported(&head), ("1003:09 2001:00".to_owned(), 2));
     head.push_str("\n#! --protocol canopen");
-    assert_eq!(told(&head.replace(PVE, "")), ("1003:01 1003:08 1003:09 2001:00".to_owned(), 0));
+    assert_eq!(reported(&head.replace(PVE, "")), ("1003:01 1003:08 1003:09 2001:00".to_owned(), 0));
 }
 
 /// AVC 350 ms after the preceding one (manual: 250 ms); TPDO1 of VPCD after 250 ms (event timer 100 ms);

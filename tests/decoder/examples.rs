@@ -41,9 +41,9 @@ fn each_prints_what_is_expected() {
         let source = fs::read_to_string(&path).unwrap();
         let output =
             Command::new(program(&name)).args(arguments(&source)).current_dir(workspace()).output().unwrap();
-        let said = String::from_utf8_lossy(&output.stderr);
+        let stated = String::from_utf8_lossy(&output.stderr);
         let status = output.status.code().unwrap();
-        let text = format!("{}{said}exit status {status}\n", String::from_utf8_lossy(&output.stdout));
+        let text = format!("{}{stated}exit status {status}\n", String::from_utf8_lossy(&output.stdout));
         let path = workspace().join("tests/decoder/examples").join(format!("{name}.txt"));
         if std::env::var_os("COBSCOPE_BLESS").is_some() {
             fs::write(&path, &text).unwrap();

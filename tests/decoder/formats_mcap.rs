@@ -77,7 +77,7 @@ fn a_recording_cut_off_anywhere_gives_what_is_whole_and_says_so() {
             assert!(content.frames.len() >= known.max(before), "{packing:?}: {cut} bytes");
             before = content.frames.len();
             let notices = texts(&content);
-            let is_told = match &content.notices[..] {
+            let is_reported = match &content.notices[..] {
                 [Notice::Assumption(text)] => text == UNFINISHED,
                 notices => notices.iter().all(|notice| {
                     let within = |at: u64| usize::try_from(at).unwrap() <= cut;
@@ -88,7 +88,7 @@ fn a_recording_cut_off_anywhere_gives_what_is_whole_and_says_so() {
                     )
                 }),
             };
-            assert!(is_told && !notices.is_empty(), "{packing:?}: {cut} bytes: {notices:?}");
+            assert!(is_reported && !notices.is_empty(), "{packing:?}: {cut} bytes: {notices:?}");
             // Between two records, the only notice is that the file is unfinished.
             assert_eq!(notices == [UNFINISHED], ends.contains(&cut), "{packing:?}: {cut} bytes: {notices:?}");
         }

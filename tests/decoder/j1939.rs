@@ -50,19 +50,19 @@ fn frames(path: &Path, first: u64) -> Vec<Frame> {
 }
 
 /// All keys of the events of one protocol, without the events emitted at the end of the capture.
-fn told(frames: &[Frame], of: fn(EventProtocol) -> bool) -> Vec<String> {
+fn reported(frames: &[Frame], of: fn(EventProtocol) -> bool) -> Vec<String> {
     let mut names = BusNames::default();
     names.index_of(b"can0");
     let mut decoder = Decoder::new(SessionOptions::default());
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     for frame in frames {
         decoder.push(frame, &names, &mut |event: &Event, bus: &Bus| {
             if of(event.protocol) {
-                told.push(format!("{:?}", keys(event, bus)));
+                reported.push(format!("{:?}", keys(event, bus)));
             }
         });
     }
-    told
+    reported
 }
 
 #[test]
@@ -82,7 +82,7 @@ fn canopen_and_j1939_on_one_bus_are_decoded_as_each_alone() {
             (&canopen, is_canopen as fn(EventProtocol) -> bool, &mut canopen_events),
             (&j1939, is_j1939, &mut j1939_events),
         ] {
-            let (alone, together) = (told(frames, of), told(&both, of));
+            let (alone, together) = (reported(frames, of), reported(&both, of));
             // The frames of the other protocol continue after the last one, so further time-outs may follow.
             let differs = alone.iter().zip(&together).find(|(alone, together)| alone != together);
             assert_eq!(differs, None, "{} with {}", own.display(), theirs.display());

@@ -178,8 +178,8 @@ fn extended_identifiers() {
     // 4,096 prepared events.
     assert!(scene.decoder.footprint() < 2 << 20);
     // Messages beyond the limit are reported all the same.
-    let told = scene.checker.kept.iter().flatten().filter(|line| line.contains("\"j1939-message\""));
-    assert_eq!(told.count(), 10_000);
+    let reported = scene.checker.kept.iter().flatten().filter(|line| line.contains("\"j1939-message\""));
+    assert_eq!(reported.count(), 10_000);
 }
 
 /// Requests of 300 testers to one server.

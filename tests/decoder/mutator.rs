@@ -291,8 +291,8 @@ fn operators_change_what_they_say() {
     let changed = |step: &str, frames: &str| {
         let mut lines = of(frames);
         apply(step, &mut lines);
-        let told = lines.iter().map(|line| format!("{}#{}", line.id, line.body));
-        told.collect::<Vec<_>>().join(" ")
+        let reported = lines.iter().map(|line| format!("{}#{}", line.id, line.body));
+        reported.collect::<Vec<_>>().join(" ")
     };
     let frames = "705#05 185#0102 585#4310 185#0304 18FECA80#00";
     assert_eq!(changed("drop: node:5 from 2s", frames), "705#05 185#0102 18FECA80#00");

@@ -78,19 +78,19 @@ fn change(dice: &mut Dice, lines: &mut Vec<Line>) {
 }
 
 /// All findings, as text.
-fn told(capture: &Annotated) -> (String, CaptureFindings) {
+fn reported(capture: &Annotated) -> (String, CaptureFindings) {
     let (news, findings) = judge(&capture.frames, &capture.options, capture.setup.clone());
-    let mut told = String::new();
+    let mut reported = String::new();
     for (number, Event { kind, .. }) in &news {
         if let EventKind::FindingOpened(news) | EventKind::FindingClosed(news) = kind {
-            writeln!(told, "{number} {} {news:?}", kind.name()).unwrap();
+            writeln!(reported, "{number} {} {news:?}", kind.name()).unwrap();
         }
     }
     for group in &findings.groups {
-        writeln!(told, "{group:?}").unwrap();
+        writeln!(reported, "{group:?}").unwrap();
     }
-    writeln!(told, "{:?} {:?} {:?}", findings.tallies, findings.cases, findings.quality).unwrap();
-    (told, findings)
+    writeln!(reported, "{:?} {:?} {:?}", findings.tallies, findings.cases, findings.quality).unwrap();
+    (reported, findings)
 }
 
 #[test]
@@ -106,8 +106,8 @@ fn captures_changed_at_random_are_judged_within_bounds_and_always_the_same() {
             change(&mut dice, &mut frames);
         }
         let capture = parse(&name, &format!("{known}{}", text(&frames)));
-        let (first, findings) = told(&capture);
-        assert_eq!(first, told(&capture).0, "{name}");
+        let (first, findings) = reported(&capture);
+        assert_eq!(first, reported(&capture).0, "{name}");
         assert!(findings.groups.len() <= GROUP_LIMIT, "{name}");
         for group in &findings.groups {
             let kept = group.first.len() + group.last.len();

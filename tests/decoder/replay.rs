@@ -35,7 +35,7 @@ fn read_on(
 ) -> Vec<(EventPosition, String)> {
     let mut batch = Batch::new();
     let mut lines = Vec::new();
-    let mut see = |told: PlacedEvent<'_>| lines.push((told.spot, line(told.event, told.bus)));
+    let mut see = |reported: PlacedEvent<'_>| lines.push((reported.spot, line(reported.event, reported.bus)));
     loop {
         between(&reader, &world);
         if !reader.read(&mut batch).unwrap() {

@@ -245,7 +245,7 @@ fn is_absorbed(
 /// Compares findings with marks: every mark needs its finding, every opening its mark; closings need no mark.
 fn compare(capture: &Annotated, report: &mut String) {
     let (news, findings) = judge(&capture.frames, &capture.options, capture.setup.clone());
-    let mut told: Vec<_> = news.iter().map(|(number, event)| (*number, keys(event))).collect();
+    let mut reported: Vec<_> = news.iter().map(|(number, event)| (*number, keys(event))).collect();
     let (absorbed, marks): (Vec<_>, Vec<_>) =
         capture.marks.iter().partition(|(_, _, _, wanted)| wanted.contains_key("same"));
     for (number, _, rule, wanted) in absorbed {
@@ -255,7 +255,7 @@ fn compare(capture: &Annotated, report: &mut String) {
         }
     }
     for (number, closes, rule, wanted) in marks {
-        let found = told.iter().position(|(at, (is_over, name, keys))| {
+        let found = reported.iter().position(|(at, (is_over, name, keys))| {
             at == number
                 && is_over == closes
                 && name == rule
@@ -263,14 +263,14 @@ fn compare(capture: &Annotated, report: &mut String) {
         });
         match found {
             Some(place) => {
-                told.remove(place);
+                reported.remove(place);
             }
             None => {
                 writeln!(report, "{}: behind frame {number}: no {rule} {wanted:?}", capture.name).unwrap();
             }
         }
     }
-    for (number, (is_over, rule, keys)) in told.iter().filter(|(_, (is_over, ..))| !is_over) {
+    for (number, (is_over, rule, keys)) in reported.iter().filter(|(_, (is_over, ..))| !is_over) {
         writeln!(report, "{}: behind frame {number}: unmarked {rule} {keys:?} {is_over}", capture.name)
             .unwrap();
     }

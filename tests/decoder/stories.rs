@@ -57,14 +57,16 @@ fn deviations(path: &Path) -> Vec<String> {
     let (_, findings) = judge(&capture.frames, &capture.options, capture.setup.clone());
     let diagnosis =
         Diagnosis::diagnose_findings(&findings, findings.reported_groups(), DiagnosisContext::default());
-    let told = diagnosis.stories.first().map(|story| story.findings.clone()).unwrap_or_default();
-    let told: BTreeSet<&str> = told.iter().filter_map(|id| Some(&*findings.group_by_id(*id)?.rule)).collect();
+    let emitted = diagnosis.stories.first().map(|story| story.findings.clone()).unwrap_or_default();
+    let emitted: BTreeSet<&str> =
+        emitted.iter().filter_map(|id| Some(&*findings.group_by_id(*id)?.rule)).collect();
     let is_only_notes = diagnosis.stories.is_empty() && !diagnosis.notes.is_empty();
     if !expectation.expected.is_empty()
         && !is_only_notes
-        && !expectation.expected.iter().any(|rule| told.contains(rule.as_str()))
+        && !expectation.expected.iter().any(|rule| emitted.contains(rule.as_str()))
     {
-        let text = format!("{}: the first story has none of the expected findings: {told:?}", path.display());
+        let text =
+            format!("{}: the first story has none of the expected findings: {emitted:?}", path.display());
         return vec![text];
     }
     let reported: BTreeSet<&str> = findings.reported_groups().map(|group| &*group.rule).collect();

@@ -112,11 +112,11 @@ fn frames_come_through_the_adapter_that_slcanpty_is() {
     let (sound, unsound) = CLASSIC.split_at(CLASSIC.len() - 1);
     send("vcan0", sound);
     send("vcan0", unsound);
-    let told = live.wait_events("unreadable", |events| !events.is_empty());
+    let reported = live.wait_events("unreadable", |events| !events.is_empty());
     greet("vcan0", &[&live]);
     live.interrupt();
     assert_eq!(recorded(&record), sound);
-    assert!(told[0]["reason"].as_str().unwrap().contains("R123456783000000"), "{told:?}");
+    assert!(reported[0]["reason"].as_str().unwrap().contains("R123456783000000"), "{reported:?}");
     assert_listened_only(&written);
 }
 

@@ -31,8 +31,8 @@ fn it_ends_after_the_given_time_without_a_frame() {
     send("vcan0", &["138#77"]);
     let ended = live.end();
     assert!(ended.status.success(), "{ended:?}");
-    let told = events(&ended.out, "frame").iter().any(|event| event["id"] == "138");
-    assert!(told, "{ended:?}");
+    let reported = events(&ended.out, "frame").iter().any(|event| event["id"] == "138");
+    assert!(reported, "{ended:?}");
 }
 
 #[test]
@@ -73,8 +73,8 @@ fn an_interface_that_is_not_there_is_named_beside_those_that_are() {
     }
     let ended = Program::live(["vcan9"]).end();
     assert!(!ended.status.success(), "{ended:?}");
-    let said = ended.err.join("\n");
-    assert!(said.contains("vcan9") && said.contains("vcan0") && said.contains("vcan1"), "{said}");
+    let stated = ended.err.join("\n");
+    assert!(stated.contains("vcan9") && stated.contains("vcan0") && stated.contains("vcan1"), "{stated}");
 }
 
 #[test]
@@ -84,6 +84,6 @@ fn without_a_source_the_interfaces_are_listed() {
     }
     let command = &mut Command::new(env!("CARGO_BIN_EXE_cobscope"));
     let ended = Program::start(command.arg("live")).end();
-    let said = [ended.out.join("\n"), ended.err.join("\n")].join("\n");
-    assert!(said.contains("vcan0") && said.contains("vcan1"), "{said}");
+    let stated = [ended.out.join("\n"), ended.err.join("\n")].join("\n");
+    assert!(stated.contains("vcan0") && stated.contains("vcan1"), "{stated}");
 }

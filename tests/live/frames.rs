@@ -115,12 +115,15 @@ fn several_buses_are_distinguished() {
     send("vcan1", &["136#01"]);
     let frames =
         live.wait_events("frame", |events| events.iter().filter(|event| event["id"] == "136").count() == 2);
-    let told: Vec<_> = frames
+    let reported: Vec<_> = frames
         .iter()
         .filter(|event| event["id"] == "136")
         .map(|event| (&event["bus"], &event["data"]))
         .collect();
-    assert_eq!(format!("{told:?}"), r#"[(String("vcan0"), String("00")), (String("vcan1"), String("01"))]"#);
+    assert_eq!(
+        format!("{reported:?}"),
+        r#"[(String("vcan0"), String("00")), (String("vcan1"), String("01"))]"#
+    );
 }
 
 #[test]

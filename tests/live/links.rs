@@ -46,8 +46,8 @@ fn an_interface_switched_off_and_on_is_reported_and_read_again() {
         greet(bus.0, &[&live]);
     }
     let after = greet(bus.0, &[&live]);
-    let told = states(&live.events("link"), bus.0);
-    assert!(told.ends_with(&["down", "up", "down", "up"].map(str::to_owned)), "{told:?}");
+    let reported = states(&live.events("link"), bus.0);
+    assert!(reported.ends_with(&["down", "up", "down", "up"].map(str::to_owned)), "{reported:?}");
     live.interrupt();
     let frames: Vec<_> = read(&record).into_iter().map(|recorded| recorded.frame).collect();
     assert!(frames.contains(&before) && frames.contains(&after), "{frames:?}");
@@ -100,9 +100,9 @@ fn an_interface_that_is_down_at_the_start_is_waited_for() {
     let bus = Bus::new("vcan6");
     ip("link set vcan6 down");
     let live = Program::live([bus.0]);
-    let said =
+    let stated =
         live.wait_message("word on the interface", |line| line.contains("vcan6") && line.contains("down"));
-    assert!(said.contains("ip link set vcan6 up"), "{said}");
+    assert!(stated.contains("ip link set vcan6 up"), "{stated}");
     ip("link set vcan6 up");
     wait_state(&live, bus.0, "up");
     greet(bus.0, &[&live]);
@@ -125,8 +125,8 @@ fn qemu_a_bit_rate_comes_from_the_controller() {
         for bus in ["can1", "can0"] {
             ip(&format!("link set {bus} up type can bitrate {rate}"));
         }
-        let is_told = |event: &Value| event["state"] == "up" && event["bit_rate"] == rate;
-        live.wait_events("link", |events| events.last().is_some_and(is_told));
+        let is_reported = |event: &Value| event["state"] == "up" && event["bit_rate"] == rate;
+        live.wait_events("link", |events| events.last().is_some_and(is_reported));
         greet("can1", &[&live]);
     }
     live.interrupt();

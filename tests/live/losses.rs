@@ -35,8 +35,8 @@ fn frames_that_a_starved_reader_lost_are_counted_exactly() {
     assert_eq!(received.len() as u64 + lost, sent, "received and lost");
     assert!(lost > 0 && received.len() >= 278, "{} received", received.len());
     assert!(received.is_sorted_by(|one, next| counter(one) < counter(next)), "out of order or twice");
-    let said = ended.err.join("\n");
-    assert!(said.contains(&lost.to_string()), "{lost} is not in\n{said}");
+    let stated = ended.err.join("\n");
+    assert!(stated.contains(&lost.to_string()), "{lost} is not in\n{stated}");
 }
 
 /// Counter of cangen in the payload, least significant byte first.
@@ -82,8 +82,8 @@ fn a_full_disk_is_reported_and_watching_continues() {
     let live = Program::live(["vcan0", "--record", record.to_str().unwrap()]);
     greet("vcan0", &[&live]);
     run("cangen", &["vcan0", "-g", "0", "-c", "50", "-I", "13B", "-L", "8", "-n", "4000"]);
-    let said = live.wait_message("full disk", |line| line.contains("full.log"));
-    assert!(said.contains("No space left") || said.contains("full"), "{said}");
+    let stated = live.wait_message("full disk", |line| line.contains("full.log"));
+    assert!(stated.contains("No space left") || stated.contains("full"), "{stated}");
     greet("vcan0", &[&live]);
     send("vcan0", &["13C#01"]);
     live.wait_events("frame", |events| events.iter().any(|event| event["id"] == "13C"));
@@ -92,12 +92,12 @@ fn a_full_disk_is_reported_and_watching_continues() {
     // The capture has complete lines only.
     let text = fs::read_to_string(&record).unwrap();
     run("umount", &[disk]);
-    let said = ended.err.join("\n");
-    assert_eq!(ended.status.code(), Some(3), "{said}");
+    let stated = ended.err.join("\n");
+    assert_eq!(ended.status.code(), Some(3), "{stated}");
     // Greetings are frames too; more than the 4,000 were sent.
     let missing = 4_000 - text.lines().count();
     let reported = ended.err.iter().find_map(|line| line.strip_suffix(" frames missing")).unwrap();
     let reported: usize = reported.rsplit(' ').next().unwrap().parse().unwrap();
-    assert!((missing..missing + 100).contains(&reported), "{reported} instead of {missing}\n{said}");
+    assert!((missing..missing + 100).contains(&reported), "{reported} instead of {missing}\n{stated}");
     assert!(text.lines().count() > 500, "{} lines", text.lines().count());
 }

@@ -84,7 +84,7 @@ pub fn read(path: &Path) -> Vec<Recorded> {
 /// Adds an error filter for candump, which needs one to receive error frames; the program does not.
 fn with_errors(source: &str) -> String {
     match source {
-        told if told.contains('#') => told.to_owned(),
+        reported if reported.contains('#') => reported.to_owned(),
         filtered if filtered.contains(',') => format!("{filtered},#1FFFFFFF"),
         bus => format!("{bus},0:0,#1FFFFFFF"),
     }

@@ -105,10 +105,10 @@ fn serve(mut stream: TcpStream, bus: &'static str, state: &Mutex<State>) -> std:
 
 /// Writes frames that candump receives from now on, until the client disconnects.
 fn forward(candump: &Program, mut output: TcpStream) -> std::io::Result<()> {
-    let mut told = candump.lines().len();
+    let mut reported = candump.lines().len();
     loop {
-        let lines = candump.more(told);
-        told += lines.len();
+        let lines = candump.more(reported);
+        reported += lines.len();
         for line in lines {
             let (stamp, frame) = line.split_once(") ").unwrap();
             let (id, data) = frame.split_once(' ').unwrap().1.split_once('#').unwrap();

@@ -179,12 +179,12 @@ impl Modules {
             graph.entry(node(from)).or_default().entry(node(&to)).or_insert(import);
         }
         let found = graphs.iter().filter_map(|(folder, graph)| Some((folder, graph, shortest_cycle(graph)?)));
-        let told = found.map(|(folder, graph, nodes)| {
+        let reported = found.map(|(folder, graph, nodes)| {
             let uses = nodes.windows(2).map(|pair| format!("\n    {}", graph[&pair[0]][&pair[1]]));
             let chain = nodes.join(" → ") + &uses.collect::<String>();
             Cycle { folder: folder.join("/"), chain }
         });
-        told.collect()
+        reported.collect()
     }
 }
 

@@ -133,11 +133,11 @@ fn the_mode_of_the_controller_is_printed_and_shown() {
     for (source, bus) in SOURCES {
         let folder = folder(&format!("mode-{bus}"));
         let output = live(&folder, "frames=30", &library(), &[source, "--print", "-n", "30"]);
-        let said = text(&output.stderr);
+        let stated = text(&output.stderr);
         let expected = format!(
             "{bus}: up, 500000 bit/s, listen-only, timestamps by the adapter; cobscope sends no frames\n"
         );
-        assert!(said.contains(&expected), "{said}");
+        assert!(stated.contains(&expected), "{stated}");
     }
 }
 

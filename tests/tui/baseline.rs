@@ -39,7 +39,7 @@ fn baseline(folder: &Path) -> String {
 fn a_capture_of_the_baseline_that_is_not_judged_fails_in_every_format() {
     let folder = known();
     let path = folder.path().join("captures/b.log");
-    let said = "in the baseline, but not checked in this run";
+    let stated = "in the baseline, but not checked in this run";
     let write =
         |text: Option<&str>| text.map_or_else(|| fs::remove_file(&path), |text| fs::write(&path, text));
     for content in [None, Some(""), Some("no capture")] {
@@ -50,7 +50,7 @@ fn a_capture_of_the_baseline_that_is_not_judged_fails_in_every_format() {
             output
         };
         let text = of("text");
-        assert!(text.stdout.contains(&format!("absent   captures/b.log: {said}\n")), "{}", text.stdout);
+        assert!(text.stdout.contains(&format!("absent   captures/b.log: {stated}\n")), "{}", text.stdout);
         assert!(text.stdout.ends_with("; 1 capture of the baseline absent\n"), "{}", text.stdout);
         let skipped = match content {
             None => "",
@@ -59,16 +59,19 @@ fn a_capture_of_the_baseline_that_is_not_judged_fails_in_every_format() {
         };
         assert!(text.stderr.starts_with(skipped) && text.stderr.is_empty() == skipped.is_empty());
         let github = of("github").stdout;
-        assert!(github.contains(&format!("::error file=captures/b.log,title=absent::{said}\n")), "{github}");
+        assert!(
+            github.contains(&format!("::error file=captures/b.log,title=absent::{stated}\n")),
+            "{github}"
+        );
         let junit = of("junit").stdout;
         assert!(junit.contains("<testsuite name=\"baseline\" tests=\"1\""), "{junit}");
-        assert!(junit.contains(&format!("<failure message=\"{said}\" type=\"absent\"")), "{junit}");
+        assert!(junit.contains(&format!("<failure message=\"{stated}\" type=\"absent\"")), "{junit}");
         let sarif: Value = serde_json::from_str(&of("sarif").stdout).unwrap();
         let notes = &sarif["runs"][0]["invocations"][0]["toolExecutionNotifications"];
         let note = notes.as_array().unwrap().last().unwrap();
         assert_eq!(
             (&note["level"], &note["message"]["text"]),
-            (&"error".into(), &format!("captures/b.log: {said}").into())
+            (&"error".into(), &format!("captures/b.log: {stated}").into())
         );
         let lines = of("jsonl").stdout;
         let total: Value = serde_json::from_str(lines.lines().last().unwrap()).unwrap();
@@ -84,13 +87,13 @@ fn an_update_keeps_what_it_did_not_judge_and_says_what_is_gone() {
     let alone = check(folder.path(), &[&BASELINE[..], &["captures/a.log"]].concat());
     assert_eq!(alone.code, 0, "{}", alone.stdout);
     let kept = updated(folder.path(), &["captures/a.log"]);
-    let said = "cobscope: known.json: kept the entries of 1 capture not checked in this run\n";
-    assert_eq!((kept.code, kept.stderr.as_str()), (0, said));
+    let stated = "cobscope: known.json: kept the entries of 1 capture not checked in this run\n";
+    assert_eq!((kept.code, kept.stderr.as_str()), (0, stated));
     assert_eq!(baseline(folder.path()), both);
     fs::remove_file(folder.path().join("captures/b.log")).unwrap();
     let dropped = updated(folder.path(), &["captures"]);
-    let said = "cobscope: known.json: dropped the entries of captures/b.log; the file does not exist\n";
-    assert_eq!((dropped.code, dropped.stderr.as_str()), (0, said));
+    let stated = "cobscope: known.json: dropped the entries of captures/b.log; the file does not exist\n";
+    assert_eq!((dropped.code, dropped.stderr.as_str()), (0, stated));
     assert!(!baseline(folder.path()).contains("b.log"));
 }
 
@@ -144,14 +147,14 @@ fn suppressions_and_missing_findings_are_reported_in_formats_for_programs() {
     let gone = "error node-lost|can0|9: no heartbeat after {10}";
 
     let github = of("github");
-    for said in [met, vain, ended] {
-        assert!(github.contains(&format!("::notice title=suppression::{said}\n")), "{github}");
+    for stated in [met, vain, ended] {
+        assert!(github.contains(&format!("::notice title=suppression::{stated}\n")), "{github}");
     }
     assert!(github.contains(&format!("::notice file=captures/a.log,title=gone::{gone}")), "{github}");
 
     let junit = of("junit");
-    for said in [met, vain, ended] {
-        assert!(junit.contains(&format!("<system-out>{said}</system-out>")), "{junit}");
+    for stated in [met, vain, ended] {
+        assert!(junit.contains(&format!("<system-out>{stated}</system-out>")), "{junit}");
     }
     assert!(junit.contains("suppressed: can0 5/05  no heartbeat after {10}"), "{junit}");
     assert!(junit.contains("<skipped message=\"suppressed: "), "{junit}");
@@ -159,8 +162,8 @@ fn suppressions_and_missing_findings_are_reported_in_formats_for_programs() {
 
     let sarif: Value = serde_json::from_str(&of("sarif")).unwrap();
     let notes = sarif["runs"][0]["invocations"][0]["toolExecutionNotifications"].to_string();
-    for said in [vain, ended, &format!("gone: {gone}")] {
-        assert!(notes.contains(said), "{said}: {notes}");
+    for stated in [vain, ended, &format!("gone: {gone}")] {
+        assert!(notes.contains(stated), "{stated}: {notes}");
     }
 
     let lines = of("jsonl");

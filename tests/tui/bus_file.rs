@@ -141,11 +141,11 @@ fn the_expectations_of_the_manual_are_judged_as_it_says() {
     let manual = fs::read_to_string(workspace().join("docs/bus-file.md")).unwrap();
     let section = manual.split("## Expectations").nth(1).unwrap();
     let text = section.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
-    let said = section.split("```\n").find(|block| block.starts_with("error ")).unwrap();
+    let stated = section.split("```\n").find(|block| block.starts_with("error ")).unwrap();
     let path = file("expectations.toml", text);
     let output = run(&["check", "--bus", path.to_str().unwrap(), "fixtures/devices/sydfec.log"], "");
     assert_eq!(output.code, 1, "{}", output.stderr);
-    for line in said.lines() {
+    for line in stated.lines() {
         assert!(output.stdout.lines().any(|printed| printed == line), "{line}\n{}", output.stdout);
     }
 }

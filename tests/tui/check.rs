@@ -118,8 +118,8 @@ fn one_trouble_is_one_incident() {
         let expected: Vec<_> =
             expected.unwrap().lines().filter(|line| !line.starts_with('#')).map(ToOwned::to_owned).collect();
         let output = check(&[&format!("fixtures/incidents/{name}.log")]);
-        let told: Vec<_> = output.stdout.lines().skip(1).take_while(|line| !line.is_empty()).collect();
-        assert_eq!(told, expected, "{name}");
+        let reported: Vec<_> = output.stdout.lines().skip(1).take_while(|line| !line.is_empty()).collect();
+        assert_eq!(reported, expected, "{name}");
         assert_eq!(output.code, i32::from(name == "error-frames"), "{name}");
     }
 }
@@ -193,14 +193,14 @@ fn rules_a_bus_file_names_wrongly_are_shown_with_their_place() {
             "bus.toml:4:9: invalid date; expected the form 2026-01-31",
         ),
     ];
-    for (bus, said) in wrong {
+    for (bus, stated) in wrong {
         fs::write(&file, bus).unwrap();
         // All commands that judge report it.
         for command in ["check", "decode", "why", "report", "diff"] {
             let captures = if command == "diff" { &[LOST, LOST][..] } else { &[LOST] };
             let output = run(&[&[command, "--bus", text(&file)], captures].concat(), "");
             assert_eq!(output.code, 4, "{bus}");
-            assert!(output.stderr.contains(said), "{said}\n{}", output.stderr);
+            assert!(output.stderr.contains(stated), "{stated}\n{}", output.stderr);
         }
     }
 }
@@ -226,8 +226,8 @@ fn suppressions_are_printed() {
     let arguments = ["--bus", text(&file), LOST];
     let before = check(&[&["--today", "2026-06-30", "-v"], &arguments[..]].concat());
     assert_eq!(before.code, 0);
-    let said = "suppressed 2 findings by node-lost of node 5/05: known gateway\n";
-    assert!(before.stdout.contains(said), "{}", before.stdout);
+    let stated = "suppressed 2 findings by node-lost of node 5/05: known gateway\n";
+    assert!(before.stdout.contains(stated), "{}", before.stdout);
     assert!(before.stdout.contains("at 0.970 s {10}; known gateway\n"));
     assert!(
         before.stdout.contains("note     suppression of sdo-no-response matched no finding: old master\n")
@@ -235,8 +235,8 @@ fn suppressions_are_printed() {
     assert!(before.stdout.contains("0 notes, 2 suppressed\n"), "{}", before.stdout);
     let after = check(&[&["--today", "2026-07-01"], &arguments[..]].concat());
     assert_eq!(after.code, 1);
-    let said = "note     suppression of node-lost of node 5/05 expired on 2026-06-30: known gateway\n";
-    assert!(after.stdout.contains(said), "{}", after.stdout);
+    let stated = "note     suppression of node-lost of node 5/05 expired on 2026-06-30: known gateway\n";
+    assert!(after.stdout.contains(stated), "{}", after.stdout);
     // An expectation that one of several captures exercises is exercised.
     let several = check(&["--bus", text(&file), LOST, "fixtures/rules/sdo-no-response.log"]);
     assert!(!several.stdout.contains("matched no finding"), "{}", several.stdout);
@@ -364,8 +364,8 @@ fn worse_and_missing_findings_and_a_silent_rule_are_reported() {
     for arguments in [&arguments[..], &["--fail-on", "never", arguments[0], arguments[1], arguments[2]]] {
         let silent = check(arguments);
         assert_eq!(silent.code, 1, "{}", silent.stdout);
-        let said = "silent   emcy-raised is no longer exercised (exercised in the baseline)\n";
-        assert!(silent.stdout.contains(said), "{}", silent.stdout);
+        let stated = "silent   emcy-raised is no longer exercised (exercised in the baseline)\n";
+        assert!(silent.stdout.contains(stated), "{}", silent.stdout);
         // The other capture is not in the command.
         assert!(!silent.stdout.contains("absent"), "{}", silent.stdout);
     }
@@ -381,12 +381,12 @@ fn rules_that_have_to_be_exercised() {
     assert_eq!(met.code, 0, "{}", met.stdout);
     let missing = check(&["--require-exercised", "node-lost,emcy-raised", "--fail-on", "never", LOST]);
     assert_eq!(missing.code, 1);
-    let said = "missing  emcy-raised required, but not exercised in any capture\n";
-    assert!(missing.stdout.contains(said), "{}", missing.stdout);
+    let stated = "missing  emcy-raised required, but not exercised in any capture\n";
+    assert!(missing.stdout.contains(stated), "{}", missing.stdout);
     let unknown = check(&["--require-exercised", "node-losst", LOST]);
     assert_eq!(unknown.code, 2);
-    let said = "--require-exercised: unknown rule 'node-losst'; did you mean 'node-lost'?";
-    assert!(unknown.stderr.contains(said), "{}", unknown.stderr);
+    let stated = "--require-exercised: unknown rule 'node-losst'; did you mean 'node-lost'?";
+    assert!(unknown.stderr.contains(stated), "{}", unknown.stderr);
 }
 
 #[test]
@@ -406,8 +406,8 @@ fn an_unknown_rule_in_an_option_is_a_wrong_argument_of_every_command() {
         let input = if command == "live" { &["--print", "-"][..] } else { &[LOST] };
         let boot = "(1700000000.000000) can0 705#00\n";
         let output = run(&[&[command, option, value], input].concat(), boot);
-        let said = format!("cobscope: {option}: unknown rule 'node-losst'; did you mean 'node-lost'?\n");
-        assert_eq!((output.code, output.stderr), (2, said), "{command}");
+        let stated = format!("cobscope: {option}: unknown rule 'node-losst'; did you mean 'node-lost'?\n");
+        assert_eq!((output.code, output.stderr), (2, stated), "{command}");
     }
 }
 

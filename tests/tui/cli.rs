@@ -204,7 +204,7 @@ fn help_tells_what_exit_statuses_mean_and_shows_examples() {
 #[test]
 fn the_outcome_of_a_fault_follows_a_comma() {
     let lines = run(&["decode", "fixtures/j1939/nm_clear.log"], "").stdout;
-    for said in [", previously active", ", no longer reported after 1.000 s", ", cleared after 2.006 s"] {
-        assert!(lines.contains(said), "{said}: {lines}");
+    for stated in [", previously active", ", no longer reported after 1.000 s", ", cleared after 2.006 s"] {
+        assert!(lines.contains(stated), "{stated}: {lines}");
     }
 }

@@ -74,8 +74,8 @@ fn states_of_drives_at_each_status_word() {
         let mut command = Command::new(&python);
         command.arg(workspace().join("tests/oracles/drive_states.py")).arg(env!("CARGO_BIN_EXE_cobscope"));
         let output = command.arg(folder.join(capture)).args(options).output().unwrap();
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.success(), "{}{said}", String::from_utf8_lossy(&output.stdout));
+        let stated = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{}{stated}", String::from_utf8_lossy(&output.stdout));
         String::from_utf8_lossy(&output.stdout).trim_end().to_owned()
     };
     let known = compared("canopen-lens__sample_cia402.log", &[]);
@@ -100,12 +100,12 @@ fn objects_of_drives_have_the_types_of_device_files() {
     let script = workspace().join("tests/oracles/drive_objects.py");
     let profile = workspace().join("decoder/profiles/generic/cia402.toml");
     let output = Command::new(python).arg(script).arg(profile).args(files).output().unwrap();
-    let said = String::from_utf8_lossy(&output.stdout);
+    let stated = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     // Some drives have torques of 32 bits, or signed speeds and limits.
     let expected = "6071:00 INTEGER16, in 2 files INTEGER32\n6077:00 INTEGER16, in 2 files INTEGER32\n\
         6081:00 UNSIGNED32, in 1 files INTEGER32\n6084:00 UNSIGNED32, in 1 files INTEGER32\n\
         60B2:00 INTEGER16, in 3 files INTEGER32\n60E0:00 UNSIGNED16, in 1 files INTEGER16\n\
         60E1:00 UNSIGNED16, in 1 files INTEGER16\n13 files, 672 equal, 11 different";
-    assert_eq!(said.trim_end(), expected);
+    assert_eq!(stated.trim_end(), expected);
 }

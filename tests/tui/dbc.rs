@@ -56,8 +56,8 @@ fn frames_of_a_dbc_are_printed_when_they_change() {
     assert_eq!(lines(&["--pdo", "none"]).len(), 0);
     assert_eq!(lines(&["--pdo", "none", "--frames"]).len(), 4);
     assert_eq!(lines(&["--filter", "signals.name == Speed && signals.value > 100"]), [changed]);
-    let said = ok(&["decode", "--dbc", dbc], FRAMES).stdout;
-    assert!(said.contains("1 frame of unknown service"), "{said}");
+    let stated = ok(&["decode", "--dbc", dbc], FRAMES).stdout;
+    assert!(stated.contains("1 frame of unknown service"), "{stated}");
 }
 
 #[test]

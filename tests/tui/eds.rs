@@ -325,8 +325,8 @@ fn names_of_a_device_file_steer_no_terminal() {
     ] {
         let output = run(arguments, &text);
         for shown in [&output.stdout, &output.stderr] {
-            let steers = |c: char| c != '\n' && (c.is_control() || c == '\u{202e}');
-            assert!(!shown.chars().any(steers), "{arguments:?}: {shown:?}");
+            let is_terminal_control = |c: char| c != '\n' && (c.is_control() || c == '\u{202e}');
+            assert!(!shown.chars().any(is_terminal_control), "{arguments:?}: {shown:?}");
         }
     }
 }

@@ -47,18 +47,18 @@ fn one_pasted_frame() {
 
 #[test]
 fn a_defect_of_a_frame_is_named() {
-    let told = |thing: &str| {
+    let reported = |thing: &str| {
         let output = run(&["explain", thing], "");
         assert_eq!((output.code, output.stdout.as_str()), (2, ""), "{thing}");
         output.stderr
     };
     let digits = "cobscope: explain: found \"601#ZZ\": data digits \"ZZ\"; expected pairs of hex digits (0 to 9, A to F)\n";
-    assert_eq!(told("601#ZZ"), digits);
-    assert!(told("601#40O0").contains("data digits \"O\""));
-    assert!(told("601#401").contains("3 data digits; expected pairs of hex digits"));
-    assert!(told("6G1#40").contains("identifier \"6G1\"; expected 3 or 8 hex digits"));
-    assert!(told("601#001122334455667788").contains("9 data bytes; expected max 8"));
-    assert!(told("601#4\u{e9}").contains("data digits \"\u{e9}\""));
+    assert_eq!(reported("601#ZZ"), digits);
+    assert!(reported("601#40O0").contains("data digits \"O\""));
+    assert!(reported("601#401").contains("3 data digits; expected pairs of hex digits"));
+    assert!(reported("6G1#40").contains("identifier \"6G1\"; expected 3 or 8 hex digits"));
+    assert!(reported("601#001122334455667788").contains("9 data bytes; expected max 8"));
+    assert!(reported("601#4\u{e9}").contains("data digits \"\u{e9}\""));
 }
 
 #[test]
@@ -307,7 +307,7 @@ fn unfolded(text: &str) -> String {
 #[test]
 fn every_code_of_every_manual_is_explained() {
     let catalogue = Catalogue::default();
-    let mut told: BTreeMap<String, BTreeSet<(String, String)>> = BTreeMap::new();
+    let mut reported: BTreeMap<String, BTreeSet<(String, String)>> = BTreeMap::new();
     for id in catalogue.ids() {
         let first = catalogue.device(&id).unwrap();
         let variants: Vec<_> = first.variants.iter().map(|it| format!("{id}:{}", it.id)).collect();
@@ -318,12 +318,12 @@ fn every_code_of_every_manual_is_explained() {
             for (code, text) in codes.chain(aborts).step_by(step(3)) {
                 let output = unfolded(&by(&name, &code));
                 assert!(output.contains(&text), "{code} of {name}: {output}");
-                told.entry(code).or_default().insert((id.clone(), text));
+                reported.entry(code).or_default().insert((id.clone(), text));
             }
         }
     }
-    assert!(told.len() > 60 / step(3), "{}", told.len());
-    for (code, answers) in told {
+    assert!(reported.len() > 60 / step(3), "{}", reported.len());
+    for (code, answers) in reported {
         let output = unfolded(&explain(&code));
         for (id, text) in answers {
             let line = output.split(&format!("{id}: ")).nth(1).unwrap_or_default();

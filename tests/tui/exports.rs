@@ -114,10 +114,10 @@ fn signals_without_a_column_are_reported() {
     let dbc = folder.join("bits.dbc");
     let (text, frames) = bits(65);
     fs::write(&dbc, text).unwrap();
-    let said = ok(&["decode", "-f", "csv-wide", "--dbc", dbc.to_str().unwrap(), "-"], &frames);
+    let stated = ok(&["decode", "-f", "csv-wide", "--dbc", dbc.to_str().unwrap(), "-"], &frames);
     // 64 messages of 64 signals are 4096; one more message exceeds the limit.
-    assert!(said.stderr.starts_with("cobscope: 64 values dropped"), "{}", said.stderr);
-    let rows = table(&said.stdout);
+    assert!(stated.stderr.starts_with("cobscope: 64 values dropped"), "{}", stated.stderr);
+    let rows = table(&stated.stdout);
     assert!(rows.iter().all(|row| row.len() == 3 + 4096));
     assert_eq!(rows.len(), 1 + 64);
     let frames = frames.lines().take(64).collect::<Vec<_>>().join("\n");
@@ -210,12 +210,12 @@ mod parquet {
         for name in ["run", "run.v2", "run.parquet"] {
             let path = folder.join(name);
             let path = path.to_str().unwrap();
-            let said =
+            let stated =
                 ok(&["decode", "-f", "parquet", "--force", "-o", path, "fixtures/canopen/emcy.log"], "");
             let stem = path.trim_end_matches(".parquet");
             let expected = format!("cobscope: writing {stem}.events.parquet and {stem}.signals.parquet\n");
-            assert!(said.stderr.starts_with(&expected), "{}", said.stderr);
-            assert_eq!(said.stdout, "");
+            assert!(stated.stderr.starts_with(&expected), "{}", stated.stderr);
+            assert_eq!(stated.stdout, "");
             for what in ["events", "signals"] {
                 let bytes = fs::read(format!("{stem}.{what}.parquet")).unwrap();
                 assert!(bytes.starts_with(b"PAR1") && bytes.ends_with(b"PAR1"));
@@ -319,12 +319,12 @@ mod parquet {
         let mut input = live.stdin.take().unwrap();
         input.write_all(&capture).unwrap();
         // The program prints this event when it has reached the frame; the input stays open.
-        let mut said = BufReader::new(live.stderr.take().unwrap()).lines().map_while(Result::ok);
-        assert!(said.any(|line| line.contains("new bit rate")));
+        let mut stated = BufReader::new(live.stderr.take().unwrap()).lines().map_while(Result::ok);
+        assert!(stated.any(|line| line.contains("new bit rate")));
         assert!(!is_whole(&folder.join("run.events.parquet")));
         let id = live.id().to_string();
         assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
-        said.for_each(drop);
+        stated.for_each(drop);
         assert_eq!(live.wait().unwrap().code(), Some(0));
         for what in ["events", "signals"] {
             assert!(is_whole(&folder.join(format!("run.{what}.parquet"))));

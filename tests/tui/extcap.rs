@@ -16,17 +16,17 @@ const BOOT: &str = "(1700000000.000000) can0 705#00\n(1700000000.100000) can0 70
 
 #[test]
 fn sentences_describe_the_interfaces() {
-    let told = run(&["--extcap-interfaces", "--extcap-version=4.0"], "");
-    assert_eq!((told.code, told.stderr.as_str()), (0, ""));
-    let lines: Vec<&str> = told.stdout.lines().collect();
-    assert!(lines[0].starts_with("extcap {version="), "{}", told.stdout);
+    let reported = run(&["--extcap-interfaces", "--extcap-version=4.0"], "");
+    assert_eq!((reported.code, reported.stderr.as_str()), (0, ""));
+    let lines: Vec<&str> = reported.stdout.lines().collect();
+    assert!(lines[0].starts_with("extcap {version="), "{}", reported.stdout);
     assert_eq!(lines[1], "interface {value=cobscope-file}{display=cobscope: a capture in any format}");
     let types = run(&["--extcap-dlts", "--extcap-interface", "cobscope-file"], "");
     assert!(types.stdout.starts_with("dlt {number=227}{name="), "{}", types.stdout);
     let options = run(&["--extcap-config", "--extcap-interface", "cobscope-source"], "");
     assert!(options.stdout.starts_with("arg {number=0}{call=--source}"), "{}", options.stdout);
     // Each sentence is one line of parts in braces.
-    for line in [told, types, options].iter().flat_map(|told| told.stdout.lines()) {
+    for line in [reported, types, options].iter().flat_map(|reported| reported.stdout.lines()) {
         let parts = line.split_once(' ').unwrap().1;
         assert!(parts.starts_with('{') && parts.ends_with('}'), "{line}");
         assert_eq!(parts.matches('{').count(), parts.matches('}').count(), "{line}");
@@ -42,9 +42,9 @@ fn calls_with_errors_are_reported() {
         (&["--capture", "--extcap-interface", "cobscope-file", "--fifo", "/dev/null"], "no capture selected"),
         (&["--capture", "--extcap-interface", "cobscope-source", "--fifo", "/dev/null"], "no source given"),
     ] {
-        let told = run(words, "");
-        assert_eq!(told.code, 2, "{words:?}");
-        assert!(told.stderr.contains(expected), "{words:?}: {}", told.stderr);
+        let reported = run(words, "");
+        assert_eq!(reported.code, 2, "{words:?}");
+        assert!(reported.stderr.contains(expected), "{words:?}: {}", reported.stderr);
     }
     // No output means a valid filter.
     let verdict =

@@ -217,7 +217,7 @@ fn an_empty_output_is_reported_with_its_reason() {
 #[test]
 fn what_can_never_match_is_refused() {
     const CAPTURE: &str = "fixtures/canopen/nmt_heartbeat.log";
-    for (words, said) in [
+    for (words, stated) in [
         (
             &["--filter", "rule == node-los"][..],
             "--filter: unknown rule 'node-los'; did you mean 'node-lost'?",
@@ -229,7 +229,7 @@ fn what_can_never_match_is_refused() {
         (&["--from", "#5", "--to", "#3"], "--from is after --to; the range is empty"),
     ] {
         let output = cli::run(&[&["decode", CAPTURE], words].concat(), "");
-        assert!(output.code == 2 && output.stderr.contains(said), "{words:?}: {}", output.stderr);
+        assert!(output.code == 2 && output.stderr.contains(stated), "{words:?}: {}", output.stderr);
     }
     assert_eq!(cli::run(&["convert", "-f", "candump", "--from", "5", "--to", "3", CAPTURE, "-"], "").code, 2);
     // A device rule and an expectation are rules too.

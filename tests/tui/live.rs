@@ -87,9 +87,9 @@ fn lines_come_as_frames_do() {
     assert!(live.line_with("BOOT").ends_with("{1}"), "while the bus goes on");
     live.input().write_all(b"(1700000000.100000) can0 081#1081010000000000\n").unwrap();
     assert!(live.line_with("EMCY").contains("8110"));
-    let (code, said) = live.end();
-    assert_eq!(code, Some(0), "{said}");
-    assert!(said.contains("can0: up; 0 frames lost"), "{said}");
+    let (code, stated) = live.end();
+    assert_eq!(code, Some(0), "{stated}");
+    assert!(stated.contains("can0: up; 0 frames lost"), "{stated}");
 }
 
 /// A live bus and its capture give the same events.
@@ -262,18 +262,18 @@ fn frames_missing_in_a_record_are_an_error() {
     let mut child = command.stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     child.stdin.take().unwrap().write_all(frames.as_bytes()).unwrap();
     let output = child.wait_with_output().unwrap();
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(3), "{said}");
+    let stated = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(3), "{stated}");
     let text = fs::read_to_string(&path).unwrap();
     assert!(text.ends_with('\n') && frames.starts_with(&text), "complete lines");
     let missing = 1_000 - text.lines().count();
     assert!((700..900).contains(&missing), "{missing}");
     let (path, missing) = (path.display(), format!("{missing} frames"));
     assert!(
-        said.contains(&format!("{path}: File too large (os error 27): {missing} not written\n")),
-        "{said}"
+        stated.contains(&format!("{path}: File too large (os error 27): {missing} not written\n")),
+        "{stated}"
     );
-    assert!(said.contains(&format!("; {missing} missing\n")), "{said}");
+    assert!(stated.contains(&format!("; {missing} missing\n")), "{stated}");
 }
 
 /// Ctrl-C ends the program after everything is printed and written.
@@ -286,8 +286,8 @@ fn an_interrupt_ends_it_well() {
     live.line_with("BOOT");
     let id = live.child.id().to_string();
     assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
-    let (code, said) = live.end();
-    assert_eq!(code, Some(0), "{said}");
+    let (code, stated) = live.end();
+    assert_eq!(code, Some(0), "{stated}");
     assert_eq!(fs::read_to_string(&path).unwrap(), "(1700000000.000000) can0 701#00\n");
 }
 

@@ -49,10 +49,10 @@ fn a_node_without_profile_chooses_only_where_one_is_chosen() {
         ("check", "decode --filter 'bus == \"can0\" && node == 5'"),
     ] {
         let output = run(&[command, "--node", "can0:5", CAPTURE], "");
-        let said = format!(
+        let stated = format!(
             "cobscope: --node can0:5: profile missing; --node can0:5=PROFILE assigns one, {only} selects the node\n"
         );
-        assert_eq!((output.code, output.stderr, output.stdout.as_str()), (2, said, ""), "{command}");
+        assert_eq!((output.code, output.stderr, output.stdout.as_str()), (2, stated, ""), "{command}");
     }
     let hint = run(&["decode", "--filter", "bus == \"can0\" && node == 1", CAPTURE], "");
     assert_eq!((hint.code, hint.stdout.is_empty()), (0, false), "{}", hint.stderr);
@@ -71,8 +71,8 @@ fn a_node_is_one_device() {
             ["objects", "--node", "1=rexroth-sydfec", "--node", second, "fixtures/canopen/guarding.log"];
         run(&words, "")
     };
-    let said = "cobscope: --node 1=rexroth-vpcd: conflicts with --node 1=rexroth-sydfec\n";
-    assert_eq!((of("0x01=rexroth-vpcd").code, of("1=rexroth-vpcd").stderr.as_str()), (2, said));
+    let stated = "cobscope: --node 1=rexroth-vpcd: conflicts with --node 1=rexroth-sydfec\n";
+    assert_eq!((of("0x01=rexroth-vpcd").code, of("1=rexroth-vpcd").stderr.as_str()), (2, stated));
     // An option for one bus overrides one for all buses.
     assert_eq!(of("can0:1=rexroth-vpcd").code, 0);
     assert_eq!(of("1=rexroth-sydfec").code, 0);

@@ -89,10 +89,10 @@ fn captures_cut_off_inside_a_record_are_not_read_to_their_end() {
             for command in [&["decode"][..], &["check", "--fail-on", "never"], &["stats"]] {
                 let output = run_in(folder.path(), &[command, &[&name]].concat(), "");
                 assert_eq!(output.code, code, "{command:?} {name}: {}", output.stderr);
-                let is_said = output.stderr.contains(&format!("cobscope: {name}: byte "));
-                assert_eq!(is_said, code == 3, "{command:?} {name}: {}", output.stderr);
+                let is_stated = output.stderr.contains(&format!("cobscope: {name}: byte "));
+                assert_eq!(is_stated, code == 3, "{command:?} {name}: {}", output.stderr);
                 let is_event = output.stdout.contains("UNREAD");
-                assert!(command != ["decode"] || is_event == is_said, "{name}: {}", output.stdout);
+                assert!(command != ["decode"] || is_event == is_stated, "{name}: {}", output.stdout);
             }
         }
     }

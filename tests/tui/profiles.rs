@@ -107,8 +107,8 @@ fn an_id_that_no_option_can_name_is_no_id() {
     let folder = folder("unnamed", &PUMP.replace("acme-pump", "Acme pump:a"));
     let file = path(&folder.join("pump.toml"));
     let output = run(&["profiles", "check", &file], "");
-    let said = format!("cobscope: {file}:1:6: invalid id 'Acme pump:a'; expected a-z, 0-9 and hyphens\n");
-    assert!(output.stderr.starts_with(&said), "{}", output.stderr);
+    let stated = format!("cobscope: {file}:1:6: invalid id 'Acme pump:a'; expected a-z, 0-9 and hyphens\n");
+    assert!(output.stderr.starts_with(&stated), "{}", output.stderr);
     assert_eq!((output.stdout.as_str(), output.code), ("", 4));
 }
 
@@ -126,8 +126,8 @@ fn a_set_point_without_gates_says_why_nothing_is_known() {
         frames,
     );
     let line = output.stdout.lines().find(|line| line.contains("SETPT")).unwrap_or_default();
-    let said = "Pressure set point 200.0 bar effective: unknown (no gates in the profile)";
-    assert!(line.contains(said), "{}{}", output.stdout, output.stderr);
+    let stated = "Pressure set point 200.0 bar effective: unknown (no gates in the profile)";
+    assert!(line.contains(stated), "{}{}", output.stdout, output.stderr);
 }
 
 #[test]
@@ -288,8 +288,8 @@ fn waivers_are_of_rules_there_are() {
     let place = folder("waiver", &format!("{PUMP}{waiver}"));
     let output = run(&["profiles", "check", &path(&place.join("pump.toml"))], "");
     let line = PUMP.lines().count() + 3;
-    let said = format!("pump.toml:{line}:8: unknown rule 'sdo-short-frame' in waiver; similar rules: ");
-    assert!(output.code == 4 && output.stderr.contains(&said), "{}", output.stderr);
+    let stated = format!("pump.toml:{line}:8: unknown rule 'sdo-short-frame' in waiver; similar rules: ");
+    assert!(output.code == 4 && output.stderr.contains(&stated), "{}", output.stderr);
 }
 
 #[test]

@@ -69,8 +69,9 @@ pub fn assert_inert(page: &str) {
             assert!(name != "href" || is_local, "{value}");
         }
     }
-    let steers = |c: char| c != '\n' && (c.is_control() || ('\u{202a}'..='\u{202e}').contains(&c));
-    assert!(!page.contains(steers), "control character");
+    let is_terminal_control =
+        |c: char| c != '\n' && (c.is_control() || ('\u{202a}'..='\u{202e}').contains(&c));
+    assert!(!page.contains(is_terminal_control), "control character");
     assert!(!page.contains("url(") && !page.contains("@import"), "a style that loads something");
 }
 
@@ -365,8 +366,8 @@ fn a_folder_without_captures_has_no_index() {
     for _ in 0..2 {
         for words in [&["report", text(&empty), "-o"][..], &["check", text(&empty), "--report"]] {
             let output = run(&[words, &[text(&pages)]].concat(), "");
-            let said = format!("cobscope: {}: no captures\n", text(&empty));
-            assert_eq!((output.code, output.stderr), (3, said), "{words:?}");
+            let stated = format!("cobscope: {}: no captures\n", text(&empty));
+            assert_eq!((output.code, output.stderr), (3, stated), "{words:?}");
             assert_eq!(fs::read_dir(&pages).unwrap().count(), 0, "{words:?}");
         }
         fs::write(empty.join("notes.md"), "not a capture").unwrap();

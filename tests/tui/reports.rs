@@ -42,12 +42,13 @@ fn no_text_of_a_capture_controls_a_terminal_or_a_server() {
             [&["-f", format, "--fail-on", "warning", "--bus", &bus, "-v"], &captures[..]].concat();
         let output = check(&arguments);
         assert_eq!(output.code, 1, "{format} {}", output.stderr);
-        let steers = |c: char| c != '\n' && (c.is_control() || ('\u{202a}'..='\u{202e}').contains(&c));
+        let is_terminal_control =
+            |c: char| c != '\n' && (c.is_control() || ('\u{202a}'..='\u{202e}').contains(&c));
         let is_json = matches!(format, "jsonl" | "sarif");
         if !is_json {
-            assert!(!output.stdout.contains(steers), "{format}: {:?}", output.stdout);
+            assert!(!output.stdout.contains(is_terminal_control), "{format}: {:?}", output.stdout);
         }
-        assert!(!output.stderr.contains(steers), "{format}: {:?}", output.stderr);
+        assert!(!output.stderr.contains(is_terminal_control), "{format}: {:?}", output.stderr);
         match format {
             "jsonl" => {
                 let finding: Value = serde_json::from_str(output.stdout.lines().next().unwrap()).unwrap();

@@ -339,13 +339,13 @@ fn a_wrong_assignment_is_reported_in_the_prompt() {
         24,
     );
     screen.keys("j");
-    for (typed, told) in [
+    for (typed, reported) in [
         ("rexroth-sydfek", "did you mean 'rexroth-sydfec'?"),
         ("none.eds", "none.eds: cannot be read"),
         ("Cargo.dbc", "Cargo.dbc: cannot be read"),
     ] {
         screen.keys(&format!("a{typed}<enter>"));
-        assert!(screen.text().contains(told), "{}", screen.text());
+        assert!(screen.text().contains(reported), "{}", screen.text());
         screen.keys("<esc>");
     }
     assert!(!screen.text().contains("decoded again"), "{}", screen.text());

@@ -309,8 +309,11 @@ fn only_what_lies_between_the_bounds_is_counted() {
     };
     assert_eq!(counted(&["--from", "0.002", "--to", "0.004"]), (3, String::new()));
     assert_eq!(counted(&["--from", "#3"]), (8, String::new()));
-    let (frames, said) = counted(&["--from", "9"]);
-    assert_eq!((frames, said.as_str()), (0, "cobscope: -: --from is after the last frame, #10 at 0.009 s\n"));
+    let (frames, stated) = counted(&["--from", "9"]);
+    assert_eq!(
+        (frames, stated.as_str()),
+        (0, "cobscope: -: --from is after the last frame, #10 at 0.009 s\n")
+    );
     assert_eq!(run(&["stats", "--from", "5", "--to", "3", "-"], &log).code, 2);
 }
 
@@ -356,7 +359,7 @@ fn messages_that_look_like_canopen_are_presumed() {
 }
 
 #[test]
-fn uds_that_nobody_named_is_seen_by_its_answers() {
+fn unnamed_uds_is_detected_by_its_responses() {
     // Two requests for a session (10 03) with their responses (50 03 …).
     let log = "(1700000000.000000) can0 6E0#0210030000000000\n(1700000000.010000) can0 6E8#065003003201F400\n\
                (1700000001.000000) can0 6E0#0210030000000000\n(1700000001.010000) can0 6E8#065003003201F400\n";

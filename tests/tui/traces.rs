@@ -110,7 +110,7 @@ fn a_value_is_scaled_as_it_was_at_its_time() {
 }
 
 #[test]
-fn a_trace_that_nobody_wants_ends_and_there_are_never_too_many() {
+fn an_unused_trace_ends_and_their_number_is_limited() {
     let (timeline, news) = open("fixtures/devices/pve.log", 32, "danfoss-pve-ci");
     let keys = signals(&timeline);
     let many: Vec<_> = keys.iter().cycle().take(MOST_SIGNALS * 2).cloned().collect();

@@ -83,10 +83,10 @@ fn the_ring_is_printed_in_the_units_of_its_options() {
     let record = folder.to_str().unwrap();
     let arguments = [&["live", "-"], &EMERGENCY[..], &["--record", record]].concat();
     let ring = |more: &[&str]| run(&[&arguments[..], more].concat(), "").stderr;
-    let said = ring(&[]);
-    assert!(said.contains("; ring of up to 256 MiB in memory\n"), "{said}");
-    let said = ring(&["--ring-size", "64k", "--ring-files", "4G"]);
-    assert!(said.contains("; ring of up to 64 KiB in memory, of up to 4 GiB in files\n"), "{said}");
+    let stated = ring(&[]);
+    assert!(stated.contains("; ring of up to 256 MiB in memory\n"), "{stated}");
+    let stated = ring(&["--ring-size", "64k", "--ring-files", "4G"]);
+    assert!(stated.contains("; ring of up to 64 KiB in memory, of up to 4 GiB in files\n"), "{stated}");
 }
 
 #[test]

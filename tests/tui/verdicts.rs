@@ -81,13 +81,13 @@ fn limits_of_all_captures_are_printed_once() {
     std::fs::write(&bus, rule).unwrap();
     let captures = ["fixtures/canopen/emcy.log", "fixtures/canopen/error_frames.log"];
     let text = run(&["check", "--bus", bus.to_str().unwrap(), captures[0], captures[1]], "").stdout;
-    let said = "quality  x is not exercised: no bus 'can7' in the capture\n";
-    assert!(text.starts_with(&format!("== all 2 captures\n{said}\n== {} (", captures[0])), "{text}");
-    assert_eq!(text.matches(said).count(), 1, "{text}");
+    let stated = "quality  x is not exercised: no bus 'can7' in the capture\n";
+    assert!(text.starts_with(&format!("== all 2 captures\n{stated}\n== {} (", captures[0])), "{text}");
+    assert_eq!(text.matches(stated).count(), 1, "{text}");
     // The limitation of a verdict is printed with its capture.
     assert!(text.contains("0.744 s)\nquality  24 error frames\n"), "{text}");
     let alone = run(&["check", "--bus", bus.to_str().unwrap(), captures[0]], "").stdout;
     let head = alone.split("\nwarning ").next().unwrap();
     assert!(head.starts_with(&format!("== {} (15 frames, 7.000 s)\n", captures[0])), "{alone}");
-    assert!(head.contains(said.trim_end()), "{alone}");
+    assert!(head.contains(stated.trim_end()), "{alone}");
 }

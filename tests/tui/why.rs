@@ -173,7 +173,7 @@ fn a_set_point_without_effect_is_reported_unless_something_is_worse() {
 }
 
 #[test]
-fn a_restart_nobody_asked_for() {
+fn an_unrequested_restart() {
     // fixtures/devices/README_vpcd.md: 14 settings, a boot-up in frame 79 while operational.
     let bus = "fixtures/devices/vpcd_settings_lost.bus.toml";
     let capture = "fixtures/devices/vpcd_settings_lost.log";
@@ -248,7 +248,7 @@ fn a_refused_write_where_there_is_nothing_else() {
 }
 
 #[test]
-fn nothing_wrong_and_nobody_there() {
+fn no_defect_and_no_node() {
     let capture = "fixtures/canopen/pdo_mapping.log";
     assert_eq!(
         text(&["fixtures/rules/clean/canopen.log"], "").lines().next().unwrap(),
@@ -410,13 +410,14 @@ fn a_story_that_does_not_exist_is_a_wrong_argument() {
         assert_eq!(last.code, 0, "{command}: {}", last.stderr);
         let next = (stories + 1).to_string();
         let missing = run(&[command, "--story", &next, LOST], "");
-        let said = format!("cobscope: {LOST}: --story {next}: no such story; stories: {stories}\n");
-        assert_eq!((missing.code, missing.stdout.as_str(), missing.stderr), (2, "", said), "{command}");
+        let stated = format!("cobscope: {LOST}: --story {next}: no such story; stories: {stories}\n");
+        assert_eq!((missing.code, missing.stdout.as_str(), missing.stderr), (2, "", stated), "{command}");
         // The lost end of an incomplete capture may contain the story.
         let cut = run(&[command, "--story", "99", "fixtures/malformed/packet_cut_off.pcap"], "");
         assert_eq!(cut.code, 3, "{command}");
-        let said = "--story 99: no such story; stories: 0; fixtures/malformed/packet_cut_off.pcap: byte 49: ";
-        assert!(cut.stderr.contains(said), "{command}: {}", cut.stderr);
+        let stated =
+            "--story 99: no such story; stories: 0; fixtures/malformed/packet_cut_off.pcap: byte 49: ";
+        assert!(cut.stderr.contains(stated), "{command}: {}", cut.stderr);
     }
 }
 
@@ -426,12 +427,12 @@ fn what_could_not_be_read_is_reported() {
     const LINES: &str = "fixtures/malformed/candump_errors.log";
     for words in [&["why"][..], &["objects"], &["decode", "-f", "csv"], &["decode", "-f", "csv-wide"]] {
         let cut = run(&[words, &[CUT]].concat(), "");
-        let said =
+        let stated =
             format!("cobscope: {CUT}: byte 49: the capture ends inside a packet: found 23 of 25 bytes\n");
-        assert_eq!((cut.code, cut.stderr), (3, said), "{words:?}");
+        assert_eq!((cut.code, cut.stderr), (3, stated), "{words:?}");
         let lines = run(&[words, &[LINES]].concat(), "").stderr;
-        let said = format!("cobscope: {LINES}: 38 lines or records unreadable (first: line ");
-        assert!(lines.starts_with(&said) && lines.lines().count() == 1, "{lines}");
+        let stated = format!("cobscope: {LINES}: 38 lines or records unreadable (first: line ");
+        assert!(lines.starts_with(&stated) && lines.lines().count() == 1, "{lines}");
     }
 }
 

@@ -258,25 +258,25 @@ mod tests {
             assert_eq!(reported_violation(&frame), Some(ProtocolViolation { kind, sending, place }));
             assert_eq!((reported_counters(&frame), reported_state(&frame)), (Some(counters), None));
         }
-        for told in [
+        for reported in [
             ControllerState::Active,
             ControllerState::Warning,
             ControllerState::Passive,
             ControllerState::BusOff,
             ControllerState::Overrun,
         ] {
-            let frame = controller_frame(told);
+            let frame = controller_frame(reported);
             assert_eq!(
                 (reported_state(&frame), reported_violation(&frame), reported_counters(&frame)),
-                (Some(told), None, None)
+                (Some(reported), None, None)
             );
         }
         let short =
             Frame { flags: FrameFlags::ERROR, ..Frame::data_frame(CanId::from_extended(0x104), &[0]) };
         assert_eq!(reported_state(&short), Some(ControllerState::Active), "restarted");
         let unanswered = Frame::data_frame(CanId::from_extended(0x20), &[0; 8]);
-        let told = ProtocolViolation { kind: Violation::Acknowledgement, sending: true, place: 0x19 };
-        assert_eq!(reported_violation(&unanswered), Some(told));
+        let reported = ProtocolViolation { kind: Violation::Acknowledgement, sending: true, place: 0x19 };
+        assert_eq!(reported_violation(&unanswered), Some(reported));
         // A driver that could not send a recessive bit, and an invalid segment code.
         let odd = Frame::data_frame(CanId::from_extended(0x08), &[0, 0, 0x90, 0xFF, 0, 0, 0, 0]);
         assert_eq!(

@@ -234,7 +234,7 @@ enum Loss {
 }
 
 /// Text for each loss, printed after the number of frames.
-const SAID: [(Loss, &str); 11] = [
+const STATED: [(Loss, &str); 11] = [
     (Loss::FdFrame, "CAN FD frames dropped"),
     (Loss::ErrorFrame, "error frames dropped"),
     (Loss::ErrorDetail, "error frames written without class and details"),
@@ -253,14 +253,14 @@ const SAID: [(Loss, &str); 11] = [
 pub struct LossCounter {
     holds: FormatCapabilities,
     first: Option<Timestamp>,
-    counts: [u64; SAID.len()],
+    counts: [u64; STATED.len()],
     notices: u64,
 }
 
 impl LossCounter {
     /// Creates counters at zero for a format that can store `holds`.
     pub fn new(holds: FormatCapabilities) -> Self {
-        Self { holds, first: None, counts: [0; SAID.len()], notices: 0 }
+        Self { holds, first: None, counts: [0; STATED.len()], notices: 0 }
     }
 
     /// Begins another file of the same capture; timestamps are then compared with its first frame.
@@ -330,7 +330,7 @@ impl LossCounter {
 
     fn count_loss(&mut self, loss: Loss) {
         if let Some(count) =
-            SAID.iter().position(|(said, _)| *said == loss).and_then(|at| self.counts.get_mut(at))
+            STATED.iter().position(|(stated, _)| *stated == loss).and_then(|at| self.counts.get_mut(at))
         {
             *count += 1;
         }
@@ -339,7 +339,7 @@ impl LossCounter {
     /// Text of each loss with its count.
     pub fn loss_texts(&self) -> Vec<String> {
         let mut all = Vec::new();
-        for ((loss, text), count) in SAID.iter().zip(self.counts).filter(|(_, count)| *count > 0) {
+        for ((loss, text), count) in STATED.iter().zip(self.counts).filter(|(_, count)| *count > 0) {
             all.push(match loss {
                 Loss::Resolution => format!("{count} {text} {}", unit_name(self.holds.resolution)),
                 Loss::ErrorDetail if self.holds.errors != ErrorFrames::Mark => {
@@ -461,9 +461,9 @@ mod tests {
             let mut losses = LossCounter::new(holds);
             losses.count_frame(&given);
             let lost = "1 error frames written with only part of their class and details".to_owned();
-            let mut said = losses.loss_texts();
-            said.retain(|said| !said.ends_with("with unknown error counters, written as 0"));
-            assert_eq!(said, if given == kept { vec![] } else { vec![lost] });
+            let mut stated = losses.loss_texts();
+            stated.retain(|stated| !stated.ends_with("with unknown error counters, written as 0"));
+            assert_eq!(stated, if given == kept { vec![] } else { vec![lost] });
             losses.count_frame(&sent);
             assert_eq!(losses.loss_texts().last().unwrap(), "1 frames written without direction");
         }

@@ -29,7 +29,7 @@ enum ReadFailure {
     None,
     /// Pending: returned by the next `read`, after the frames that precede the error.
     Waiting(CaptureError),
-    Told,
+    Reported,
 }
 
 /// A position in a capture from which reading can resume, also in another reader.
@@ -112,8 +112,8 @@ impl<R: Read> CaptureReader<R> {
     /// The capture is then at its end.
     pub fn read(&mut self, batch: &mut Batch) -> Result<bool, CaptureError> {
         batch.clear();
-        let error = match std::mem::replace(&mut self.failure, ReadFailure::Told) {
-            ReadFailure::Told => return Ok(false),
+        let error = match std::mem::replace(&mut self.failure, ReadFailure::Reported) {
+            ReadFailure::Reported => return Ok(false),
             ReadFailure::Waiting(error) => error,
             ReadFailure::None => match self.read_on(batch) {
                 Ok(more) => {

@@ -390,5 +390,5 @@ pub struct MessageGap {
     /// Usual interval and the largest deviation from it, in ns, from the last messages.
     pub usual: Option<(i64, i64)>,
     /// The message was received again; false if it was still missing at the end of the capture.
-    pub came_again: bool,
+    pub has_returned: bool,
 }

@@ -113,28 +113,30 @@ impl Literal {
     }
 
     /// Order of a field value relative to this value; `None` if the types differ.
-    pub(super) fn compare_field(&self, told: &FieldValue<'_>) -> Option<Ordering> {
-        match *told {
+    pub(super) fn compare_field(&self, reported: &FieldValue<'_>) -> Option<Ordering> {
+        match *reported {
             FieldValue::Null => None,
-            FieldValue::Bool(told) => self.truth.map(|truth| told.cmp(&truth)),
-            FieldValue::Unsigned(told) | FieldValue::Code(told, _) => {
-                self.number?.compare_number(i128::from(told) * SCALE)
+            FieldValue::Bool(reported) => self.truth.map(|truth| reported.cmp(&truth)),
+            FieldValue::Unsigned(reported) | FieldValue::Code(reported, _) => {
+                self.number?.compare_number(i128::from(reported) * SCALE)
             }
-            FieldValue::Integer(told) => self.number?.compare_number(i128::from(told) * SCALE),
+            FieldValue::Integer(reported) => self.number?.compare_number(i128::from(reported) * SCALE),
             FieldValue::Id(id) => self.number?.compare_number(i128::from(id.number()) * SCALE),
-            FieldValue::Seconds(told) => self.number?.compare_number(i128::from(told)),
-            FieldValue::Real(told) => told.partial_cmp(&self.number?.real),
-            FieldValue::Text(told) => self.text.as_deref().map(|text| told.cmp(text)),
-            FieldValue::Object(told) => self.object.map(|object| told.cmp(&object)),
-            FieldValue::Bytes(told) => self.bytes.as_deref().map(|bytes| told.cmp(bytes)),
+            FieldValue::Seconds(reported) => self.number?.compare_number(i128::from(reported)),
+            FieldValue::Real(reported) => reported.partial_cmp(&self.number?.real),
+            FieldValue::Text(reported) => self.text.as_deref().map(|text| reported.cmp(text)),
+            FieldValue::Object(reported) => self.object.map(|object| reported.cmp(&object)),
+            FieldValue::Bytes(reported) => self.bytes.as_deref().map(|bytes| reported.cmp(bytes)),
         }
     }
 
     /// Whether the field value contains this value.
-    pub(super) fn is_within(&self, told: &FieldValue<'_>) -> bool {
-        match *told {
-            FieldValue::Text(told) => self.text.as_deref().is_some_and(|text| told.contains(text)),
-            FieldValue::Bytes(told) => self.bytes.as_deref().is_some_and(|bytes| has_within(told, bytes)),
+    pub(super) fn is_within(&self, reported: &FieldValue<'_>) -> bool {
+        match *reported {
+            FieldValue::Text(reported) => self.text.as_deref().is_some_and(|text| reported.contains(text)),
+            FieldValue::Bytes(reported) => {
+                self.bytes.as_deref().is_some_and(|bytes| has_within(reported, bytes))
+            }
             _ => false,
         }
     }
@@ -204,11 +206,11 @@ impl ExactNumber {
     }
 
     /// Order of a number multiplied by [`SCALE`] relative to this number.
-    fn compare_number(self, told: i128) -> Option<Ordering> {
+    fn compare_number(self, reported: i128) -> Option<Ordering> {
         #[expect(clippy::cast_precision_loss, reason = "used only if the literal is not exact either")]
-        let real = || told as f64 / SCALE as f64;
+        let real = || reported as f64 / SCALE as f64;
         match self.scaled {
-            Some(own) => Some(told.cmp(&own)),
+            Some(own) => Some(reported.cmp(&own)),
             None => real().partial_cmp(&self.real),
         }
     }
@@ -280,8 +282,8 @@ mod tests {
         Literal::parse_literal(&Operand::from_word(text, 0..0), resolve_name(field)[0])
     }
 
-    fn order(field: &str, text: &str, told: FieldValue<'_>) -> Option<Ordering> {
-        parse_literal(field, text).unwrap().compare_field(&told)
+    fn order(field: &str, text: &str, reported: FieldValue<'_>) -> Option<Ordering> {
+        parse_literal(field, text).unwrap().compare_field(&reported)
     }
 
     #[test]
@@ -293,9 +295,9 @@ mod tests {
         assert_eq!(order("size", "18446744073709551615", FieldValue::Unsigned(u64::MAX)), Some(Equal));
         assert_eq!(order("size", "18446744073709551615", FieldValue::Unsigned(u64::MAX - 1)), Some(Less));
         assert_eq!(order("size", "1e3", FieldValue::Unsigned(1_000)), Some(Equal));
-        let told = FieldValue::Seconds(1_700_000_000_020_000_001);
-        assert_eq!(order("t", "1700000000.020000001", told), Some(Equal));
-        assert_eq!(order("t", "1700000000.02", told), Some(Greater));
+        let reported = FieldValue::Seconds(1_700_000_000_020_000_001);
+        assert_eq!(order("t", "1700000000.020000001", reported), Some(Equal));
+        assert_eq!(order("t", "1700000000.02", reported), Some(Greater));
         assert_eq!(order("value", "-0.5", FieldValue::Real(-0.5)), Some(Equal));
         assert_eq!(order("value", "1", FieldValue::Real(f64::NAN)), None);
         assert_eq!(order("value", "5", FieldValue::Text("5")), Some(Equal));

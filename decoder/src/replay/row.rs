@@ -45,17 +45,17 @@ pub struct ReplayRow {
 impl ReplayRow {
     /// The row of an event with escaped texts. With `only_news` a message is compared with the last one that
     /// was news, else with the one before it.
-    pub fn new(told: &PlacedEvent<'_>, only_news: bool) -> Self {
-        let line = EventLine::describe_event(told.event, told.bus);
-        let RowTexts { object, value, news, unchanged } = row_texts(told, &line, only_news);
-        let presumed = if told.event.presumed { "?" } else { "" };
+    pub fn new(reported: &PlacedEvent<'_>, only_news: bool) -> Self {
+        let line = EventLine::describe_event(reported.event, reported.bus);
+        let RowTexts { object, value, news, unchanged } = row_texts(reported, &line, only_news);
+        let presumed = if reported.event.presumed { "?" } else { "" };
         let news = format!("{}{presumed}", escape(&news));
-        let is_message = MessageChanges::is_of(told.event);
+        let is_message = MessageChanges::is_of(reported.event);
         Self {
-            spot: told.spot,
-            event: told.event.clone(),
-            bus: escape(told.bus.name()).into_owned(),
-            frame: told.frame.filter(|frame| told.event.frames.last == frame.number).copied(),
+            spot: reported.spot,
+            event: reported.event.clone(),
+            bus: escape(reported.bus.name()).into_owned(),
+            frame: reported.frame.filter(|frame| reported.event.frames.last == frame.number).copied(),
             who: escape(&line.who).into_owned(),
             kind: line.kind,
             object: escape(&object).into_owned(),
@@ -64,7 +64,7 @@ impl ReplayRow {
             news,
             unchanged: escape(&unchanged).into_owned(),
             tone: line.tone,
-            is_news: told.is_news,
+            is_news: reported.is_news,
         }
     }
 
@@ -184,16 +184,16 @@ impl RowTexts {
     }
 }
 
-fn row_texts(told: &PlacedEvent<'_>, line: &EventLine, only_news: bool) -> RowTexts {
-    let earlier = told.earlier.news.filter(|_| only_news).or(told.earlier.last);
-    if let Some(changes) = MessageChanges::changes_in(told.event, told.bus, earlier) {
+fn row_texts(reported: &PlacedEvent<'_>, line: &EventLine, only_news: bool) -> RowTexts {
+    let earlier = reported.earlier.news.filter(|_| only_news).or(reported.earlier.last);
+    if let Some(changes) = MessageChanges::changes_in(reported.event, reported.bus, earlier) {
         return of_message(changes, only_news);
     }
-    if let Some(words) = TransferWords::transfer_words(told.event, told.bus) {
+    if let Some(words) = TransferWords::transfer_words(reported.event, reported.bus) {
         return of_transfer(&words);
     }
     let what = line.what.as_str();
-    let (object, value) = match &told.event.kind {
+    let (object, value) = match &reported.event.kind {
         EventKind::Pdo(_) | EventKind::Emcy(_) | EventKind::ObjectChange(_) => {
             what.split_once(' ').unwrap_or((what, ""))
         }

@@ -78,13 +78,13 @@ impl SignalSampler {
 
     /// Takes the values of an event.
     #[inline]
-    pub fn take_event(&mut self, told: &PlacedEvent<'_>) {
-        let Some((id, layout, payload)) = carried_layout(told.event) else { return };
+    pub fn take_event(&mut self, reported: &PlacedEvent<'_>) {
+        let Some((id, layout, payload)) = carried_layout(reported.event) else { return };
         if self.identifiers & identifier_bit(id) == 0 {
             return;
         }
-        if let Some(time) = told.event.time {
-            self.take_payload(told.event.bus, id, layout, payload, time.0);
+        if let Some(time) = reported.event.time {
+            self.take_payload(reported.event.bus, id, layout, payload, time.0);
         }
     }
 

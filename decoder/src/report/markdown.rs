@@ -31,8 +31,8 @@ pub fn write_report(report: &CaptureReport) -> String {
     page.push_list("Further stories, without evidence here", &report.further);
     page.push_list("Notes", &report.notes);
     let none = ["none: all values and states in the claims were seen on the bus".to_owned()];
-    let is_sure = report.assumptions.is_empty() && !report.claims.is_empty();
-    page.push_list("Assumptions (?)", if is_sure { &none } else { &report.assumptions });
+    let is_certain = report.assumptions.is_empty() && !report.claims.is_empty();
+    page.push_list("Assumptions (?)", if is_certain { &none } else { &report.assumptions });
     page.push_list("Quality of the capture", &report.quality);
     page.push_list("What the capture cannot show", &report.blind);
     let sources: Vec<_> =

@@ -445,7 +445,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pdo_nobody_mapped_is_laid_out_by_the_database() {
+    fn an_unmapped_pdo_is_laid_out_by_the_database() {
         let mut bus = bus(&["can0"]);
         push(&mut bus, &Frame::data_frame(CanId::Standard(0x705), &[5]));
         let events = push(&mut bus, &Frame::data_frame(CanId::Standard(0x185), &[1, 2]));

@@ -347,16 +347,16 @@ impl BusDecoder {
         }
         let Some(gap) = gap else { return };
         let now = self.shared.bus.clock.now();
-        let heard = now.saturating_sub(gap);
-        if self.shared.bus.shared_gap(heard).is_none_or(|limit| gap <= limit) {
+        let received = now.saturating_sub(gap);
+        if self.shared.bus.shared_gap(received).is_none_or(|limit| gap <= limit) {
             let bus = &mut self.shared.bus;
             let frames = FrameRange { first, last: number };
             let limit = bus.clock.usual_gap();
-            bus.ambiguous_gap = Some(AmbiguousGap { frames, times: (heard, now), limit });
+            bus.ambiguous_gap = Some(AmbiguousGap { frames, times: (received, now), limit });
             bus.clock.accept_gap(gap);
         } else {
             // Deadlines before the silence apply; deadlines within it are postponed by its length.
-            self.expire_deadlines(heard, out);
+            self.expire_deadlines(received, out);
             self.shared.lend_context(out).send_event(&event(EventKind::BusSilent { gap }));
             self.shared.bus.restarts.silent_until = Some(now);
             self.shared.bus.routes.postpone_frames(gap);

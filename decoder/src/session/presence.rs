@@ -11,7 +11,7 @@ pub(in crate::session) fn mark_alive(id: NodeId, frame: &Frame, cx: &mut Machine
     let now = cx.bus.clock.now();
     let Some(node) = cx.bus.node_mut(id) else { return };
     if std::mem::replace(&mut node.lost, false) {
-        let gap = now.saturating_sub(node.last_heard);
+        let gap = now.saturating_sub(node.last_received);
         let is_guarded = node.guarding.last_reply.is_some();
         let monitored_by = if is_guarded { MonitoringMethod::Guarding } else { MonitoringMethod::Heartbeat };
         let kind = EventKind::NodeBack(build_silence(node, gap, monitored_by));
@@ -24,7 +24,7 @@ pub(in crate::session) fn mark_alive(id: NodeId, frame: &Frame, cx: &mut Machine
         node.first_frame = frame.number;
     }
     node.last_seen = frame.time;
-    node.last_heard = now;
+    node.last_received = now;
 }
 
 /// Reports a node that is silent longer than its monitoring time.

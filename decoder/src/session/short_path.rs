@@ -109,7 +109,7 @@ impl Bus {
         if let Some(node) = self.node_at_mut(sender) {
             node.last_frame = preview.frame;
             node.last_seen = Some(preview.time);
-            node.last_heard = preview.now;
+            node.last_received = preview.now;
         }
     }
 }

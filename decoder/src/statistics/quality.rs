@@ -271,10 +271,10 @@ mod tests {
 
     #[test]
     fn spans_have_a_readable_unit() {
-        let said =
+        let stated =
             [1_500, 20_000_000, 1_250_000_000, 90_000_000_000, 5_400_000_000_000, 1_197_906_557_000_000];
         assert_eq!(format_span(86_400_000_000_000), "1 day");
-        assert_eq!(said.map(format_span), ["1.5 µs", "20 ms", "1.25 s", "1.5 min", "1.5 h", "13.9 days"]);
+        assert_eq!(stated.map(format_span), ["1.5 µs", "20 ms", "1.25 s", "1.5 min", "1.5 h", "13.9 days"]);
     }
 
     #[test]

@@ -139,8 +139,8 @@ mod tests {
         places.dedup();
         assert_eq!((places.len(), count), (127 + 254, 127 + 254));
         assert!(places.iter().all(|place| *place < NODE_PLACES));
-        for nobody in [NodeId::Canopen(0), NodeId::Canopen(128), NodeId::J1939(254)] {
-            assert_eq!(nobody.table_place(), NODE_PLACES);
+        for invalid in [NodeId::Canopen(0), NodeId::Canopen(128), NodeId::J1939(254)] {
+            assert_eq!(invalid.table_place(), NODE_PLACES);
         }
     }
 }

@@ -12,7 +12,7 @@ use super::events;
 struct Check {
     kind: &'static str,
     path: Vec<&'static str>,
-    told: BTreeSet<(String, &'static str)>,
+    reported: BTreeSet<(String, &'static str)>,
 }
 
 impl Check {
@@ -22,7 +22,7 @@ impl Check {
         let mut fields = field_table().fields.iter();
         let found = fields.find(|field| field.key == key && field.kinds.names().any(|own| own == self.kind));
         let Some(field) = found else { panic!("{} tells {key}, which the table does not have", self.kind) };
-        self.told.insert((key, self.kind));
+        self.reported.insert((key, self.kind));
         field
     }
 
@@ -40,7 +40,7 @@ impl FieldConsumer for Check {
     fn add_field(&mut self, key: &'static str, value: FieldValue<'_>) {
         let field = self.find(key);
         assert_eq!(field.list, key.is_empty(), "{}", field.key);
-        let told = match value {
+        let reported = match value {
             FieldValue::Null => {
                 assert!(field.null, "{} of {} is null", field.key, self.kind);
                 return;
@@ -60,7 +60,11 @@ impl FieldConsumer for Check {
             FieldValue::Object(_) => FieldType::Object,
             FieldValue::Bytes(_) => FieldType::Bytes,
         };
-        assert!(field.value == told || field.value == FieldType::Any, "{} is told as {told:?}", field.key);
+        assert!(
+            field.value == reported || field.value == FieldType::Any,
+            "{} is told as {reported:?}",
+            field.key
+        );
     }
 
     fn open_group(&mut self, key: &'static str) {
@@ -83,7 +87,7 @@ impl FieldConsumer for Check {
 #[test]
 fn every_emitted_field_is_in_the_table_and_every_field_of_the_table_is_emitted() {
     let bus = events::bus();
-    let mut check = Check { kind: "", path: Vec::new(), told: BTreeSet::new() };
+    let mut check = Check { kind: "", path: Vec::new(), reported: BTreeSet::new() };
     for event in events::all() {
         check.kind = event.kind.name();
         visit_event(&event, &bus, Some("a.log"), &mut check);
@@ -92,7 +96,7 @@ fn every_emitted_field_is_in_the_table_and_every_field_of_the_table_is_emitted()
         let of_kinds = field.kinds.names();
         of_kinds.map(|kind| (field.key.clone(), kind))
     });
-    let never: Vec<_> = described.filter(|pair| !check.told.contains(pair)).collect();
+    let never: Vec<_> = described.filter(|pair| !check.reported.contains(pair)).collect();
     assert!(never.is_empty(), "never told: {never:?}");
 }
 

@@ -201,12 +201,12 @@ fn questions_are_limited() {
 struct Tells {
     key: &'static str,
     depth: usize,
-    told: bool,
+    reported: bool,
 }
 
 impl FieldConsumer for Tells {
     fn add_field(&mut self, key: &'static str, value: FieldValue<'_>) {
-        self.told |= self.depth == 0 && key == self.key && value != FieldValue::Null;
+        self.reported |= self.depth == 0 && key == self.key && value != FieldValue::Null;
     }
     fn open_group(&mut self, _: &'static str) {
         self.depth += 1;
@@ -223,9 +223,9 @@ impl FieldConsumer for Tells {
 }
 
 fn tells(event: &Event, key: &'static str) -> bool {
-    let mut tells = Tells { key, depth: 0, told: false };
+    let mut tells = Tells { key, depth: 0, reported: false };
     visit_event(event, &events::bus(), None, &mut tells);
-    tells.told
+    tells.reported
 }
 
 #[test]

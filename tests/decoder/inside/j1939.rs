@@ -55,7 +55,7 @@ fn messages(layout: &Arc<PayloadLayout>) -> Vec<EventKind> {
         gap: 312_000_000,
         limit: 250_000_000,
         usual: Some((100_000_000, 3_000_000)),
-        came_again: true,
+        has_returned: true,
     };
     vec![message(0x0CFE_30F1, 8), message(0x0CEF_8021, 1), EventKind::MessageGap(Box::new(gap))]
 }

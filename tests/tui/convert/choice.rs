@@ -137,9 +137,9 @@ fn a_node_is_taken_with_its_services_and_what_goes_to_all() {
     let both = folder.converted(&["--only-node", "5", "--only-node", "6", "@a.log", "@c.csv"]);
     assert_eq!(both.frames.len(), mixed.iter().filter(|frame| !frame.starts_with("7F0")).count());
     let none = folder.convert(&["--only-node", "can9:5", "@a.log", "@d.csv"]);
-    let said = "cobscope: @a.log: unknown bus can9 in --only-node; buses present: can0\n\
+    let stated = "cobscope: @a.log: unknown bus can9 in --only-node; buses present: can0\n\
                 cobscope: @d.csv: no frames selected\n";
-    assert_eq!(none.stderr, said);
+    assert_eq!(none.stderr, stated);
     assert!(!folder.path("d.csv").exists(), "a file without frames would be taken for a capture");
     let profile = folder.convert(&["--only-node", "5=danfoss-pve-ci", "@a.log", "@e.csv"]);
     assert_eq!(profile.code, 2);

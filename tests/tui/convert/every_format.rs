@@ -139,11 +139,11 @@ fn check(path: &Path, content: &Content, format: &WritableFormat, folder: &Folde
     let mut order: Vec<String> = Vec::new();
     // Text with decreasing times that start at zero is read as differences, as printed by candump.
     let has_date = |frame: &Frame| frame.time.is_none_or(|time| time.0 >= 100_000_000_000_000_000);
-    let is_told = format.name != "candump"
+    let is_reported = format.name != "candump"
         || frames.first().is_some_and(has_date)
         || frames.is_sorted_by_key(|frame| frame.time);
     for (read, kept) in read.frames.iter().zip(&frames) {
-        let time = if is_told { kept.time } else { read.time };
+        let time = if is_reported { kept.time } else { read.time };
         assert_eq!(Frame { bus: read.bus, time, ..*kept }, *read, "{name}");
         if !order.contains(&bus_of(read)) {
             order.push(bus_of(read));
@@ -157,10 +157,12 @@ fn plain(name: &str) -> String {
 }
 
 fn safe(name: &str) -> String {
-    let steers = |character: char| character.is_control() || character == '\u{202e}';
+    let is_terminal_control = |character: char| character.is_control() || character == '\u{202e}';
     let escaped: String = name
         .chars()
-        .map(|letter| if steers(letter) { letter.escape_unicode().to_string() } else { letter.to_string() })
+        .map(|letter| {
+            if is_terminal_control(letter) { letter.escape_unicode().to_string() } else { letter.to_string() }
+        })
         .collect();
     if name.starts_with('=') { format!("'{escaped}") } else { escaped }
 }
@@ -250,8 +252,9 @@ fn links_lost_frames_and_quiet_times_go_where_there_is_a_place() {
         let output = folder.convert(&[source, out]);
         assert_eq!(output.code, 0);
         assert_eq!(lost(&Content::read(&folder.path(&out[1..]))), usize::from(kept), "{out}");
-        let is_said = output.stderr.contains("1 notices dropped (lost frames, link changes, quiet periods)");
-        assert_eq!(is_said, !kept, "{out}: {}", output.stderr);
+        let is_stated =
+            output.stderr.contains("1 notices dropped (lost frames, link changes, quiet periods)");
+        assert_eq!(is_stated, !kept, "{out}: {}", output.stderr);
     }
 }
 

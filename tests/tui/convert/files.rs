@@ -32,8 +32,8 @@ fn parts_by_size_are_whole_captures_and_together_the_whole() {
             (1..=parts.len()).map(|number| format!("part-{number:04}.{}", format.suffix)).collect();
         assert_eq!(parts, numbered);
         assert!(parts.len() > 1, "{}: {parts:?}", format.name);
-        let said = format!("cobscope: 198 frames in {} files\n", parts.len());
-        assert!(output.stderr.ends_with(&said), "{}", output.stderr);
+        let stated = format!("cobscope: 198 frames in {} files\n", parts.len());
+        assert!(output.stderr.ends_with(&stated), "{}", output.stderr);
         let mut found = Vec::new();
         for part in &parts {
             let size = fs::metadata(folder.path(part)).unwrap().len();
@@ -120,12 +120,12 @@ fn times_before_the_first_of_a_part_are_reported() {
     assert_eq!((whole.code, whole.stderr.as_str()), (0, ""));
     let out = format!("@c.{}", backwards.suffix);
     let parts = folder.convert(&["--split-at", "kind == boot-up", "@a.csv", &out]);
-    let said = format!(
+    let stated = format!(
         "cobscope: {} cannot store all data: 1 timestamps before the first frame, written as that of the first frame\n\
          cobscope: 3 frames in 2 files\n",
         backwards.title
     );
-    assert_eq!(parts.stderr, said);
+    assert_eq!(parts.stderr, stated);
 }
 
 #[test]
@@ -208,19 +208,19 @@ fn impossible_requests_are_reported() {
 fn what_can_be_read_before_damage_is_converted() {
     let folder = Folder::new();
     let cut = folder.convert(&["fixtures/malformed/packet_cut_off.pcap", "@cut.log"]);
-    let said = "cobscope: fixtures/malformed/packet_cut_off.pcap: byte 49: the capture ends inside a packet: found 23 of 25 bytes\n";
-    assert_eq!((cut.code, cut.stderr.as_str()), (3, said));
+    let stated = "cobscope: fixtures/malformed/packet_cut_off.pcap: byte 49: the capture ends inside a packet: found 23 of 25 bytes\n";
+    assert_eq!((cut.code, cut.stderr.as_str()), (3, stated));
     assert_eq!(Content::read(&folder.path("cut.log")).frames.len(), 1);
     if cfg!(feature = "gzip") {
         let name = "fixtures/malformed/cut_off.log.gz";
         let broken = folder.convert(&[name, "@broken.log"]);
-        let said = format!("cobscope: {name}: the file is cut off: incomplete gzip member at byte 1571\n");
-        assert_eq!((broken.code, broken.stderr.as_str()), (3, said.as_str()));
+        let stated = format!("cobscope: {name}: the file is cut off: incomplete gzip member at byte 1571\n");
+        assert_eq!((broken.code, broken.stderr.as_str()), (3, stated.as_str()));
         assert_eq!(Content::read(&folder.path("broken.log")).frames.len(), 338);
         // The error does not affect the other capture, and names the broken one.
         folder.write("whole.log", log(&["705#00", "705#05"]));
         let merged = folder.convert(&["--align", "@whole.log", name, "@merged.log"]);
-        assert_eq!((merged.code, merged.stderr.as_str()), (3, said.as_str()));
+        assert_eq!((merged.code, merged.stderr.as_str()), (3, stated.as_str()));
         assert_eq!(Content::read(&folder.path("merged.log")).frames.len(), 340);
         let name = "fixtures/malformed/not_gzip.log.gz";
         let nothing = folder.convert(&["@whole.log", name, "@nothing.log"]);
@@ -242,8 +242,8 @@ fn what_can_be_read_before_damage_is_converted() {
     );
     assert_eq!(Content::read(&folder.path("lines.log")).frames.len(), 38);
     let empty = folder.convert(&["fixtures/malformed/header_only.pcap", "@empty.log"]);
-    let said = "cobscope: fixtures/malformed/header_only.pcap: contains no frames\n";
-    assert_eq!((empty.code, empty.stderr.as_str()), (3, said));
+    let stated = "cobscope: fixtures/malformed/header_only.pcap: contains no frames\n";
+    assert_eq!((empty.code, empty.stderr.as_str()), (3, stated));
 }
 
 /// A comment before the next frame keeps the text of a line that could not be read; the name of the bus, which a line of

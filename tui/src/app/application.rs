@@ -111,7 +111,7 @@ impl App {
                     self.core.refresh_window();
                 }
             }
-            TimelineNews::Exported(told) => self.core.on_exported(told),
+            TimelineNews::Exported(reported) => self.core.on_exported(reported),
             TimelineNews::Compared(result) => self.on_compared(result),
             TimelineNews::Changed(text) | TimelineNews::Failed(text) => self.core.show_refusal(&text),
             TimelineNews::Filtered => self.core.refresh_window(),

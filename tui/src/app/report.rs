@@ -60,8 +60,8 @@ impl App {
         let survey = self.core.timeline.survey();
         let group = survey.findings.as_ref()?.group_by_id(finding)?;
         let stories = &survey.diagnosis.as_ref()?.stories;
-        let is_told = stories.iter().any(|story| story.findings.contains(&finding));
-        group.omission().filter(|_| !is_told)
+        let is_reported = stories.iter().any(|story| story.findings.contains(&finding));
+        group.omission().filter(|_| !is_reported)
     }
 
     /// Proposed name: capture, rule and number of the finding.

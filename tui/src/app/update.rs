@@ -38,7 +38,7 @@ impl App {
         if self.is_early(key) {
             return;
         }
-        self.core.said = None;
+        self.core.stated = None;
         self.awaited_jump = None;
         match &mut self.mode {
             InputMode::Panes => {

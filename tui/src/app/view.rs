@@ -202,7 +202,7 @@ impl App {
         }
         let room = area.width.saturating_sub(draw::text_width(&right) + 2);
         let quiet = core.theme.role_style(TextRole::Quiet);
-        let left = match &core.said {
+        let left = match &core.stated {
             Some((role, text)) => Line::styled(text.clone(), core.theme.role_style(*role)),
             // The end of a long command shows the changing part.
             None => Line::styled(draw::fit_tail(&self.view_command(), room, &core.theme), quiet),

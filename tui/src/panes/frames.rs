@@ -370,10 +370,10 @@ impl Pane for FramesPane {
                 let Some(row) = self.selected_row(core, world) else { return Vec::new() };
                 let Some(bus) = world.buses().get(usize::from(row.bus.0)) else { return Vec::new() };
                 let node = row.node.map(|node| PaneRequest::Node((row.bus, node)));
-                let said = format!("events of {}; v also shows repetitions", row.id);
+                let stated = format!("events of {}; v also shows repetitions", row.id);
                 let rest = [
                     PaneRequest::Filter(row_filter(core, bus, row)),
-                    PaneRequest::Say(said),
+                    PaneRequest::Say(stated),
                     PaneRequest::ShowEvents,
                 ];
                 return node.into_iter().chain(rest).collect();

@@ -285,14 +285,14 @@ fn latency_text(survey: &SurveyResults) -> Option<String> {
     let nodes = survey.overview.statistics.buses.iter().flat_map(BusStatistics::nodes);
     let part =
         |of: &DurationDistribution, percent| of.percentile(percent).map_or(String::new(), format_millis);
-    let told: Vec<String> = nodes
+    let reported: Vec<String> = nodes
         .filter(|(_, node)| node.sdo_duration.duration_count() > 0)
         .map(|(id, node)| {
             let times = &node.sdo_duration;
             format!("{} {} / {}", id.label(), part(times, 50), part(times, 100))
         })
         .collect();
-    (!told.is_empty()).then(|| format!("SDO duration in ms, median / max:  {}", told.join("   ")))
+    (!reported.is_empty()).then(|| format!("SDO duration in ms, median / max:  {}", reported.join("   ")))
 }
 
 impl Pane for TransfersPane {

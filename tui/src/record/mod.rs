@@ -164,10 +164,10 @@ impl Recorder {
         let status = Arc::new(Mutex::new(backend.status().clone()));
         let queued = Arc::new(AtomicUsize::new(0));
         let (work, inbox) = channel();
-        let (told, taken) = (Arc::clone(&status), Arc::clone(&queued));
+        let (reported, taken) = (Arc::clone(&status), Arc::clone(&queued));
         let thread = std::thread::Builder::new().name("record".into());
         let thread =
-            thread.spawn(move || run(backend, &inbox, &told, &taken)).context("cannot start a thread")?;
+            thread.spawn(move || run(backend, &inbox, &reported, &taken)).context("cannot start a thread")?;
         Ok(Self {
             items: Vec::with_capacity(BATCH),
             memory: 0,
@@ -336,7 +336,7 @@ fn run(
     status: &Mutex<RecordStatus>,
     queued: &AtomicUsize,
 ) {
-    let tell = |backend: &dyn RecorderBackend| {
+    let explain = |backend: &dyn RecorderBackend| {
         status.lock().unwrap_or_else(PoisonError::into_inner).clone_from(backend.status());
     };
     let mut known = Arc::default();
@@ -345,10 +345,10 @@ fn run(
         if sync {
             backend.sync_to_disk();
         }
-        tell(&backend);
+        explain(&backend);
         queued.fetch_sub(memory, Ordering::AcqRel);
         known = buses;
     }
     backend.finish_recording(&known);
-    tell(&backend);
+    explain(&backend);
 }

@@ -41,7 +41,7 @@ pub struct UiState {
     /// The selected node.
     pub node: Option<NodeKey>,
     /// Message in the status line with its role.
-    pub said: Option<(TextRole, String)>,
+    pub stated: Option<(TextRole, String)>,
     /// The cursor moves to the end as the capture grows.
     pub is_following: bool,
     /// First frame of the selection; it ends at the cursor.
@@ -87,7 +87,7 @@ impl UiState {
             sought: None,
             marks: BTreeMap::new(),
             node: None,
-            said: None,
+            stated: None,
             is_following: false,
             selection: None,
             clock: TimeDisplay::default(),
@@ -283,9 +283,9 @@ impl UiState {
     }
 
     /// Shows the result of an export.
-    pub fn on_exported(&mut self, told: Result<String, String>) {
+    pub fn on_exported(&mut self, reported: Result<String, String>) {
         self.exports = self.exports.saturating_sub(1);
-        match told {
+        match reported {
             Ok(text) => self.show_message(&text),
             Err(text) => self.show_refusal(&text),
         }
@@ -424,18 +424,18 @@ impl UiState {
         let mut unknown = self.unknown_buses(&self.timeline.survey());
         unknown.extend(self.unheard_nodes());
         if !unknown.is_empty() {
-            let said = self.said.take().map(|(_, text)| text);
-            self.show_refusal(&said.into_iter().chain(unknown).collect::<Vec<_>>().join("; "));
+            let stated = self.stated.take().map(|(_, text)| text);
+            self.show_refusal(&stated.into_iter().chain(unknown).collect::<Vec<_>>().join("; "));
         }
     }
 
     /// Shows a message in the status line.
     pub fn show_message(&mut self, text: &str) {
-        self.said = Some((TextRole::Note, text.to_owned()));
+        self.stated = Some((TextRole::Note, text.to_owned()));
     }
 
     /// Shows in the status line that something is not possible.
     pub fn show_refusal(&mut self, text: &str) {
-        self.said = Some((TextRole::Caution, text.to_owned()));
+        self.stated = Some((TextRole::Caution, text.to_owned()));
     }
 }

@@ -156,11 +156,11 @@ pub fn run_loop(
                 .draw(|frame| app.draw(frame.area(), frame.buffer_mut()))
                 .context("cannot draw the screen")?;
         }
-        let Some(came) = wait_for_message(app, messages) else { return Ok(()) };
-        is_new = came.is_empty()
-            || came.iter().any(|message| !matches!(message, LoopMessage::News(TimelineNews::Grew)));
+        let Some(arrived) = wait_for_message(app, messages) else { return Ok(()) };
+        is_new = arrived.is_empty()
+            || arrived.iter().any(|message| !matches!(message, LoopMessage::News(TimelineNews::Grew)));
         // Messages received in the meantime are drawn together.
-        for message in came.into_iter().chain(messages.try_iter()) {
+        for message in arrived.into_iter().chain(messages.try_iter()) {
             match message {
                 LoopMessage::Input(event) => on_input(app, event),
                 LoopMessage::News(news) => app.on_news(news),
@@ -191,9 +191,9 @@ pub fn run_loop(
 /// first message after a pause and user input at once.
 fn wait_for_message(app: &App, messages: &Receiver<LoopMessage>) -> Option<Vec<LoopMessage>> {
     let drawn = Instant::now();
-    let mut came = Vec::new();
+    let mut arrived = Vec::new();
     loop {
-        let is_due = !came.is_empty() || app.is_busy();
+        let is_due = !arrived.is_empty() || app.is_busy();
         let patience = match is_due {
             true => REFRESH.saturating_sub(drawn.elapsed()),
             false if app.is_live() => LOOK,
@@ -203,12 +203,12 @@ fn wait_for_message(app: &App, messages: &Receiver<LoopMessage>) -> Option<Vec<L
             Ok(message) => {
                 let can_wait =
                     matches!(message, LoopMessage::News(TimelineNews::Grew)) && drawn.elapsed() < REFRESH;
-                came.push(message);
+                arrived.push(message);
                 if !can_wait {
-                    return Some(came);
+                    return Some(arrived);
                 }
             }
-            Err(RecvTimeoutError::Timeout) => return Some(came),
+            Err(RecvTimeoutError::Timeout) => return Some(arrived),
             Err(RecvTimeoutError::Disconnected) => return None,
         }
     }
@@ -254,10 +254,10 @@ mod tests {
         assert!(!child.wait().unwrap().success());
         let written = String::from_utf8_lossy(&written);
         let taken = written.find("\x1b[?1049h").expect("the alternate screen");
-        let said = written.find("on purpose").expect("the panic's message");
+        let stated = written.find("on purpose").expect("the panic's message");
         for sequence in GIVEN_BACK {
             let back = written.find(sequence).unwrap_or_else(|| panic!("no {sequence:?} in {written:?}"));
-            assert!(taken < back && back < said, "the message is read on the screen there was before");
+            assert!(taken < back && back < stated, "the message is read on the screen there was before");
         }
     }
 }

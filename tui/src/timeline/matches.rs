@@ -31,14 +31,20 @@ impl RowMatcher {
     }
 
     /// Whether an event matches.
-    pub fn matches_event(&self, told: &PlacedEvent<'_>) -> bool {
-        if self.only_news && !told.is_news {
+    pub fn matches_event(&self, reported: &PlacedEvent<'_>) -> bool {
+        if self.only_news && !reported.is_news {
             return false;
         }
-        if self.filter.as_ref().is_some_and(|filter| !filter.matches_event(told.event, told.bus, None)) {
+        if self
+            .filter
+            .as_ref()
+            .is_some_and(|filter| !filter.matches_event(reported.event, reported.bus, None))
+        {
             return false;
         }
-        self.text.as_ref().is_none_or(|text| text.is_match(&ReplayRow::new(told, self.only_news).row_text()))
+        self.text
+            .as_ref()
+            .is_none_or(|text| text.is_match(&ReplayRow::new(reported, self.only_news).row_text()))
     }
 }
 
@@ -103,10 +109,10 @@ impl SearchMatches {
         self.is_complete.store(true, Ordering::Release);
     }
 
-    pub(super) fn add_match(&self, told: &PlacedEvent<'_>) {
+    pub(super) fn add_match(&self, reported: &PlacedEvent<'_>) {
         let count = self.count.fetch_add(1, Ordering::Relaxed);
         let mut found = self.found.write().unwrap_or_else(PoisonError::into_inner);
-        let (word, bit) = match_place(told.spot.frame);
+        let (word, bit) = match_place(reported.spot.frame);
         if found.bits.len() <= word {
             found.bits.resize(word + 1, 0);
         }
@@ -114,7 +120,7 @@ impl SearchMatches {
             *bits |= 1 << bit;
         }
         if count < MOST_ROWS as u64 {
-            found.rows.push(ReplayRow::new(told, self.matcher.only_news));
+            found.rows.push(ReplayRow::new(reported, self.matcher.only_news));
         } else {
             found.rows = Vec::new();
         }

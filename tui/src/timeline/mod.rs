@@ -176,20 +176,20 @@ impl Timeline {
         let found = Arc::new(SearchMatches::new(matcher));
         *current = Some(Arc::clone(&found));
         drop(current);
-        let told = spawn_thread("matches", &self.shared, &self.news, move |shared, news| {
+        let reported = spawn_thread("matches", &self.shared, &self.news, move |shared, news| {
             threads::matches::run_search(shared, &found, news);
         });
-        if let Err(error) = told {
+        if let Err(error) = reported {
             let _ = self.news.send(TimelineNews::Failed(format!("{error:#}")));
         }
     }
 
     /// Exports a part of the captures; the result arrives as [`TimelineNews::Exported`].
     pub fn start_export(&self, export: ExportRequest) {
-        let told = spawn_thread("export", &self.shared, &self.news, move |shared, news| {
+        let reported = spawn_thread("export", &self.shared, &self.news, move |shared, news| {
             threads::export::run_export(shared, &export, news);
         });
-        if let Err(error) = told {
+        if let Err(error) = reported {
             let _ = self.news.send(TimelineNews::Failed(format!("{error:#}")));
         }
     }
@@ -209,10 +209,10 @@ impl Timeline {
         let traces = Arc::new(SignalTraces::new(signals, from, to));
         self.shared.tracing.fetch_add(1, Ordering::Relaxed);
         let job = Arc::clone(&traces);
-        let told = spawn_thread("traces", &self.shared, &self.news, move |shared, news| {
+        let reported = spawn_thread("traces", &self.shared, &self.news, move |shared, news| {
             threads::traces::run_sampling(shared, &job, news);
         });
-        if let Err(error) = told {
+        if let Err(error) = reported {
             self.shared.tracing.fetch_sub(1, Ordering::Relaxed);
             let _ = self.news.send(TimelineNews::Failed(format!("{error:#}")));
         }
@@ -265,7 +265,7 @@ impl Timeline {
 
     /// Allows the next [`TimelineNews::Grew`] message.
     pub fn see_growth(&self) {
-        self.shared.has_told_growth.store(false, Ordering::Release);
+        self.shared.has_reported_growth.store(false, Ordering::Release);
     }
 
     /// State of live buses; None for files.

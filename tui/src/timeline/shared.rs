@@ -55,7 +55,7 @@ pub struct SharedResults {
     /// Number of threads that sample signals.
     pub(super) tracing: AtomicUsize,
     /// Growth was reported and not yet handled.
-    pub(super) has_told_growth: AtomicBool,
+    pub(super) has_reported_growth: AtomicBool,
     is_over: AtomicBool,
     /// Threads that wait for the index may start.
     may_begin: Mutex<bool>,
@@ -149,7 +149,7 @@ impl SharedResults {
             change: Mutex::default(),
             progress: IndexProgress::default(),
             tracing: AtomicUsize::new(0),
-            has_told_growth: AtomicBool::new(false),
+            has_reported_growth: AtomicBool::new(false),
             is_over: AtomicBool::new(false),
             may_begin: Mutex::new(false),
             begins: Condvar::new(),
@@ -217,7 +217,7 @@ impl SharedResults {
 
     /// Reports growth, unless an earlier report was not handled yet.
     pub(super) fn report_growth(&self, news: &Sender<TimelineNews>) {
-        if self.may_grow() && !self.has_told_growth.swap(true, Ordering::AcqRel) {
+        if self.may_grow() && !self.has_reported_growth.swap(true, Ordering::AcqRel) {
             // The application may have ended.
             let _ = news.send(TimelineNews::Grew);
         }

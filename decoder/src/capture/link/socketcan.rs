@@ -43,14 +43,14 @@ const FD_SIZE: usize = 72;
 pub(in crate::capture) struct IdOrder {
     is_little: bool,
     defined_little: bool,
-    is_said: bool,
+    is_stated: bool,
     is_fixed: bool,
 }
 
 impl IdOrder {
     pub(super) fn new(defined: ByteOrder) -> Self {
         let is_little = defined == ByteOrder::Little;
-        Self { is_little, defined_little: is_little, is_said: false, is_fixed: false }
+        Self { is_little, defined_little: is_little, is_stated: false, is_fixed: false }
     }
 
     #[inline]
@@ -70,10 +70,10 @@ impl IdOrder {
 
     /// The detected order if it differs from the defined one and was not reported yet.
     pub(super) fn detected_order(&mut self) -> Option<&'static str> {
-        if self.is_said || self.is_little == self.defined_little {
+        if self.is_stated || self.is_little == self.defined_little {
             return None;
         }
-        self.is_said = true;
+        self.is_stated = true;
         Some(if self.is_little { "little-endian" } else { "big-endian" })
     }
 }

@@ -59,22 +59,22 @@ impl From<&'static str> for LineFault {
 /// Assumptions about the whole capture; each one is reported once.
 #[derive(Debug, Clone, Default)]
 pub(in crate::capture) struct CaptureAssumptions {
-    said: Vec<&'static str>,
-    told: usize,
+    stated: Vec<&'static str>,
+    reported: usize,
 }
 
 impl CaptureAssumptions {
     /// Adds `text`, unless it was added before.
     pub(in crate::capture) fn add_assumption(&mut self, text: &'static str) {
-        if !self.said.contains(&text) {
-            self.said.push(text);
+        if !self.stated.contains(&text) {
+            self.stated.push(text);
         }
     }
 
     /// Assumptions added since the last call.
     fn new_assumptions(&mut self) -> &[&'static str] {
-        let fresh = self.said.get(self.told..).unwrap_or_default();
-        self.told = self.said.len();
+        let fresh = self.stated.get(self.reported..).unwrap_or_default();
+        self.reported = self.stated.len();
         fresh
     }
 }

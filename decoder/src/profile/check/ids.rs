@@ -47,11 +47,11 @@ mod tests {
     fn ids_can_be_named_in_options() {
         assert_eq!(errors("id = \"acme-pump2\"\n[[variant]]\nid = \"a\"\n"), [""; 0]);
         for id in ["", "acme pump", "acme:pump", "Acme"] {
-            let said = format!("1: invalid id '{id}'; expected a-z, 0-9 and hyphens");
-            assert_eq!(errors(&format!("id = \"{id}\"\n")), [said]);
+            let stated = format!("1: invalid id '{id}'; expected a-z, 0-9 and hyphens");
+            assert_eq!(errors(&format!("id = \"{id}\"\n")), [stated]);
         }
-        let said = "3: invalid id 'B'; expected a-z, 0-9 and hyphens";
-        assert_eq!(errors("id = \"a\"\n[[variant]]\nid = \"B\"\n"), [said]);
+        let stated = "3: invalid id 'B'; expected a-z, 0-9 and hyphens";
+        assert_eq!(errors("id = \"a\"\n[[variant]]\nid = \"B\"\n"), [stated]);
         assert_eq!(errors("title = \"a\"\n"), ["1: id is missing; every profile requires one"]);
     }
 }

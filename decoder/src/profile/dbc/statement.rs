@@ -184,9 +184,9 @@ impl<'a> DbcStatements<'a> {
             } else {
                 "unknown statement; skipped"
             };
-            let told = self.recovering || is_word(line.trim());
+            let reported = self.recovering || is_word(line.trim());
             self.recovering = true;
-            return (!told).then_some(Err(SyntaxError { at: start, reason }));
+            return (!reported).then_some(Err(SyntaxError { at: start, reason }));
         };
         self.recovering = false;
         let end = match kind {

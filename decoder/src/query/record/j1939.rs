@@ -188,7 +188,7 @@ pub(super) fn message_gap(gap: &MessageGap, fields: &mut dyn FieldConsumer) {
         fields.add_field("usual", FieldValue::Seconds(usual));
         fields.add_field("deviation", FieldValue::Seconds(deviation));
     }
-    fields.add_field("came_again", FieldValue::Bool(gap.came_again));
+    fields.add_field("came_again", FieldValue::Bool(gap.has_returned));
 }
 
 pub(super) fn visit_irregularity(irregularity: &TransferIrregularity, fields: &mut dyn FieldConsumer) {

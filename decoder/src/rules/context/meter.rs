@@ -126,10 +126,10 @@ impl FrameMeter {
         self.window = if self.has_varied { SECOND.cast_unsigned() } else { 0 };
     }
 
-    fn next_second(&mut self, time: i64, frame: u64, is_anew: bool) {
+    fn next_second(&mut self, time: i64, frame: u64, is_restart: bool) {
         let mut is_busy = false;
         // A second in which the clock was set back is dropped.
-        if !is_anew {
+        if !is_restart {
             let number = self.last.number + 1;
             let count = self.frames - self.before;
             let frames = FrameRange { last: self.last_frame, ..self.current.frames };

@@ -44,7 +44,7 @@ impl NodeJudge<'_> {
             self.on_fixed_bits(target, &payload, occasion, context);
         }
         if target.is_own && target.plan.source == UpdateSource::Sent {
-            self.own.record.heard = Some(context.now);
+            self.own.record.received = Some(context.now);
         }
     }
 

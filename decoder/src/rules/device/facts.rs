@@ -116,12 +116,12 @@ impl DeviceFacts for ProvenFacts<'_> {
     }
 
     fn is_alone(&self) -> Option<bool> {
-        let is_heard = |node: &Node| {
+        let is_received = |node: &Node| {
             let (frame, stamp) = node.last_seen();
             let age = stamp.map_or(0, |stamp| self.bus.now().saturating_sub(self.bus.monotonic(stamp)));
             frame != 0 && age <= ALONE
         };
         let mut nodes = self.bus.nodes().filter(|node| node.id() != self.id && node.id().canopen().is_some());
-        Some(!nodes.any(is_heard))
+        Some(!nodes.any(is_received))
     }
 }

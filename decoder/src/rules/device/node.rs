@@ -39,7 +39,7 @@ pub(super) struct JudgedNode {
     /// Time of the last state change, by output of the device.
     changes: Vec<(Option<u8>, i64)>,
     /// Time of the node's last frame before the current event.
-    pub(super) heard: Option<i64>,
+    pub(super) received: Option<i64>,
     /// Time of the node's first frame.
     pub(super) present: Option<i64>,
 }
@@ -51,7 +51,7 @@ impl NodeRules {
             last: LastValues::new(plan.watched_count()),
             proofs: RuleProofs::new(plan),
             changes: Vec::new(),
-            heard: None,
+            received: None,
             present: None,
         };
         Self {

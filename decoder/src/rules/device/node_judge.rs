@@ -128,7 +128,7 @@ impl NodeJudge<'_> {
     pub(super) fn note_last_frame(&mut self, context: &RuleContext<'_>) {
         let (frame, stamp) = self.node.last_seen();
         if let Some(stamp) = stamp.filter(|_| frame != 0) {
-            self.own.record.heard = Some(self.bus.monotonic(stamp).saturating_sub(context.silence));
+            self.own.record.received = Some(self.bus.monotonic(stamp).saturating_sub(context.silence));
         }
     }
 
@@ -237,7 +237,7 @@ impl NodeJudge<'_> {
                     self.on_group(pgn, occasion, context);
                 }
             }
-            EventKind::MessageGap(gap) if gap.came_again => self.on_gap_end(gap, occasion, context),
+            EventKind::MessageGap(gap) if gap.has_returned => self.on_gap_end(gap, occasion, context),
             EventKind::Dtc(dtc) if matches!(dtc.action, DtcAction::Raised | DtcAction::Recurred) => {
                 self.judge_event(&TriggerEvent::Dtc(dtc.spn, dtc.fmi), occasion, context);
             }

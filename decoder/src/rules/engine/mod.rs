@@ -205,17 +205,17 @@ impl RuleEngine {
         let mut news = std::mem::take(&mut self.held);
         news.append(&mut self.ledger.news);
         for one in news {
-            let Some((group, said)) = self.ledger.finding_news(one) else { continue };
+            let Some((group, stated)) = self.ledger.finding_news(one) else { continue };
             let rule = self.ledger.rules.get(usize::from(group.key.rule));
             let waits = rule.is_some_and(|rule| rule.is_timing) && !is_timed;
             if waits || group.key.bus != bus.index() {
                 self.held.push(one);
                 continue;
             }
-            let is_repeated = said.count > 1;
+            let is_repeated = stated.count > 1;
             let kind = match one.what {
-                GroupChange::Opened => EventKind::FindingOpened(Box::new(said)),
-                GroupChange::Closed | GroupChange::Ended => EventKind::FindingClosed(Box::new(said)),
+                GroupChange::Opened => EventKind::FindingOpened(Box::new(stated)),
+                GroupChange::Closed | GroupChange::Ended => EventKind::FindingClosed(Box::new(stated)),
             };
             let event = Event {
                 time: one.at.time,

@@ -50,10 +50,10 @@ mod tests {
     fn a_waiver_of_an_unknown_rule_is_reported_with_its_place() {
         let waiver = |rule: &str| errors(&format!("[[waiver]]\nrule = \"{rule}\"\ntext = \"t\"\n"));
         assert_eq!(waiver("boot-up-missing"), [""; 0]);
-        let told =
+        let reported =
             "3:8: unknown rule 'sdo-short-frame' in waiver; similar rules: sdo-abort-code, pdo-short, ";
         let found = waiver("sdo-short-frame");
-        assert!(found.len() == 1 && found[0].starts_with(told), "{found:?}");
+        assert!(found.len() == 1 && found[0].starts_with(reported), "{found:?}");
     }
 
     #[test]
@@ -64,7 +64,7 @@ mod tests {
         };
         assert_eq!(errors(&format!("{}{}", rule("a", "b"), rule("b", "sdo-size"))), [""; 0]);
         let found = errors(&rule("a", "node-lots"));
-        let told = "2:1: unknown rule 'node-lots' in takes_in or follows; similar rules: node-lost, ";
-        assert!(found.len() == 1 && found[0].starts_with(told), "{found:?}");
+        let reported = "2:1: unknown rule 'node-lots' in takes_in or follows; similar rules: node-lost, ";
+        assert!(found.len() == 1 && found[0].starts_with(reported), "{found:?}");
     }
 }

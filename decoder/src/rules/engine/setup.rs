@@ -282,9 +282,9 @@ mod tests {
         assert_eq!(check(known), Ok(()));
         let error =
             check("[rules.\"rexroth-sydfec:offset-before-gian\"]\nseverity = \"note\"\n").unwrap_err();
-        let said = "1:8: profile 'rexroth-sydfec' has no rule 'offset-before-gian'; did you mean \
+        let stated = "1:8: profile 'rexroth-sydfec' has no rule 'offset-before-gian'; did you mean \
                     'rexroth-sydfec:offset-before-gain'?";
-        assert!(error.starts_with(said), "{error}");
+        assert!(error.starts_with(stated), "{error}");
         let gap = |key: &str| format!("[rules.\"danfoss-pve-ci:avc-gap\"]\n{key}\n");
         assert_eq!(check(&gap("ms = 300")), Ok(()));
         let error = check(&gap("milliseconds = 300")).unwrap_err();

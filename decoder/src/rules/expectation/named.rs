@@ -71,8 +71,8 @@ impl RequiredNames {
         let signals = self.signals.iter();
         let signals =
             signals.map(|(name, nearest)| format!("signal '{name}' did not occur{}", nearest.hint_text()));
-        let is_heard = |id: &NodeId| bus.node(*id).is_some_and(|node| node.last_seen().0 > 0);
-        let nodes = self.nodes.iter().filter(|ids| !ids.iter().any(is_heard));
+        let is_received = |id: &NodeId| bus.node(*id).is_some_and(|node| node.last_seen().0 > 0);
+        let nodes = self.nodes.iter().filter(|ids| !ids.iter().any(is_received));
         let nodes = nodes.filter_map(|ids| Some(format!("{} sent no frame", ids.first()?.sentence_label())));
         let has_name = |name: &str| bus.nodes().any(|node| node.name() == Some(name));
         let names = self.node_names.iter().filter(|name| !has_name(name));

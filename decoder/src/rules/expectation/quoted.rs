@@ -21,10 +21,10 @@ pub(super) fn source_offset(raw: &str, at: usize) -> usize {
     if is_literal {
         return (start + at).min(raw.len().saturating_sub(quote)).max(start);
     }
-    let mut said = 0;
-    while said < at && !rest.is_empty() {
+    let mut stated = 0;
+    while stated < at && !rest.is_empty() {
         let (read, says) = escape_length(rest);
-        said += says;
+        stated += says;
         rest = rest.get(read..).unwrap_or_default();
     }
     // TOML: a backslash at the line end produces no text; the position moves to the text after it.

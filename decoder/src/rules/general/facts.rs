@@ -27,8 +27,8 @@ pub(super) fn confirmed_number(node: &Node, index: u16, sub: u8) -> Option<u64> 
 /// Value that was written, read or given and not invalidated by a restart since; `None` for PDO contents.
 pub(super) fn confirmed_value(node: &Node, address: ObjectAddress) -> Option<u64> {
     let entry = node.store().seen_value(address)?;
-    let is_sure = !entry.stale && entry.origin.kind != OriginKind::Pdo;
-    is_sure.then(|| node.store().number(address)).flatten()
+    let is_certain = !entry.stale && entry.origin.kind != OriginKind::Pdo;
+    is_certain.then(|| node.store().number(address)).flatten()
 }
 
 /// Value of an object, with its certainty.
@@ -99,8 +99,8 @@ const fn of_use(index: u16) -> u64 {
 #[inline]
 pub(super) fn mapped_bytes(pdo: &DecodedPdo) -> Option<u16> {
     let layout = pdo.layout.as_deref()?;
-    let is_sure = !layout.assumed && !pdo.is_request && layout.bits > 0 && !layout.origin.is_database();
-    is_sure.then(|| layout.bits.div_ceil(8))
+    let is_certain = !layout.assumed && !pdo.is_request && layout.bits > 0 && !layout.origin.is_database();
+    is_certain.then(|| layout.bits.div_ceil(8))
 }
 
 /// Whether a TPDO is sent on change only: event-driven without an event timer (CiA 301 §7.5.2.37), and never

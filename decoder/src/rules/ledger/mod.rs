@@ -80,7 +80,7 @@ struct GroupState {
     /// Largest measure so far.
     worst: f64,
     /// Current text, if it differs from the text of the group.
-    said: Option<String>,
+    stated: Option<String>,
     /// Overrides the event word of the rule.
     word: Option<&'static str>,
 }
@@ -340,7 +340,7 @@ impl FindingLedger {
         &mut self,
         place: usize,
         claim: &DefectClaim,
-        is_said: bool,
+        is_stated: bool,
         text: impl FnOnce() -> String,
     ) {
         let (Some(group), Some(course)) = (self.groups.get_mut(place), self.courses.get_mut(place)) else {
@@ -350,17 +350,17 @@ impl FindingLedger {
         course.last = claim.now;
         course.since_open += 1;
         let worse = claim.measure.filter(|measure| *measure > course.worst);
-        if is_said || worse.is_some() {
+        if is_stated || worse.is_some() {
             // Saves memory: most of thousands of groups occur once.
-            let mut said = text();
-            said.shrink_to_fit();
+            let mut stated = text();
+            stated.shrink_to_fit();
             if group.count == 1 {
-                group.text = said;
+                group.text = stated;
             } else {
                 if let Some(measure) = worse {
-                    group.worst = Some((measure, said.clone(), claim.at));
+                    group.worst = Some((measure, stated.clone(), claim.at));
                 }
-                course.said = Some(said);
+                course.stated = Some(stated);
             }
         }
         course.worst = worse.unwrap_or(course.worst);
@@ -395,8 +395,8 @@ impl FindingLedger {
             }
         }
         if rises || group.count == 1 {
-            if let Some(said) = course.said.take() {
-                group.text = said;
+            if let Some(stated) = course.stated.take() {
+                group.text = stated;
             }
             group.severity = severity;
             group.downgraded = reason;
@@ -473,7 +473,7 @@ impl FindingLedger {
         let rule = self.rules.get(usize::from(group.key.rule))?;
         let text = match (&group.worst, news.what) {
             (Some((_, text, _)), GroupChange::Closed | GroupChange::Ended) => text.clone(),
-            _ => course.said.as_ref().unwrap_or(&group.text).clone(),
+            _ => course.stated.as_ref().unwrap_or(&group.text).clone(),
         };
         let (count, is_at_end) = (course.since_open, news.what == GroupChange::Ended);
         let word = course.word.unwrap_or(rule.word);

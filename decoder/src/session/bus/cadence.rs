@@ -85,7 +85,7 @@ impl Cadence {
         Some((median, i64::try_from(deviation).unwrap_or(i64::MAX)))
     }
 
-    pub(in crate::session) fn gap_event(&self, now: i64, came_again: bool) -> EventKind {
+    pub(in crate::session) fn gap_event(&self, now: i64, has_returned: bool) -> EventKind {
         EventKind::MessageGap(Box::new(MessageGap {
             message: self.title.clone(),
             pgn: self.id.pgn,
@@ -93,7 +93,7 @@ impl Cadence {
             gap: now.saturating_sub(self.last),
             limit: self.limit,
             usual: self.usual_interval(),
-            came_again,
+            has_returned,
         }))
     }
 }

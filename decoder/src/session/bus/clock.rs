@@ -26,8 +26,8 @@ pub(in crate::session) struct BusClock {
     offset: i64,
     now: i64,
     /// Time of the last frame; `now` can be later.
-    heard: i64,
-    /// `now` and `heard` are the last timestamp with its offset, and intervals between timestamps have varied.
+    received: i64,
+    /// `now` and `received` are the last timestamp with its offset, and intervals between timestamps have varied.
     is_regular: bool,
     gaps: TrafficGaps,
     steps: IntervalSteps,
@@ -88,14 +88,14 @@ impl BusClock {
     #[inline]
     pub(in crate::session) fn advance_regularly(&mut self, stamp: Timestamp, now: i64) {
         self.last_stamp = Some(stamp.0);
-        (self.now, self.heard) = (now, now);
+        (self.now, self.received) = (now, now);
         self.gaps.count_usual();
     }
 
     /// Applies the timestamp of the next frame.
     pub(in crate::session) fn advance_to(&mut self, stamp: Timestamp) -> ClockAdvance {
         let advance = self.advance_by(stamp);
-        let is_in_step = Some(self.now) == stamp.0.checked_add(self.offset) && self.heard == self.now;
+        let is_in_step = Some(self.now) == stamp.0.checked_add(self.offset) && self.received == self.now;
         self.is_regular = is_in_step && self.steps.have_varied;
         advance
     }
@@ -103,7 +103,7 @@ impl BusClock {
     #[inline]
     fn advance_by(&mut self, stamp: Timestamp) -> ClockAdvance {
         let Some(last_stamp) = self.last_stamp.replace(stamp.0) else {
-            (self.now, self.heard) = (stamp.0, stamp.0);
+            (self.now, self.received) = (stamp.0, stamp.0);
             return ClockAdvance { now: self.now, step: None, gap: None };
         };
         if !self.steps.have_varied {
@@ -113,14 +113,14 @@ impl BusClock {
         if stamp.0 < last_stamp {
             let difference = stamp.0.saturating_sub(last_stamp);
             if difference < -JITTER {
-                self.offset = self.heard.saturating_sub(stamp.0);
+                self.offset = self.received.saturating_sub(stamp.0);
             }
             step = Some(difference);
         }
-        let before = self.heard;
-        self.heard = before.max(stamp.0.saturating_add(self.offset));
-        self.now = self.now.max(self.heard);
-        let gap = self.heard.saturating_sub(before);
+        let before = self.received;
+        self.received = before.max(stamp.0.saturating_add(self.offset));
+        self.now = self.now.max(self.received);
+        let gap = self.received.saturating_sub(before);
         ClockAdvance { now: self.now, step, gap: Some(gap).filter(|gap| self.gaps.is_unusual(*gap)) }
     }
 
@@ -132,7 +132,7 @@ impl BusClock {
 
     /// Monotonic time of the last frame.
     pub(in crate::session) fn last_frame_time(&self) -> i64 {
-        self.heard
+        self.received
     }
 
     /// Gap above which the bus may be silent, in ns.
@@ -287,7 +287,7 @@ mod tests {
                 clock.advance_to(stamp);
             }
             other.advance_to(stamp);
-            assert_eq!((clock.now, clock.heard, clock.offset), (other.now, other.heard, other.offset));
+            assert_eq!((clock.now, clock.received, clock.offset), (other.now, other.received, other.offset));
             assert_eq!(clock.usual_gap(), other.usual_gap(), "{number}");
         }
         assert!(regular > 2_000, "{regular}");

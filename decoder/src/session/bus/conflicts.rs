@@ -8,7 +8,7 @@ use crate::wire::canopen::ObjectAddress;
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct EmittedConflicts {
     /// Objects, and hashes of the contradicting values.
-    pub(in crate::session) told: BTreeSet<(ObjectAddress, u64)>,
+    pub(in crate::session) reported: BTreeSet<(ObjectAddress, u64)>,
     /// Objects that were written: their value may differ from the device file.
     pub(in crate::session) written: BTreeSet<ObjectAddress>,
     pub(in crate::session) is_full: bool,
@@ -17,6 +17,7 @@ pub(in crate::session) struct EmittedConflicts {
 impl EmittedConflicts {
     /// Bytes held by the sets.
     pub(in crate::session) fn footprint(&self) -> usize {
-        self.told.len() * size_of::<(ObjectAddress, u64)>() + self.written.len() * size_of::<ObjectAddress>()
+        self.reported.len() * size_of::<(ObjectAddress, u64)>()
+            + self.written.len() * size_of::<ObjectAddress>()
     }
 }

@@ -152,11 +152,11 @@ impl DeviceFaults {
                 refused += 1;
                 continue;
             }
-            let was_told = known.is_some_and(|known| known.is_listed);
+            let was_reported = known.is_some_and(|known| known.is_listed);
             let known = known.unwrap_or_else(|| KnownDtc::new(code, lamps, frame, now));
             let known = KnownDtc { code, last_frame: frame, is_listed: true, ..known };
             self.previous.push(known);
-            if !was_told {
+            if !was_reported {
                 changes.push(DtcChange { known, action: DtcAction::PreviouslyActive });
             }
         }
@@ -174,8 +174,8 @@ impl DeviceFaults {
 
     /// Whether an overflow of `list` must be reported now.
     pub(in crate::session) fn should_report_overflow(&mut self, list: usize, refused: u64) -> bool {
-        let Some(said) = self.is_overflow_reported.get_mut(list) else { return false };
-        !std::mem::replace(said, refused > 0) && refused > 0
+        let Some(stated) = self.is_overflow_reported.get_mut(list) else { return false };
+        !std::mem::replace(stated, refused > 0) && refused > 0
     }
 
     /// Bytes held by the lists.

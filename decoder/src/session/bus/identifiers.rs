@@ -25,7 +25,7 @@ enum ConcernedNodes {
     /// Every CANopen node of the bus.
     Everybody,
     /// No known node.
-    Nobody,
+    NoNode,
 }
 
 impl Bus {
@@ -139,7 +139,7 @@ impl Bus {
     pub fn node_of(&self, frame: &Frame) -> Option<NodeId> {
         match self.concerned_nodes(frame) {
             ConcernedNodes::Node(node) | ConcernedNodes::Between(node, _) => Some(node),
-            ConcernedNodes::Everybody | ConcernedNodes::Nobody => None,
+            ConcernedNodes::Everybody | ConcernedNodes::NoNode => None,
         }
     }
 
@@ -150,7 +150,7 @@ impl Bus {
             ConcernedNodes::Node(known) => known == node,
             ConcernedNodes::Between(one, other) => one == node || other == node,
             ConcernedNodes::Everybody => node.canopen().is_some(),
-            ConcernedNodes::Nobody => false,
+            ConcernedNodes::NoNode => false,
         }
     }
 
@@ -232,7 +232,7 @@ impl Bus {
             Some(IdentifierService::Sdo(_, channel)) => self
                 .channels
                 .server_node(channel)
-                .map_or(ConcernedNodes::Nobody, |node| ConcernedNodes::Node(NodeId::Canopen(node))),
+                .map_or(ConcernedNodes::NoNode, |node| ConcernedNodes::Node(NodeId::Canopen(node))),
             Some(IdentifierService::Nmt) => match frame.data().get(1) {
                 None | Some(0) => ConcernedNodes::Everybody,
                 Some(node) => ConcernedNodes::Node(NodeId::Canopen(*node)),
@@ -250,7 +250,7 @@ impl Bus {
                 match (address(source), address(target)) {
                     (Ok(source), Ok(target)) => ConcernedNodes::Between(source, target),
                     (Ok(node), _) | (_, Ok(node)) => ConcernedNodes::Node(node),
-                    _ => ConcernedNodes::Nobody,
+                    _ => ConcernedNodes::NoNode,
                 }
             }
             None
@@ -259,7 +259,7 @@ impl Bus {
                 | IdentifierService::Named(_)
                 | IdentifierService::TestMarker
                 | IdentifierService::IsoTp(_),
-            ) => ConcernedNodes::Nobody,
+            ) => ConcernedNodes::NoNode,
         }
     }
 }

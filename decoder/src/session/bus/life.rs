@@ -89,7 +89,7 @@ impl Bus {
             let limit = expected.zip(factor).map(|(time, factor)| time.saturating_mul(factor));
             return Some(LifeSign { by: LifeWatch::Guarding, last, expected, limit });
         }
-        let rests = self.clock.now().saturating_sub(node.last_heard);
+        let rests = self.clock.now().saturating_sub(node.last_received);
         let cadences = self.routes.cadences().filter(|cadence| cadence.max_interval().0 == id);
         let due = |cadence: &&Cadence| {
             cadence.last_reception().map(|last| last.saturating_add(cadence.max_interval().1))
@@ -107,6 +107,6 @@ impl Bus {
         }
         let is_boot = node.last_boot().is_some_and(|(frame, _)| frame == node.last_frame);
         let by = if is_boot { LifeWatch::Boot } else { LifeWatch::Any };
-        Some(LifeSign { by, last: node.last_heard, expected: None, limit: None })
+        Some(LifeSign { by, last: node.last_received, expected: None, limit: None })
     }
 }

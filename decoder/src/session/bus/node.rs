@@ -61,7 +61,7 @@ pub struct Node {
     pub(in crate::session) is_joined: bool,
     pub(in crate::session) last_seen: Option<Timestamp>,
     /// Monotonic time of its last frame.
-    pub(in crate::session) last_heard: i64,
+    pub(in crate::session) last_received: i64,
     /// NMT reset since the last boot-up: frame and type.
     pub(in crate::session) reset_frame: Option<(u64, RestartType)>,
     /// Identifier of the SYNC that the node uses.
@@ -138,7 +138,7 @@ impl Node {
             was_present: false,
             is_joined: false,
             last_seen: None,
-            last_heard: 0,
+            last_received: 0,
             reset_frame: None,
             sync: CanId::from_standard(0x80),
             restart: RestartType::PowerOn,

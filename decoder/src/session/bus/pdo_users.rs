@@ -22,8 +22,8 @@ impl Node {
     pub(crate) fn configured_cob_id(&self, name: PdoName) -> Option<u64> {
         let object = ObjectAddress::new(name.communication_index(), 1);
         let entry = self.store.seen_value(object)?;
-        let is_sure = !entry.stale && entry.origin.kind != OriginKind::Pdo;
-        is_sure.then(|| self.store.number(object)).flatten()
+        let is_certain = !entry.stale && entry.origin.kind != OriginKind::Pdo;
+        is_certain.then(|| self.store.number(object)).flatten()
     }
 
     /// PDOs with a configured COB-ID.

@@ -41,11 +41,11 @@ impl Node {
             let is_kept = self.restart == RestartType::Communication
                 || entry.storage == ValueStorage::EachWrite
                 || entry.storage == ValueStorage::Save && self.saved;
-            let is_brought =
+            let is_restored =
                 self.restart.applies_value(waiting.effect) && waiting.effect != WriteEffect::Unknown;
             let meaning = self
                 .meaning(object)
-                .filter(|it| it.role == Some(ObjectRole::NodeId) && is_brought && is_kept)?;
+                .filter(|it| it.role == Some(ObjectRole::NodeId) && is_restored && is_kept)?;
             let to = u8::try_from(as_integer(&meaning.decode(&waiting.value))?).ok()?;
             (to != self.id.number()).then_some(to)
         })

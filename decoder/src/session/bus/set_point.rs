@@ -28,7 +28,7 @@ pub(in crate::session) struct SetPointState {
     pub(in crate::session) arrived: u64,
     pub(in crate::session) meaning: Arc<ObjectMeaning>,
     /// Value emitted last, and its quantity.
-    pub(in crate::session) told: Option<(DecodedValue, Quantity)>,
+    pub(in crate::session) reported: Option<(DecodedValue, Quantity)>,
     pub(in crate::session) effective: Option<EffectiveState>,
     pub(in crate::session) gates: Vec<String>,
     /// Value that waits for SYNC, and the time of its reception.
@@ -68,8 +68,8 @@ impl SetPointState {
 
     /// Moves a waiting value by `delay` ns, during which all traffic stopped.
     pub(in crate::session) fn postpone_value(&mut self, delay: i64) {
-        if let Some((_, came)) = &mut self.waiting {
-            came.time = came.time.saturating_add(delay);
+        if let Some((_, incoming)) = &mut self.waiting {
+            incoming.time = incoming.time.saturating_add(delay);
         }
     }
 
@@ -79,7 +79,7 @@ impl SetPointState {
 
     /// Set point as emitted last; `None` before the first event.
     pub(in crate::session) fn emitted_set_point(&self) -> Option<EmittedSetPoint<'_>> {
-        let (_, quantity) = self.told.as_ref()?;
+        let (_, quantity) = self.reported.as_ref()?;
         Some(EmittedSetPoint {
             meaning: &self.meaning,
             carrier: &self.carrier,
@@ -94,8 +94,8 @@ impl SetPointState {
 impl SetPointState {
     /// Whether a value was already emitted. An equal number may be another quantity in another mode.
     pub(in crate::session) fn is_unchanged(&self, value: &DecodedValue) -> bool {
-        self.told.as_ref().is_some_and(|(told, quantity)| {
-            told == value && (quantity.number == self.value_quantity(value).number || !self.by_message())
+        self.reported.as_ref().is_some_and(|(reported, quantity)| {
+            reported == value && (quantity.number == self.value_quantity(value).number || !self.by_message())
         })
     }
 
@@ -123,7 +123,7 @@ impl SetPointState {
             short: self.meaning.short.clone(),
             channel: self.meaning.channel,
             carrier: self.carrier.clone(),
-            from: self.told.as_ref().map(|(_, quantity)| quantity.clone()),
+            from: self.reported.as_ref().map(|(_, quantity)| quantity.clone()),
             to: self.value_quantity(value),
             unit: self.meaning.unit.clone(),
             assumed: self.assumed || self.meaning.assumed,

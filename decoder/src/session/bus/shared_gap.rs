@@ -29,16 +29,16 @@ fn periodic_producer(service: IdentifierService) -> Option<PeriodicProducer> {
     }
 }
 
-/// Time after which a bus without frames since `heard` is silent as a whole: so many producers that were active then have
+/// Time after which a bus without frames since `received` is silent as a whole: so many producers that were active then have
 /// missed all their messages. `None` if there are too few.
 pub(in crate::session) fn shared_gap(
     pulses: impl Iterator<Item = (IdentifierService, IdentifierIntervals)>,
-    heard: i64,
+    received: i64,
 ) -> Option<i64> {
     let mut missing: BTreeMap<PeriodicProducer, i64> = BTreeMap::new();
     for (service, pulse) in pulses {
         let Some((producer, due)) = periodic_producer(service).zip(pulse.due_time()) else { continue };
-        if due >= heard {
+        if due >= received {
             let latest = missing.entry(producer).or_insert(due);
             *latest = due.max(*latest);
         }

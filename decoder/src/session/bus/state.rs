@@ -162,14 +162,14 @@ impl Bus {
     /// Time without traffic after which the bus is silent as a whole, in ns: at least three periodic producers have missed
     /// all their messages. `None` if there are fewer.
     pub fn silence_limit(&self) -> Option<i64> {
-        let heard = self.clock.last_frame_time();
-        Some(self.shared_gap(heard)?.max(self.clock.usual_gap()))
+        let received = self.clock.last_frame_time();
+        Some(self.shared_gap(received)?.max(self.clock.usual_gap()))
     }
 
-    /// Time in ns after `heard`, the monotonic time of a frame, at which at least three periodic producers have missed all
+    /// Time in ns after `received`, the monotonic time of a frame, at which at least three periodic producers have missed all
     /// their messages, if no frame follows.
-    pub(in crate::session) fn shared_gap(&self, heard: i64) -> Option<i64> {
-        shared_gap(self.routes.pulses(), heard).map(|due| due.saturating_sub(heard))
+    pub(in crate::session) fn shared_gap(&self, received: i64) -> Option<i64> {
+        shared_gap(self.routes.pulses(), received).map(|due| due.saturating_sub(received))
     }
 
     /// Frame before an unusual gap in the traffic that contains a time, or that evidence spans, and that is no hole for

@@ -98,7 +98,7 @@ impl TimedMachine for ErrorControlMachine {
         }
         node.heartbeat.deadline = None;
         // A silence of the whole bus postpones the heartbeat, but not the last frame of the node.
-        let last = node.heartbeat.last.map(|last| last.min(node.last_heard));
+        let last = node.heartbeat.last.map(|last| last.min(node.last_received));
         let gap = last.map_or(0, |last| deadline.saturating_sub(last));
         // The event has the time of the deadline, and the last frame of the node as evidence.
         let mut frame = Frame { number: node.last_frame, ..Frame::EMPTY };

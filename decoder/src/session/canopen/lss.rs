@@ -123,10 +123,11 @@ impl LssMachine {
     /// Node with this identity (1018): all known numbers must be equal, and the serial number must be known.
     fn node_of_address(bus: &Bus, address: [Option<u32>; 4]) -> Option<u8> {
         let mut fitting = bus.nodes().filter(|node| {
-            let told = |sub: u8| node.store().number(ObjectAddress::new(0x1018, sub));
-            let same =
-                |(sub, number): (u8, Option<u32>)| told(sub).is_none() || told(sub) == number.map(u64::from);
-            told(4).is_some() && (1..).zip(address).all(same)
+            let reported = |sub: u8| node.store().number(ObjectAddress::new(0x1018, sub));
+            let same = |(sub, number): (u8, Option<u32>)| {
+                reported(sub).is_none() || reported(sub) == number.map(u64::from)
+            };
+            reported(4).is_some() && (1..).zip(address).all(same)
         });
         fitting.next().and_then(|node| node.id().canopen()).filter(|_| fitting.next().is_none())
     }

@@ -94,7 +94,7 @@ fn mark_producer_alive(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
     }
     node.last_frame = frame.number;
     node.last_seen = frame.time;
-    node.last_heard = now;
+    node.last_received = now;
 }
 
 /// Records the length of a PDO, which can suggest the profile of the node.

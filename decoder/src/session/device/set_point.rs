@@ -111,7 +111,7 @@ fn set_point(
         id: None,
         arrived: 0,
         meaning: Arc::clone(meaning),
-        told: None,
+        reported: None,
         effective: None,
         gates: Vec::new(),
         waiting: None,
@@ -141,8 +141,8 @@ impl ProtocolMachine for DeviceMachine {
             let id = node.id;
             for place in 0..node.behaviour.set_points.len() {
                 let waiting = set_point_mut(&mut cx.bus, id, place).and_then(|point| point.waiting.take());
-                if let Some((value, came)) = waiting {
-                    emit_set_point(id, place, value, came, frame, cx);
+                if let Some((value, incoming)) = waiting {
+                    emit_set_point(id, place, value, incoming, frame, cx);
                 }
             }
             let Some(node) = cx.bus.node_mut(id) else { return };
@@ -170,18 +170,18 @@ impl TimedMachine for DeviceMachine {
         node.behaviour.sync_queued = false;
         for place in 0..node.behaviour.set_points.len() {
             let Some(point) = set_point_mut(&mut cx.bus, id, place) else { return };
-            let Some(came) = point.waiting.as_ref().map(|(_, came)| *came) else { continue };
-            let deadline = came.time.saturating_add(SYNC_AGE);
+            let Some(incoming) = point.waiting.as_ref().map(|(_, incoming)| *incoming) else { continue };
+            let deadline = incoming.time.saturating_add(SYNC_AGE);
             if deadline >= now {
                 await_sync(cx, id, deadline);
                 continue;
             }
-            if let Some((value, came)) = point.waiting.take() {
+            if let Some((value, incoming)) = point.waiting.take() {
                 point.late = true;
                 // The event has the time of the deadline, and the frame with the set point as evidence.
                 let time = cx.bus.clock.stamp_of(deadline);
-                let frame = Frame { number: came.frame, time, ..Frame::EMPTY };
-                emit_set_point(id, place, value, came, &frame, cx);
+                let frame = Frame { number: incoming.frame, time, ..Frame::EMPTY };
+                emit_set_point(id, place, value, incoming, &frame, cx);
             }
         }
     }
@@ -192,7 +192,7 @@ fn emit_set_point(
     id: NodeId,
     place: usize,
     value: DecodedValue,
-    came: FrameMoment<()>,
+    incoming: FrameMoment<()>,
     frame: &Frame,
     cx: &mut MachineContext<'_>,
 ) {
@@ -201,15 +201,16 @@ fn emit_set_point(
     let Some(node) = cx.bus.node(id) else { return };
     let Some(point) = node.behaviour.set_points.get(place) else { return };
     let verdict = node.gate_verdict(point.gated_subject(), now);
-    let waited =
-        came.frame != frame.number && runs && node.behaviour.sync.is_some_and(|it| it.frame == frame.number);
-    let mut told = point.set_point_event(&value, verdict.effective, &verdict.gates);
-    told.sync_after = waited.then(|| now.saturating_sub(came.time));
-    let quantity = told.to.clone();
-    let mut event = cx.event_of(frame, Some(id), EventKind::SetPoint(Box::new(told)));
-    event.frames = FrameRange { first: came.frame, last: frame.number };
+    let waited = incoming.frame != frame.number
+        && runs
+        && node.behaviour.sync.is_some_and(|it| it.frame == frame.number);
+    let mut reported = point.set_point_event(&value, verdict.effective, &verdict.gates);
+    reported.sync_after = waited.then(|| now.saturating_sub(incoming.time));
+    let quantity = reported.to.clone();
+    let mut event = cx.event_of(frame, Some(id), EventKind::SetPoint(Box::new(reported)));
+    event.frames = FrameRange { first: incoming.frame, last: frame.number };
     if let Some(point) = set_point_mut(&mut cx.bus, id, place) {
-        point.told = Some((value, quantity));
+        point.reported = Some((value, quantity));
         point.effective = Some(verdict.effective);
         point.gates = verdict.gates;
     }
@@ -222,7 +223,7 @@ pub(in crate::session) fn reassess_set_points(id: NodeId, frame: &Frame, cx: &mu
     let Some(node) = cx.bus.node(id) else { return };
     let mut changes = Vec::new();
     for (place, point) in node.behaviour.set_points.iter().enumerate() {
-        let Some((value, _)) = &point.told else { continue };
+        let Some((value, _)) = &point.reported else { continue };
         let verdict = node.gate_verdict(point.gated_subject(), now);
         if point.effective != Some(verdict.effective) {
             changes.push((place, point.set_point_event(value, verdict.effective, &verdict.gates), verdict));
@@ -272,7 +273,7 @@ mod tests {
         let assignment = Assignment { bus: None, node: NodeId::Canopen(2), device, by: AssignedBy::Option };
         let options = SessionOptions { assignments: vec![assignment], ..SessionOptions::default() };
         let mut bus = BusDecoder::new(BusIndex(0), "can0", Arc::new(options));
-        let mut told = Vec::new();
+        let mut reported = Vec::new();
         for (number, (time, id, data)) in (1..).zip(frames) {
             let mut frame = Frame::data_frame(CanId::from_standard(*id), data);
             frame.number = number;
@@ -280,11 +281,11 @@ mod tests {
             bus.push(&frame, &mut |event: &Event, _: &Bus| {
                 if let EventKind::SetPoint(point) = &event.kind {
                     let time = event.time.map(|time| time.0 / 1_000_000);
-                    told.push((time, point.to.text.clone(), point.effective.name(), event.frames));
+                    reported.push((time, point.to.text.clone(), point.effective.name(), event.frames));
                 }
             });
         }
-        told
+        reported
     }
 
     #[test]
@@ -300,12 +301,12 @@ mod tests {
         // The bus continues without SYNC.
         frames.extend((1..40).map(|step| (900 + step * 100, heartbeat.0, heartbeat.1)));
         frames.push((5000, 0x080, &[]));
-        let told = set_points_of(&frames);
-        assert_eq!(told[0], (Some(20), "1".into(), "yes", FrameRange { first: 2, last: 3 }));
+        let reported = set_points_of(&frames);
+        assert_eq!(reported[0], (Some(20), "1".into(), "yes", FrameRange { first: 2, last: 3 }));
         // 900 + 1000 ms: the value replaced before a SYNC never took effect and is not emitted.
-        assert_eq!(told[1], (Some(1900), "3".into(), "no", FrameRange::one(5)));
+        assert_eq!(reported[1], (Some(1900), "3".into(), "no", FrameRange::one(5)));
         // The late SYNC arrives.
-        assert_eq!(told[2], (Some(5000), "3".into(), "yes", FrameRange::one(45)));
-        assert_eq!(told.len(), 3);
+        assert_eq!(reported[2], (Some(5000), "3".into(), "yes", FrameRange::one(45)));
+        assert_eq!(reported.len(), 3);
     }
 }

@@ -73,7 +73,7 @@ pub(in crate::session) fn join_by_serial(id: NodeId, frame: &Frame, cx: &mut Mac
 
 /// Node whose written node-ID object has the value `id` and takes effect at a restart.
 fn node_awaiting_id(bus: &Bus, id: NodeId) -> Option<NodeId> {
-    let is_told = |node: &&Node| {
+    let is_reported = |node: &&Node| {
         node.id != id
             && node.store.all_waiting().any(|(object, waiting)| {
                 let meaning = node.meaning(object).filter(|it| it.role == Some(ObjectRole::NodeId));
@@ -81,7 +81,7 @@ fn node_awaiting_id(bus: &Bus, id: NodeId) -> Option<NodeId> {
                 number == Some(i64::from(id.number()))
             })
     };
-    bus.nodes().find(is_told).map(|node| node.id)
+    bus.nodes().find(is_reported).map(|node| node.id)
 }
 
 /// Moves a node with all its state to another node-ID.

@@ -385,8 +385,8 @@ mod tests {
     fn a_claim_follows_a_command() {
         let mut bus = bus(SessionOptions::default());
         on_claim(&mut bus, 1, 0x80, 7);
-        let mut told = Vec::new();
-        let mut observer = |event: &Event, _: &Bus| told.push((event.frames, event.kind.clone()));
+        let mut reported = Vec::new();
+        let mut observer = |event: &Event, _: &Bus| reported.push((event.frames, event.kind.clone()));
         let payload = [7, 0, 0, 0, 0, 0, 0, 0, 0x85];
         // 1CFED8F9: commanded address (FED8) from F9, in frames 2 to 4.
         let id = J1939Id::from_identifier(0x1CFE_D8F9).unwrap();
@@ -395,7 +395,7 @@ mod tests {
         bus.on_payload(GroupPayload { id, data: &payload, frames }, &frame, &mut observer);
         let command =
             CommandedAddress { name: J1939Name(7), address: 0x85, source: 0xF9, present: Some(0x80) };
-        match &told[..] {
+        match &reported[..] {
             [(range, EventKind::CommandedAddress(found))] => assert_eq!((*range, found), (frames, &command)),
             other => panic!("{other:?}"),
         }
@@ -408,7 +408,7 @@ mod tests {
     }
 
     #[test]
-    fn commands_that_nobody_follows_are_given_up() {
+    fn commands_without_a_follower_are_cancelled() {
         let mut claims = ClaimMachine::default();
         let mut evicted = 0;
         for name in 0..200 {

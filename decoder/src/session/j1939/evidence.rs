@@ -53,5 +53,5 @@ pub(in crate::session) fn mark_sender_alive(bus: &mut Bus, source: u8, frame: &F
     }
     node.last_frame = frame.number;
     node.last_seen = frame.time;
-    node.last_heard = now;
+    node.last_received = now;
 }

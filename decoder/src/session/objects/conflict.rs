@@ -67,8 +67,8 @@ fn is_new_conflict(
 ) -> bool {
     let Some(node) = cx.bus.node_mut(id) else { return false };
     let conflicts = &mut node.conflicts;
-    if conflicts.told.len() < CONFLICT_LIMIT {
-        return conflicts.told.insert((object, FixedState::default().hash_one(value)));
+    if conflicts.reported.len() < CONFLICT_LIMIT {
+        return conflicts.reported.insert((object, FixedState::default().hash_one(value)));
     }
     if !std::mem::replace(&mut conflicts.is_full, true) {
         cx.emit_event(frame, id, false, EventKind::Evicted { what: EvictedState::Conflict, count: 1 });
@@ -81,12 +81,12 @@ fn not_configured(bus: &Bus, object: &DeviceObject, value: &[u8], id: NodeId) ->
     let wanted = object.configured_bytes(id.number())?;
     let node = bus.node(id)?;
     let is_constant = matches!(object.access, Some(EntryAccess::Ro | EntryAccess::Const));
-    let is_said = is_constant
+    let is_stated = is_constant
         || COMMANDS.contains(&object.address.index)
         || node.conflicts.written.contains(&object.address)
         || equals_unpadded(&wanted, value, object.data_type)
         || is_in_pdo(bus, id, object.address);
-    (!is_said).then(|| (wanted, "value differs from the configuration in the file".to_owned()))
+    (!is_stated).then(|| (wanted, "value differs from the configuration in the file".to_owned()))
 }
 
 /// Whether a PDO of the node, received so far, contains an object.
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_nobody_filled_in_says_nothing() {
+    fn an_empty_number_is_ignored() {
         // 1000:00 and 1018:03 are 0 in the file; the file header contains the revision.
         let values: [(u16, u8, &[u8]); 4] = [
             (0x1000, 0, &[9, 0, 0, 0]),
@@ -230,8 +230,8 @@ mod tests {
         let values: Vec<[u8; 2]> = (0..300_u16).map(|number| (1000 + number).to_le_bytes()).collect();
         let values: Vec<(u16, u8, &[u8])> =
             values.iter().map(|value| (0x2000, 0, value.as_slice())).collect();
-        let told = read(&mut bus(), &values);
-        assert_eq!(told.len(), CONFLICT_LIMIT + 1);
-        assert_eq!(told.last().unwrap(), "evicted conflict");
+        let reported = read(&mut bus(), &values);
+        assert_eq!(reported.len(), CONFLICT_LIMIT + 1);
+        assert_eq!(reported.last().unwrap(), "evicted conflict");
     }
 }

@@ -294,8 +294,8 @@ mod tests {
             let found = seen(&mut bus(&order), &[0x184, 0x3A0, 0x3A1]);
             assert_eq!(found[..2], ["TPDO1 of 4", "TPDO2 of 4"]);
         }
-        let nobody = seen(&mut bus(&[(5, &[("1402sub1", "=0x6B1")])]), &[0x6B1]);
-        assert_eq!(nobody, ["RPDO3 of 5"]);
+        let unassigned = seen(&mut bus(&[(5, &[("1402sub1", "=0x6B1")])]), &[0x6B1]);
+        assert_eq!(unassigned, ["RPDO3 of 5"]);
     }
 
     /// An expedited upload of four bytes.

@@ -138,13 +138,13 @@ fn set_value(
         let kind = EventKind::Evicted { what: EvictedState::Object, count: 1 };
         return cx.emit_event(frame, id, false, kind);
     };
-    let was_sure = before.as_ref().is_some_and(|before| !before.stale);
+    let was_certain = before.as_ref().is_some_and(|before| !before.stale);
     let from = before.map(|before| before.value);
     let changed = from.as_deref() != Some(learnt.value);
     if changed && learnt.origin.kind == OriginKind::Download {
         emit_object_change(id, learnt, from, entry, frame, cx);
     }
-    if changed || !was_sure {
+    if changed || !was_certain {
         cx.bus.routes.refresh_dependents(id, learnt.object);
     }
     apply_object(&mut cx.bus, id, learnt.object);

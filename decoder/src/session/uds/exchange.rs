@@ -347,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pending_request_waits_anew() {
+    fn a_pending_request_waits_again() {
         let (mut all, pairs) = (WaitingRequests::default(), UdsPairs::default());
         all.begin_request(request(THERE, 0x31, None, 0), 0);
         assert_eq!(all.arm_timer(link(THERE)), Some(SILENCE));

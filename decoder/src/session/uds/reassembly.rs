@@ -19,9 +19,9 @@ struct LinkTransferState {
     /// A valid UDS message was received on the link, or in the opposite direction.
     confirmed: bool,
     /// Consecutive frames without a first frame were already reported, since the last first frame.
-    said_start: bool,
+    stated_start: bool,
     /// Flow control without a message was already reported, since the last first frame.
-    said_control: bool,
+    stated_control: bool,
     transfer: Option<Box<MessageTransfer>>,
     deadline: Option<i64>,
     /// The deadline is in the timer queue.
@@ -98,7 +98,7 @@ impl MessageReassembly {
             IsoTpFrame::FlowControl(control) => {
                 let sender = self.states.entry(link.opposite_link()).or_default();
                 let Some(transfer) = &mut sender.transfer else {
-                    let odd = !std::mem::replace(&mut sender.said_control, true);
+                    let odd = !std::mem::replace(&mut sender.stated_control, true);
                     let odd = [odd.then_some(IsoTpIrregularity::StrayFlowControl), None];
                     return ReassemblyStep { odd, is_stray: true, ..ReassemblyStep::default() };
                 };
@@ -121,7 +121,7 @@ impl MessageReassembly {
         let receiver_is_active = self.states.get(&link.opposite_link()).is_some_and(|state| state.is_active);
         let state = self.states.entry(link).or_default();
         let Some(transfer) = &mut state.transfer else {
-            let odd = !std::mem::replace(&mut state.said_start, true);
+            let odd = !std::mem::replace(&mut state.stated_start, true);
             let odd = [odd.then_some(IsoTpIrregularity::StartNotSeen), None];
             return ReassemblyStep { odd, is_stray: true, ..ReassemblyStep::default() };
         };
@@ -138,7 +138,7 @@ impl MessageReassembly {
     /// Prepares the link for a new message; returns the open one.
     fn begin_message(&mut self, link: UdsLink) -> Option<Box<MessageTransfer>> {
         let state = self.states.entry(link).or_default();
-        (state.said_start, state.said_control) = (false, false);
+        (state.stated_start, state.stated_control) = (false, false);
         let mut superseded = self.close_message(link)?;
         superseded.outcome = MessageOutcome::Superseded;
         Some(superseded)
@@ -149,8 +149,8 @@ impl MessageReassembly {
         if self.open >= TRANSPORT_LIMIT {
             self.refused = true;
             // Its consecutive frames must not be reported as frames without a first one.
-            state.said_start = true;
-            state.said_control = true;
+            state.stated_start = true;
+            state.stated_control = true;
             return;
         }
         self.open += 1;

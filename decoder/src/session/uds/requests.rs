@@ -173,8 +173,8 @@ fn end_unanswered(
 ) {
     let Some(outcome) = exchange.unanswered_outcome() else { return };
     let outcome = instead.filter(|_| outcome == ExchangeOutcome::NoAnswer).unwrap_or(outcome);
-    let told = describe_exchange(&cx.bus, exchange.link, exchange.service, Some(exchange), None, outcome);
-    emit_exchange(exchange.link, told, exchange.request.frames, frame, cx);
+    let reported = describe_exchange(&cx.bus, exchange.link, exchange.service, Some(exchange), None, outcome);
+    emit_exchange(exchange.link, reported, exchange.request.frames, frame, cx);
 }
 
 /// Emits a final response with its request.
@@ -195,9 +195,9 @@ fn emit_response(
         cx.bus.is_uds = true;
         frames = FrameRange { first: exchange.request.frames.first, last: frames.last };
     }
-    let told = describe_exchange(&cx.bus, server, answer.service, exchange, Some(answer), outcome);
-    let written = node_id_written(&cx.bus, server, &told);
-    emit_exchange(server, told, frames, frame, cx);
+    let reported = describe_exchange(&cx.bus, server, answer.service, exchange, Some(answer), outcome);
+    let written = node_id_written(&cx.bus, server, &reported);
+    emit_exchange(server, reported, frames, frame, cx);
     if let Some((from, to)) = written {
         cx.bus.node_id_changes.by_uds = Some((from, to));
         let text = format!("node-ID {} from the next boot-up", to.number());
@@ -208,13 +208,14 @@ fn emit_response(
 }
 
 /// Present node-ID of a server, and the accepted one for its next boot-up.
-fn node_id_written(bus: &Bus, server: UdsLink, told: &UdsExchange) -> Option<(NodeId, NodeId)> {
-    let is_node_id = told.meaning.as_ref().is_some_and(|meaning| meaning.role == Some(ObjectRole::NodeId));
-    if !is_write(told.service) || !is_node_id || told.outcome != ExchangeOutcome::Positive {
+fn node_id_written(bus: &Bus, server: UdsLink, reported: &UdsExchange) -> Option<(NodeId, NodeId)> {
+    let is_node_id =
+        reported.meaning.as_ref().is_some_and(|meaning| meaning.role == Some(ObjectRole::NodeId));
+    if !is_write(reported.service) || !is_node_id || reported.outcome != ExchangeOutcome::Positive {
         return None;
     }
     let from = uds_node(bus, server)?;
-    let to = u8::try_from(as_integer(&told.decoded_value()?)?).ok().map(NodeId::Canopen)?;
+    let to = u8::try_from(as_integer(&reported.decoded_value()?)?).ok().map(NodeId::Canopen)?;
     (matches!(from, NodeId::Canopen(_)) && to.is_valid() && from != to).then_some((from, to))
 }
 
@@ -232,14 +233,14 @@ fn identifier_order(bus: &Bus, link: UdsLink) -> EmcyByteOrder {
 
 fn emit_exchange(
     link: UdsLink,
-    told: UdsExchange,
+    reported: UdsExchange,
     frames: FrameRange,
     frame: &Frame,
     cx: &mut MachineContext<'_>,
 ) {
-    let routine = told.service == TESTER_PRESENT
-        && matches!(told.outcome, ExchangeOutcome::Positive | ExchangeOutcome::Suppressed);
-    let kind = EventKind::UdsExchange(Box::new(told));
+    let routine = reported.service == TESTER_PRESENT
+        && matches!(reported.outcome, ExchangeOutcome::Positive | ExchangeOutcome::Suppressed);
+    let kind = EventKind::UdsExchange(Box::new(reported));
     let mut event = cx.uds_event(frame, frames, uds_node(&cx.bus, link), kind);
     event.routine = routine;
     cx.send_event(&event);

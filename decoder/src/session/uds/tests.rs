@@ -182,7 +182,7 @@ fn can_fd_carries_messages_of_a_frame() {
 }
 
 #[test]
-fn a_message_nobody_continues_times_out() {
+fn an_incomplete_message_times_out() {
     let mut scene = Scene::new("");
     let (id, data) = there(&[0x10, 0, 0xFF, 0xFF, 0xFF, 0xFF, 0x36, 1]);
     scene.at(0, id, &data);

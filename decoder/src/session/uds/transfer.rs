@@ -55,7 +55,7 @@ pub(super) struct MessageTransfer {
     /// At least one consecutive frame was received.
     has_gone_on: bool,
     /// Missing flow control was already reported.
-    said: bool,
+    stated: bool,
     pub(super) outcome: MessageOutcome,
 }
 
@@ -81,7 +81,7 @@ impl MessageTransfer {
             next: 1,
             waiting: AwaitedFrame::FlowControl,
             has_gone_on: false,
-            said: false,
+            stated: false,
             outcome: MessageOutcome::Unfinished,
         };
         transfer.keep_data(data);
@@ -115,21 +115,21 @@ impl MessageTransfer {
         self.data.extend_from_slice(kept);
     }
 
-    /// Applies a consecutive frame; returns its irregularities. `receiver_is_heard`: frames of the receiver
+    /// Applies a consecutive frame; returns its irregularities. `has_receiver`: frames of the receiver
     /// are in the capture, so its flow control would be, too.
     pub(super) fn apply_consecutive(
         &mut self,
         sequence: u8,
         data: &[u8],
         frame: &Frame,
-        receiver_is_heard: bool,
+        has_receiver: bool,
     ) -> [Option<IsoTpIrregularity>; 2] {
         self.add_frame(frame);
         if sequence == self.next.wrapping_sub(1) & 0x0F && self.has_gone_on {
             return [None, Some(IsoTpIrregularity::Duplicate { found: sequence })];
         }
-        let unasked = self.waiting == AwaitedFrame::FlowControl && receiver_is_heard && !self.said;
-        self.said |= unasked;
+        let unasked = self.waiting == AwaitedFrame::FlowControl && has_receiver && !self.stated;
+        self.stated |= unasked;
         let lost = sequence.wrapping_sub(self.next) & 0x0F;
         let gap =
             (lost > 0).then_some(IsoTpIrregularity::SequenceGap { expected: self.next, found: sequence });

@@ -305,7 +305,7 @@ pub(super) fn message_gap(gap: &MessageGap, event: &Event, bus: &Bus) -> EventWo
     if let Some((usual, deviation)) = gap.usual {
         let _ = write!(what, " (usual {} ± {})", whole(usual), whole(deviation));
     }
-    if !gap.came_again {
+    if !gap.has_returned {
         what.push_str(", not received again");
     }
     let who = match event.node {

@@ -8,7 +8,7 @@ use anyhow::Context as _;
 use cobscope_decoder::capture::{Batch, BusNames, CaptureReader, MergedCapture, MergedReader};
 use cobscope_decoder::series::{CapturePlacement, JoinOptions, arrange_captures};
 
-use super::said::common_name;
+use super::notes::common_name;
 use crate::cli::InputArgs;
 use crate::cmd::input::{join_options, read_options};
 use crate::cmd::messages::print_note;

@@ -7,8 +7,8 @@
 
 mod choice;
 mod input;
+mod notes;
 mod output;
-mod said;
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -35,8 +35,8 @@ use crate::source::time_span;
 use crate::words::{unknown_bus, unreadable_text};
 use choice::FrameChoice;
 use input::ConversionInput;
+use notes::{CaptureNotes, common_name};
 use output::ConversionOutput;
-use said::{CaptureNotes, common_name};
 
 /// Maximum number of unreadable lines reported individually.
 const NAMED: u64 = 10;

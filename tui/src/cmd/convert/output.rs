@@ -45,7 +45,7 @@ pub(super) struct ConversionOutput {
     /// Bus names in the order of their numbers, for formats with bus numbers.
     numbered: Vec<String>,
     /// Whether a bus number has different meanings in different files.
-    is_numbered_anew: bool,
+    is_renumbered: bool,
     /// Whether to start a new file with the next frame.
     is_split: bool,
 }
@@ -93,7 +93,7 @@ impl ConversionOutput {
             parts: 0,
             frames: 0,
             numbered: Vec::new(),
-            is_numbered_anew: false,
+            is_renumbered: false,
             is_split: false,
         };
         output.begin_file()?;
@@ -190,7 +190,7 @@ impl ConversionOutput {
     /// Ends a file. One without frames would look like a capture, and is removed.
     fn end_file(&mut self) -> anyhow::Result<()> {
         let Some(mut part) = self.part.take() else { return Ok(()) };
-        self.is_numbered_anew |= part.buses.iter().zip(&self.numbered).any(|(one, other)| one != other);
+        self.is_renumbered |= part.buses.iter().zip(&self.numbered).any(|(one, other)| one != other);
         if part.buses.len() > self.numbered.len() {
             self.numbered = part.buses;
         }
@@ -209,7 +209,7 @@ impl ConversionOutput {
         if buses.names().len() < 2 || are_plain {
             return None;
         }
-        if self.is_numbered_anew {
+        if self.is_renumbered {
             return Some(format!(
                 "{title} stores bus numbers, assigned per file; comments in the files contain the names"
             ));

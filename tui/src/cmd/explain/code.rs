@@ -17,8 +17,8 @@ pub(super) fn section_of(device: &DeviceProfile, section: &str) -> String {
     format!("{section} of {}", device.source)
 }
 
-/// Explains an EMCY error code; `None` if it is unknown, or if only its class is known and `sure` is set.
-pub(super) fn explain_emcy(asked: &LookupScope, code: u16, sure: bool) -> Option<String> {
+/// Explains an EMCY error code; `None` if it is unknown, or if only its class is known and `certain` is set.
+pub(super) fn explain_emcy(asked: &LookupScope, code: u16, certain: bool) -> Option<String> {
     let standard = profile::emcy_codes().find_code(u32::from(code));
     let shown = format!("{code:04X}");
     let Some(device) = &asked.device else {
@@ -42,7 +42,7 @@ pub(super) fn explain_emcy(asked: &LookupScope, code: u16, sure: bool) -> Option
     }
     let swapped = swapped_code(device, code);
     let is_exact = standard.is_some_and(|entry| entry.number == u32::from(code));
-    if swapped.is_none() && (standard.is_none() || sure && !is_exact) {
+    if swapped.is_none() && (standard.is_none() || certain && !is_exact) {
         return None;
     }
     let mut block =

@@ -13,7 +13,7 @@ use crate::cli::InputArgs;
 use crate::path_text::path_text;
 
 /// Maximum number of problems printed per file.
-const TOLD: usize = 5;
+const REPORTED: usize = 5;
 
 /// Databases for all buses, and for buses with their own databases.
 pub(super) struct BusDatabases {
@@ -63,10 +63,10 @@ impl DatabaseReader<'_> {
         let shown = path_text(path);
         let file = dbc::parse_database(&read_bytes(path)?)
             .map_err(|problem| anyhow::anyhow!("{shown}:{problem}"))?;
-        for problem in file.problems.iter().take(TOLD) {
+        for problem in file.problems.iter().take(REPORTED) {
             self.problems.push(format!("{shown}:{problem}"));
         }
-        if let Some(more) = file.problems.len().checked_sub(TOLD).filter(|more| *more > 0) {
+        if let Some(more) = file.problems.len().checked_sub(REPORTED).filter(|more| *more > 0) {
             self.problems.push(format!("{shown}: {}", count_noun(more, "more problem")));
         }
         self.files.insert(path.to_owned(), file.clone());

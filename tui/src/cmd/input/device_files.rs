@@ -18,7 +18,7 @@ use crate::cmd::messages::print_warning;
 use crate::path_text::path_text;
 
 /// Maximum number of problems printed per file.
-const TOLD: usize = 5;
+const REPORTED: usize = 5;
 
 /// Whether a file name has the suffix of a device file.
 pub(in crate::cmd) fn is_device_file(path: &Path) -> bool {
@@ -101,9 +101,9 @@ impl DescriptionReader<'_> {
 /// The first problems and the number of further ones.
 fn first_problems(path: &Path, file: &DeviceFile) -> Vec<String> {
     let mut lines = problem_lines(path, file);
-    if let Some(more) = lines.len().checked_sub(TOLD).filter(|more| *more > 0) {
+    if let Some(more) = lines.len().checked_sub(REPORTED).filter(|more| *more > 0) {
         let shown = path_text(path);
-        lines.truncate(TOLD);
+        lines.truncate(REPORTED);
         lines
             .push(format!("{shown}: {} (cobscope profiles check {shown})", count_noun(more, "more problem")));
     }

@@ -143,14 +143,14 @@ impl LiveSession {
         interrupted: &AtomicBool,
     ) {
         let patience = arguments.timeout.map(Duration::from_millis);
-        let mut heard = Instant::now();
+        let mut received = Instant::now();
         while !interrupted.load(Ordering::Relaxed) && !self.is_done() {
             match inbox.recv_timeout(WAIT) {
-                Ok(came) => {
-                    if came.items.iter().any(|item| matches!(item, Arrival::Frame(_))) {
-                        heard = Instant::now();
+                Ok(arrived) => {
+                    if arrived.items.iter().any(|item| matches!(item, Arrival::Frame(_))) {
+                        received = Instant::now();
                     }
-                    self.take(came);
+                    self.take(arrived);
                 }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
@@ -159,7 +159,7 @@ impl LiveSession {
                 cuts.tick();
             }
             self.report_troubles(&state.get());
-            if patience.is_some_and(|patience| heard.elapsed() >= patience) {
+            if patience.is_some_and(|patience| received.elapsed() >= patience) {
                 return;
             }
         }

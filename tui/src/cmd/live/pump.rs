@@ -87,9 +87,9 @@ struct PumpThread {
 impl PumpThread {
     fn run(mut self, stop: &AtomicBool) -> Option<RecordStatus> {
         while !stop.load(Ordering::Relaxed) {
-            let came = if self.left > 0 { self.gather.next(WAIT) } else { None };
-            let has_ended = came.is_none();
-            let mut items = came.unwrap_or_default();
+            let arrived = if self.left > 0 { self.gather.next(WAIT) } else { None };
+            let has_ended = arrived.is_none();
+            let mut items = arrived.unwrap_or_default();
             self.limit(&mut items);
             self.record(&items);
             update_state(&self.gather, self.recorder.as_ref(), &self.state);

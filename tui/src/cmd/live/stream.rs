@@ -67,7 +67,7 @@ pub(in crate::cmd) fn run(
     let mut written = Ok(());
     while !interrupted.load(Ordering::Relaxed) && written.is_ok() {
         match inbox.recv_timeout(WAIT) {
-            Ok(came) => written = stream.take(&came),
+            Ok(arrived) => written = stream.take(&arrived),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => break,
         }
@@ -111,18 +111,18 @@ impl LiveStream {
     }
 
     /// Writes items; all of them are in the stream when it returns.
-    fn take(&mut self, came: &PendingDeliveries) -> io::Result<()> {
-        for item in &came.items {
+    fn take(&mut self, arrived: &PendingDeliveries) -> io::Result<()> {
+        for item in &arrived.items {
             match item {
                 Arrival::Frame(frame) => {
                     self.frames = self.frames.saturating_add(1);
-                    self.frame(&Frame { number: self.frames, ..*frame }, &came.names)?;
+                    self.frame(&Frame { number: self.frames, ..*frame }, &arrived.names)?;
                 }
                 Arrival::Notice(notice) => {
                     if let Some(decoder) = &mut self.decoder {
-                        decoder.on_notice(notice, &came.names, &mut |_: &Event, _: &Bus| {});
+                        decoder.on_notice(notice, &arrived.names, &mut |_: &Event, _: &Bus| {});
                     }
-                    self.writer.notice(notice, name(&came.names, notice.bus()))?;
+                    self.writer.notice(notice, name(&arrived.names, notice.bus()))?;
                 }
             }
         }

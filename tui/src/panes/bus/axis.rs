@@ -146,9 +146,9 @@ mod tests {
         // Steps of 100 ms: two frames, one, none, an error frame.
         let load = load(&[0, 50, 100, -350]);
         let axis = TimeAxis::new(0, 350_000_000, 0, 0, 2);
-        let told = axis.column_contents(&load);
-        assert_eq!(told[0], AxisColumnContent { bits: 960, frames: 20, errors: 0 });
-        assert_eq!((told[1].frames, told[1].errors), (10, 1));
+        let reported = axis.column_contents(&load);
+        assert_eq!(reported[0], AxisColumnContent { bits: 960, frames: 20, errors: 0 });
+        assert_eq!((reported[1].frames, reported[1].errors), (10, 1));
     }
 
     #[test]

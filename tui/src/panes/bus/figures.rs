@@ -32,36 +32,40 @@ pub(super) fn figure_lines(
     bus: Option<(&Bus, &BusStatistics)>,
     buses: usize,
 ) -> LabelledLines {
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     if !survey.is_complete {
-        told.push(("progress", TextRole::Note, format!("{} analysed", count_noun(survey.frames, "frame"))));
+        reported.push((
+            "progress",
+            TextRole::Note,
+            format!("{} analysed", count_noun(survey.frames, "frame")),
+        ));
     }
     if let Some((bus, statistics)) = bus {
-        told.extend(
+        reported.extend(
             rates_of(survey, bus, statistics).into_iter().map(|text| ("frames", TextRole::Text, text)),
         );
         let quality = &survey.overview.statistics.quality;
-        told.extend(
+        reported.extend(
             command_texts(statistics, quality).into_iter().map(|text| ("master", TextRole::Text, text)),
         );
         if statistics.undecoded + statistics.malformed > 0 {
             let role = if statistics.malformed > 0 { TextRole::Caution } else { TextRole::Text };
             let (undecoded, malformed) = (statistics.undecoded, statistics.malformed);
-            told.push((
+            reported.push((
                 "unknown",
                 role,
                 format!("{} of unknown services, {malformed} malformed", count_noun(undecoded, "frame")),
             ));
         }
     }
-    told.extend(bus.and_then(|(bus, _)| controller_figure(core, bus)));
-    told.extend(quality_figures(core, survey, buses));
-    told.extend(core.unknown_buses(survey).into_iter().map(|text| ("names", TextRole::Caution, text)));
-    told.extend(file_texts(core).into_iter().map(|text| ("capture", TextRole::Text, text)));
+    reported.extend(bus.and_then(|(bus, _)| controller_figure(core, bus)));
+    reported.extend(quality_figures(core, survey, buses));
+    reported.extend(core.unknown_buses(survey).into_iter().map(|text| ("names", TextRole::Caution, text)));
+    reported.extend(file_texts(core).into_iter().map(|text| ("capture", TextRole::Text, text)));
     let line = |(label, role, text): (&'static str, TextRole, String)| {
         (label, Line::styled(escape(&text).into_owned(), core.theme.role_style(role)))
     };
-    LabelledLines { room: LABEL, lines: told.into_iter().map(line).collect() }
+    LabelledLines { room: LABEL, lines: reported.into_iter().map(line).collect() }
 }
 
 /// Frame rate and load of a bus.
@@ -86,27 +90,27 @@ fn quality_figures(
     buses: usize,
 ) -> Vec<(&'static str, TextRole, String)> {
     let quality = &survey.overview.statistics.quality;
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     if quality.error_frames == 0 {
         let text = "cannot be judged: this capture has no error frames";
-        told.push(("wiring", TextRole::Note, text.to_owned()));
+        reported.push(("wiring", TextRole::Note, text.to_owned()));
     } else {
         let of = if buses > 1 { ", all buses" } else { "" };
-        told.push(("wiring", TextRole::Bad, format!("{}{of}", error_frames(quality))));
+        reported.push(("wiring", TextRole::Bad, format!("{}{of}", error_frames(quality))));
     }
     match granularity_text(quality) {
         Some(text) => {
             let role = if quality.is_timed() { TextRole::Text } else { TextRole::Caution };
             let figure = text.strip_prefix("timestamps ").unwrap_or(&text).to_owned();
-            told.push(("timestamps", role, figure));
+            reported.push(("timestamps", role, figure));
         }
-        None => told.push(("timestamps", TextRole::Caution, "none".to_owned())),
+        None => reported.push(("timestamps", TextRole::Caution, "none".to_owned())),
     }
-    told.extend(capture_defects(quality).into_iter().map(|text| ("quality", TextRole::Bad, text)));
+    reported.extend(capture_defects(quality).into_iter().map(|text| ("quality", TextRole::Bad, text)));
     if let Some(failure) = core.timeline.failure() {
-        told.push(("failure", TextRole::Bad, failure));
+        reported.push(("failure", TextRole::Bad, failure));
     }
-    told
+    reported
 }
 
 /// The captures with their format and size.

@@ -37,8 +37,8 @@ pub(super) fn advice_items(node: Option<&Node>, event: &Event) -> Vec<DetailItem
         }
         _ => {}
     }
-    let told = rows.iter().filter(|(_, text)| !text.is_empty());
-    told.map(|(key, text)| DetailItem::new(&format!("{key}: {text}"), TextRole::Text)).collect()
+    let reported = rows.iter().filter(|(_, text)| !text.is_empty());
+    reported.map(|(key, text)| DetailItem::new(&format!("{key}: {text}"), TextRole::Text)).collect()
 }
 
 fn push_emcy(device: Option<&DeviceProfile>, code: u16, rows: &mut Vec<(&str, String)>) {

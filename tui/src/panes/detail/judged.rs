@@ -26,7 +26,7 @@ pub(super) fn finding_items(core: &UiState, row: Option<&ReplayRow>) -> Vec<Deta
         None => vec![core.cursor.frame],
     };
     let survey = core.timeline.survey();
-    let (mut items, mut told) = (Vec::new(), Vec::new());
+    let (mut items, mut reported) = (Vec::new(), Vec::new());
     match &survey.findings {
         Some(findings) => {
             let here = |occurrence: &Occurrence| {
@@ -36,8 +36,8 @@ pub(super) fn finding_items(core: &UiState, row: Option<&ReplayRow>) -> Vec<Deta
             for group in findings.groups.iter().filter(is_here) {
                 of_group(core, findings, group, &mut items);
                 // The text of a rule is shown once for all its findings.
-                if !told.contains(&group.key.rule) {
-                    told.push(group.key.rule);
+                if !reported.contains(&group.key.rule) {
+                    reported.push(group.key.rule);
                     if let Some(rule) = findings.rules.get(usize::from(group.key.rule)) {
                         push_explanation(rule, &mut items);
                     }

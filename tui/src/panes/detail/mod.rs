@@ -86,10 +86,10 @@ impl DetailPane {
     }
 
     /// The selected part of the payload.
-    fn selected_part(&self, told: &DetailContent<'_>) -> Option<usize> {
-        match told.items.get(self.selected_item(told)).map(|item| &item.leads) {
+    fn selected_part(&self, reported: &DetailContent<'_>) -> Option<usize> {
+        match reported.items.get(self.selected_item(reported)).map(|item| &item.leads) {
             Some(ItemTarget::Part(part))
-                if self.bit.is_none_or(|bit| part_at(&told.payload, bit).is_some()) =>
+                if self.bit.is_none_or(|bit| part_at(&reported.payload, bit).is_some()) =>
             {
                 Some(*part)
             }
@@ -98,59 +98,59 @@ impl DetailPane {
     }
 
     /// The selected item; after a heading, the item below it.
-    fn selected_item(&self, told: &DetailContent<'_>) -> usize {
-        let rest = told.items.iter().enumerate().skip(self.selected);
+    fn selected_item(&self, reported: &DetailContent<'_>) -> usize {
+        let rest = reported.items.iter().enumerate().skip(self.selected);
         let mut rest = rest.filter(|(_, item)| item.can_be_selected());
         rest.next().map_or_else(
-            || told.items.iter().rposition(DetailItem::can_be_selected).unwrap_or(0),
+            || reported.items.iter().rposition(DetailItem::can_be_selected).unwrap_or(0),
             |(index, _)| index,
         )
     }
 
-    fn step_selection(&mut self, told: &DetailContent<'_>, delta: isize) {
-        let places = told.items.iter().enumerate().filter(|(_, item)| item.can_be_selected());
+    fn step_selection(&mut self, reported: &DetailContent<'_>, delta: isize) {
+        let places = reported.items.iter().enumerate().filter(|(_, item)| item.can_be_selected());
         let places: Vec<usize> = places.map(|(index, _)| index).collect();
-        let at = places.partition_point(|index| *index < self.selected_item(told));
+        let at = places.partition_point(|index| *index < self.selected_item(reported));
         let to = at.saturating_add_signed(delta).min(places.len().saturating_sub(1));
         self.selected = places.get(to).copied().unwrap_or(0);
         self.bit = None;
     }
 
     /// Moves the bit cursor in screen order.
-    fn step_bit(&mut self, told: &DetailContent<'_>, delta: i16) {
-        let count = u16::try_from(told.payload.bytes.len().min(64) * 8).unwrap_or(0);
+    fn step_bit(&mut self, reported: &DetailContent<'_>, delta: i16) {
+        let count = u16::try_from(reported.payload.bytes.len().min(64) * 8).unwrap_or(0);
         if count == 0 {
             return;
         }
-        let part = self.selected_part(told).and_then(|part| told.payload.parts.get(part));
+        let part = self.selected_part(reported).and_then(|part| reported.payload.parts.get(part));
         let place = match (self.bit, part) {
             (Some(bit), _) => bits::on_screen(bit).saturating_add_signed(delta),
             (None, Some(part)) => first_on_screen(part),
             (None, None) => 0,
         };
-        self.select_bit(told, bits::on_screen(place.min(count - 1)));
+        self.select_bit(reported, bits::on_screen(place.min(count - 1)));
     }
 
     /// Selects a bit and the part that contains it.
-    fn select_bit(&mut self, told: &DetailContent<'_>, bit: u16) {
+    fn select_bit(&mut self, reported: &DetailContent<'_>, bit: u16) {
         self.bit = Some(bit);
-        if let Some(part) = part_at(&told.payload, bit) {
+        if let Some(part) = part_at(&reported.payload, bit) {
             let is_it = |item: &DetailItem| item.leads == ItemTarget::Part(part);
-            self.selected = told.items.iter().position(is_it).unwrap_or(self.selected);
+            self.selected = reported.items.iter().position(is_it).unwrap_or(self.selected);
         }
     }
 
     fn open_target(&mut self, core: &UiState) -> Vec<PaneRequest> {
-        let told = self.detail_content(core);
-        match told.items.get(self.selected_item(&told)).map(|item| item.leads.clone()) {
+        let reported = self.detail_content(core);
+        match reported.items.get(self.selected_item(&reported)).map(|item| item.leads.clone()) {
             Some(ItemTarget::Place(place)) => vec![PaneRequest::Go(place)],
             Some(ItemTarget::Frame(frame)) => {
                 self.frame = if self.frame == Some(frame) { None } else { Some(frame) };
                 self.bit = None;
                 // The items above may have changed.
-                let told = self.detail_content(core);
+                let reported = self.detail_content(core);
                 let is_it = |item: &DetailItem| item.leads == ItemTarget::Frame(frame);
-                self.selected = told.items.iter().position(is_it).unwrap_or(0);
+                self.selected = reported.items.iter().position(is_it).unwrap_or(0);
                 Vec::new()
             }
             _ => Vec::new(),
@@ -158,8 +158,8 @@ impl DetailPane {
     }
 
     fn plot_signals(&self, core: &UiState) -> Vec<PaneRequest> {
-        let told = self.detail_content(core);
-        let part = self.selected_part(&told).and_then(|part| told.payload.parts.get(part));
+        let reported = self.detail_content(core);
+        let part = self.selected_part(&reported).and_then(|part| reported.payload.parts.get(part));
         match part.and_then(|part| part.signal.clone()) {
             Some(signal) => {
                 let text = format!("{} added to the plot", signal.name);
@@ -209,10 +209,10 @@ fn first_on_screen(part: &payload::PayloadPart) -> u16 {
 }
 
 /// Areas for title, bits and text.
-fn text_areas(told: &DetailContent<'_>, title_lines: u16, area: Rect) -> DetailAreas {
+fn text_areas(reported: &DetailContent<'_>, title_lines: u16, area: Rect) -> DetailAreas {
     let title = Rect { height: title_lines.min(area.height), ..area };
     let rest = Rect { y: area.y + title.height, height: area.height - title.height, ..area };
-    if told.payload.bytes.is_empty() {
+    if reported.payload.bytes.is_empty() {
         return DetailAreas { title, bits: Rect { height: 0, ..rest }, text: rest };
     }
     if area.width >= WIDE {
@@ -221,26 +221,26 @@ fn text_areas(told: &DetailContent<'_>, title_lines: u16, area: Rect) -> DetailA
         let text = Rect { x: rest.x + width + 1, width: rest.width - width - 1, ..rest };
         return DetailAreas { title, bits, text };
     }
-    let block = if told.payload.parts.is_empty() { 3 } else { 4 };
+    let block = if reported.payload.parts.is_empty() { 3 } else { 4 };
     let bytes_a_row = if area.width >= EIGHT_BYTES - 1 { 8 } else { 4 };
-    let blocks = draw::to_cells(told.payload.bytes.len().min(64).div_ceil(bytes_a_row));
+    let blocks = draw::to_cells(reported.payload.bytes.len().min(64).div_ceil(bytes_a_row));
     let height = (blocks * block).min(MOST_BITS).min(rest.height / 2);
     let bits = Rect { height, ..rest };
     DetailAreas { title, bits, text: Rect { y: rest.y + height, height: rest.height - height, ..rest } }
 }
 
 /// Time and place of the event, and its text.
-fn title_text_lines(core: &UiState, told: &DetailContent<'_>) -> Vec<Line<'static>> {
-    let time = told.row.map_or_else(|| core.cursor_time(), |row| row.event.time);
+fn title_text_lines(core: &UiState, reported: &DetailContent<'_>) -> Vec<Line<'static>> {
+    let time = reported.row.map_or_else(|| core.cursor_time(), |row| row.event.time);
     let mut place: Vec<String> = core.time_words(time, 6).into_iter().collect();
     place.extend(time.and_then(date_text));
     let quiet = |place: &[String]| {
         let text = cobscope_decoder::sink::escape(&place.join("  ")).into_owned();
         Line::styled(text, core.theme.role_style(TextRole::Quiet))
     };
-    let Some(row) = told.row else {
+    let Some(row) = reported.row else {
         place.push(format!("frame {{{}}}", core.cursor.frame));
-        place.push(told.payload.title.clone());
+        place.push(reported.payload.title.clone());
         return vec![quiet(&place)];
     };
     match (row.event.frames.first, row.event.frames.last) {
@@ -249,7 +249,7 @@ fn title_text_lines(core: &UiState, told: &DetailContent<'_>) -> Vec<Line<'stati
         (first, last) => place.push(format!("{{{first}}}..{{{last}}}")),
     }
     place.push(row.bus.clone());
-    place.extend(Some(told.payload.title.clone()).filter(|title| !title.is_empty()));
+    place.extend(Some(reported.payload.title.clone()).filter(|title| !title.is_empty()));
     place.extend(row.event.presumed.then(|| "presumed CANopen".to_owned()));
     let text = format!("{} {} {}", row.who, row.kind, row.what).trim_start().to_owned();
     vec![quiet(&place), Line::styled(text, core.theme.role_style(role_of(row.tone)))]
@@ -280,14 +280,14 @@ impl Pane for DetailPane {
             );
             return;
         }
-        let told = self.detail_content(core);
-        let title = title_text_lines(core, &told);
-        let parts = text_areas(&told, title_lines(core, &title, area), area);
+        let reported = self.detail_content(core);
+        let title = title_text_lines(core, &reported);
+        let parts = text_areas(&reported, title_lines(core, &title, area), area);
         TextLines::new(&core.theme, &title).render(parts.title, buf);
-        let fields = payload_fields(&told.payload);
-        PayloadBits::new(&core.theme, &told.payload.bytes)
+        let fields = payload_fields(&reported.payload);
+        PayloadBits::new(&core.theme, &reported.payload.bytes)
             .with_fields(&fields)
-            .select_field(self.selected_part(&told))
+            .select_field(self.selected_part(&reported))
             .with_cursor(self.bit)
             .without_legend()
             .render(parts.bits, buf);
@@ -297,21 +297,21 @@ impl Pane for DetailPane {
                 draw::put_text(buf, parts.text.x - 1, y, 1, glyph, core.theme.role_style(TextRole::Border));
             }
         }
-        self.draw_text(core, &told, parts.text, buf);
+        self.draw_text(core, &reported, parts.text, buf);
     }
 
     fn on_action(&mut self, action: Action, core: &UiState) -> Vec<PaneRequest> {
-        let told = self.detail_content(core);
+        let reported = self.detail_content(core);
         let page = isize::try_from(core.height / 3).unwrap_or(1).max(1);
         match action {
-            Action::Down => self.step_selection(&told, 1),
-            Action::Up => self.step_selection(&told, -1),
-            Action::PageDown => self.step_selection(&told, page),
-            Action::PageUp => self.step_selection(&told, -page),
-            Action::Top => self.step_selection(&told, isize::MIN),
-            Action::Bottom => self.step_selection(&told, isize::MAX),
-            Action::Left => self.step_bit(&told, -1),
-            Action::Right => self.step_bit(&told, 1),
+            Action::Down => self.step_selection(&reported, 1),
+            Action::Up => self.step_selection(&reported, -1),
+            Action::PageDown => self.step_selection(&reported, page),
+            Action::PageUp => self.step_selection(&reported, -page),
+            Action::Top => self.step_selection(&reported, isize::MIN),
+            Action::Bottom => self.step_selection(&reported, isize::MAX),
+            Action::Left => self.step_bit(&reported, -1),
+            Action::Right => self.step_bit(&reported, 1),
             Action::Open | Action::Toggle => return self.open_target(core),
             Action::Plot => return self.plot_signals(core),
             _ => {}
@@ -320,14 +320,14 @@ impl Pane for DetailPane {
     }
 
     fn on_click(&mut self, x: u16, y: u16, area: Rect, core: &UiState) -> Vec<PaneRequest> {
-        let told = self.detail_content(core);
-        let parts = text_areas(&told, title_lines(core, &title_text_lines(core, &told), area), area);
-        let fields = payload_fields(&told.payload);
-        let bits = PayloadBits::new(&core.theme, &told.payload.bytes).with_fields(&fields);
-        let bits = bits.select_field(self.selected_part(&told)).with_cursor(self.bit).without_legend();
+        let reported = self.detail_content(core);
+        let parts = text_areas(&reported, title_lines(core, &title_text_lines(core, &reported), area), area);
+        let fields = payload_fields(&reported.payload);
+        let bits = PayloadBits::new(&core.theme, &reported.payload.bytes).with_fields(&fields);
+        let bits = bits.select_field(self.selected_part(&reported)).with_cursor(self.bit).without_legend();
         if let Some(bit) = bits.bit_at(parts.bits, x, y) {
-            self.select_bit(&told, bit);
-        } else if let Some(item) = self.item_at(core, &told, parts.text, x, y) {
+            self.select_bit(&reported, bit);
+        } else if let Some(item) = self.item_at(core, &reported, parts.text, x, y) {
             self.selected = item;
             self.bit = None;
         }
@@ -365,9 +365,9 @@ impl Pane for DetailPane {
     }
 
     fn filter_of_cell(&self, core: &UiState) -> Option<String> {
-        let told = self.detail_content(core);
-        let item = told.items.get(self.selected_item(&told))?;
-        let part = self.selected_part(&told).and_then(|part| told.payload.parts.get(part));
+        let reported = self.detail_content(core);
+        let item = reported.items.get(self.selected_item(&reported))?;
+        let part = self.selected_part(&reported).and_then(|part| reported.payload.parts.get(part));
         let of_part = part
             .and_then(|part| part.signal.as_ref())
             .map(|signal| format!("signals.name == {:?}", signal.name));
@@ -375,7 +375,7 @@ impl Pane for DetailPane {
     }
 
     fn selected_line(&self, core: &UiState) -> Option<String> {
-        let told = self.detail_content(core);
-        told.items.get(self.selected_item(&told)).map(DetailItem::clipboard_text)
+        let reported = self.detail_content(core);
+        reported.items.get(self.selected_item(&reported)).map(DetailItem::clipboard_text)
     }
 }

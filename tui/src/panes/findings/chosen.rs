@@ -153,9 +153,9 @@ impl FindingFilter<'_> {
         at: Occurrence,
         news: &FindingNews,
     ) -> bool {
-        let Some(told) = self.world.buses().get(usize::from(bus.0)) else { return false };
+        let Some(reported) = self.world.buses().get(usize::from(bus.0)) else { return false };
         let mut event = Event::new(bus, at.frames, EventKind::FindingOpened(Box::new(news.clone())));
         (event.time, event.node) = (at.time, node);
-        self.filter.matches_event(&event, told, None)
+        self.filter.matches_event(&event, reported, None)
     }
 }

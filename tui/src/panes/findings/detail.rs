@@ -55,7 +55,7 @@ pub(super) fn note_lines(
     };
     lines.extend(findings.quality.iter().map(|note| labelled(TextRole::Caution, "quality", note)));
     let complaints = findings.suppressions.iter().filter_map(SuppressionUse::review_reason);
-    lines.extend(complaints.map(|said| labelled(TextRole::Note, "note", &said)));
+    lines.extend(complaints.map(|stated| labelled(TextRole::Note, "note", &stated)));
     if findings.ungrouped > 0 {
         let text = format!("{} more occurrences without a place in the table", findings.ungrouped);
         lines.push(labelled(TextRole::Caution, "more", &text));

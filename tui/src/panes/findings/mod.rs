@@ -225,10 +225,10 @@ impl FindingsPane {
     /// Goes to the first evidence.
     fn open_evidence(&self, core: &UiState) -> Vec<PaneRequest> {
         let survey = core.timeline.survey();
-        let told =
+        let reported =
             self.selected_row(core, &survey).and_then(|item| Some((item, row_content(&survey, &item)?)));
         drop(survey);
-        let Some((item, facts)) = told else { return Vec::new() };
+        let Some((item, facts)) = reported else { return Vec::new() };
         let node = facts.node.map(|node| PaneRequest::Node((facts.bus, node)));
         let rest = [
             PaneRequest::Go(JumpPlace::Frame(facts.frame)),
@@ -278,8 +278,8 @@ impl Pane for FindingsPane {
         let (columns, empty) = (finding_columns(core, parts.table.width), empty_text(&survey, chosen));
         let row = |index: usize| -> TableRow<'_> {
             let item = items.get(index);
-            let told = item.and_then(|item| Some((item, row_content(&survey, item)?)));
-            told.map_or_else(TableRow::default, |(item, facts)| finding_row(core, item, &facts, bus))
+            let reported = item.and_then(|item| Some((item, row_content(&survey, item)?)));
+            reported.map_or_else(TableRow::default, |(item, facts)| finding_row(core, item, &facts, bus))
         };
         let table = TableWidget::new(&core.theme, &columns).row_count(items.len()).with_rows(row);
         table.with_state(&state).tree_column(TEXT).with_empty_text(&empty).render(parts.table, buf);

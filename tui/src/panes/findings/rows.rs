@@ -64,13 +64,13 @@ pub(super) fn finding_rows(
         None => opened_rows(&survey.overview.opened, &is_chosen),
     };
     if let Some((column, is_descending)) = sort {
-        let mut told: Vec<_> =
+        let mut reported: Vec<_> =
             items.iter().filter_map(|item| Some((row_content(survey, item)?, *item))).collect();
-        told.sort_by(|(one, _), (other, _)| {
+        reported.sort_by(|(one, _), (other, _)| {
             let order = compare_rows(one, other, column);
             if is_descending { order.reverse() } else { order }
         });
-        items = told.into_iter().map(|(_, item)| FindingRow { depth: 0, open: None, ..item }).collect();
+        items = reported.into_iter().map(|(_, item)| FindingRow { depth: 0, open: None, ..item }).collect();
     }
     items
 }

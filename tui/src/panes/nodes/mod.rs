@@ -159,9 +159,9 @@ impl NodesPane {
             return vec![PaneRequest::Refuse("no set point or actual value to plot".into())];
         }
         let names: Vec<_> = signals.iter().map(|signal| signal.name.clone()).collect();
-        let said = PaneRequest::Say(format!("plotted: {}", names.join(", ")));
+        let stated = PaneRequest::Say(format!("plotted: {}", names.join(", ")));
         let shown = PaneRequest::ShowSignals;
-        signals.into_iter().map(PaneRequest::Plot).chain([shown, said]).collect()
+        signals.into_iter().map(PaneRequest::Plot).chain([shown, stated]).collect()
     }
 
     fn scroll_gates(&mut self, action: Action, core: &UiState) -> Vec<PaneRequest> {
@@ -389,9 +389,9 @@ fn marked_name(core: &UiState, line: &NodeRow) -> TableCell<'static> {
 
 /// Whether the node has a row: it sent a frame, or the user named it and no other bus has it.
 fn is_there(world: &ReplayState, node: &Node) -> bool {
-    let is_heard = |node: &Node| node.last_seen().0 != 0;
-    let elsewhere = || world.buses().iter().filter_map(|bus| bus.node(node.id())).any(is_heard);
-    is_heard(node) || ((node.assigned_by().is_some() || node.name().is_some()) && !elsewhere())
+    let is_received = |node: &Node| node.last_seen().0 != 0;
+    let elsewhere = || world.buses().iter().filter_map(|bus| bus.node(node.id())).any(is_received);
+    is_received(node) || ((node.assigned_by().is_some() || node.name().is_some()) && !elsewhere())
 }
 
 fn first_text(lines: &[NodeRow], text: impl Fn(&NodeRow) -> &String) -> (bool, String) {

@@ -159,7 +159,7 @@ fn a_failed_sync_is_reported() {
 }
 
 #[test]
-fn a_slow_disk_holds_nobody_up() {
+fn a_slow_disk_delays_no_thread() {
     let memory = Memory::new(usize::MAX);
     let room = 3_000;
     let path = options(Path::new("run.pcapng"));

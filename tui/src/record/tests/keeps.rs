@@ -30,22 +30,22 @@ fn what_was_recorded_is_read_again() {
         let path = folder.path().join(format!("run.{}", format.suffix));
         let mut recorder = Recorder::open(&options(&path), day()).unwrap();
         let holds = format.holds;
-        let mut said = Vec::new();
+        let mut stated = Vec::new();
         for (number, frame) in (0_u32..).zip(kinds()) {
             let bus = if number % 3 == 1 { "can1" } else { "can0" };
             recorder.frame(&frame, bus);
-            said.extend(holds.kept_frame(&frame).map(|frame| RecordedItem::Frame(bus.to_owned(), frame)));
+            stated.extend(holds.kept_frame(&frame).map(|frame| RecordedItem::Frame(bus.to_owned(), frame)));
             for notice in [link(number, LinkState::Down), lost(2), link(number, LinkState::Up)] {
                 recorder.notice(&notice, bus);
-                said.push(RecordedItem::Notice(bus.to_owned(), notice));
+                stated.push(RecordedItem::Notice(bus.to_owned(), notice));
             }
             recorder.notice(&Notice::Quiet(time(number)), bus);
-            said.push(RecordedItem::Notice(String::new(), Notice::Quiet(time(number))));
+            stated.push(RecordedItem::Notice(String::new(), Notice::Quiet(time(number))));
         }
-        said.retain(|said| holds.notices || matches!(said, RecordedItem::Frame(..)));
+        stated.retain(|stated| holds.notices || matches!(stated, RecordedItem::Frame(..)));
         let status = recorder.finish();
         let bytes = std::fs::read(&path).unwrap();
-        assert_eq!(read(&bytes), said, "{}", format.name);
+        assert_eq!(read(&bytes), stated, "{}", format.name);
         assert_eq!((status.path, status.parts, status.frames), (path, 1, 7));
         assert_eq!((status.bytes, status.missing, status.failure), (bytes.len() as u64, 0, None));
         let unheld: &[_] = if holds.notices { &[] } else { &[UnstoredKind::Links, UnstoredKind::Losses] };
@@ -158,12 +158,12 @@ fn each_part_is_a_whole_capture() {
     pcapng.finish_recording();
     let names = memory.names();
     assert!(names.len() > 4, "{names:?}");
-    let mut said = Vec::new();
+    let mut stated = Vec::new();
     for name in names {
         let bytes = memory.bytes(&name);
         // A notice does not start a part.
         assert!(bytes.len() <= 400 + 60, "{name}: {}", bytes.len());
-        said.extend(read(&bytes));
+        stated.extend(read(&bytes));
     }
     let expected = (0..40).flat_map(|number| {
         let bus = buses[usize::from(number % 4 == 3)].clone();
@@ -172,7 +172,7 @@ fn each_part_is_a_whole_capture() {
             RecordedItem::Notice(bus, link(number, LinkState::Down)),
         ]
     });
-    assert_eq!(said, expected.collect::<Vec<_>>());
+    assert_eq!(stated, expected.collect::<Vec<_>>());
 }
 
 #[test]
@@ -190,11 +190,11 @@ fn a_part_ends_after_its_time_when_a_frame_comes() {
     log.take_items(items(6..7), &can0(), at(1_899));
     log.take_items(items(7..9), &can0(), at(1_900));
     log.finish_recording();
-    let said: Vec<_> = (1..=3).map(|part| read(&memory.bytes(&format!("run-000{part}.pcapng")))).collect();
-    assert_eq!(frames(&said[0]), expected(0..5));
-    assert_eq!(said[0].last(), Some(&RecordedItem::Notice(String::new(), Notice::Quiet(time(5)))));
-    assert_eq!(frames(&said[1]), expected(5..7));
-    assert_eq!(frames(&said[2]), expected(7..9));
+    let stated: Vec<_> = (1..=3).map(|part| read(&memory.bytes(&format!("run-000{part}.pcapng")))).collect();
+    assert_eq!(frames(&stated[0]), expected(0..5));
+    assert_eq!(stated[0].last(), Some(&RecordedItem::Notice(String::new(), Notice::Quiet(time(5)))));
+    assert_eq!(frames(&stated[1]), expected(5..7));
+    assert_eq!(frames(&stated[2]), expected(7..9));
     assert_eq!(memory.names().len(), 3);
 }
 

@@ -212,10 +212,10 @@ fn read(bytes: &[u8]) -> Vec<RecordedItem> {
         return Vec::new();
     }
     let mut reader = CaptureReader::open(bytes, &ReadOptions::default()).unwrap();
-    let (mut batch, mut said) = (Batch::new(), Vec::new());
+    let (mut batch, mut stated) = (Batch::new(), Vec::new());
     while reader.read(&mut batch).unwrap() {
         let names = reader.buses().names();
-        said.extend(batch.items().filter_map(|item| match item {
+        stated.extend(batch.items().filter_map(|item| match item {
             capture::BatchItem::Frame(frame) => Some(RecordedItem::Frame(
                 names[usize::from(frame.bus.0)].clone(),
                 Frame { number: 0, bus: BusIndex(0), ..*frame },
@@ -225,7 +225,7 @@ fn read(bytes: &[u8]) -> Vec<RecordedItem> {
             capture::BatchItem::Notice(notice) => Some(of_bus(notice.clone(), names)),
         }));
     }
-    said
+    stated
 }
 
 fn of_bus(mut notice: Notice, names: &[String]) -> RecordedItem {
@@ -244,18 +244,19 @@ fn of_bus(mut notice: Notice, names: &[String]) -> RecordedItem {
     RecordedItem::Notice(name, notice)
 }
 
-fn frames(said: &[RecordedItem]) -> Vec<Frame> {
-    said.iter()
-        .filter_map(|said| if let RecordedItem::Frame(_, frame) = said { Some(*frame) } else { None })
+fn frames(stated: &[RecordedItem]) -> Vec<Frame> {
+    stated
+        .iter()
+        .filter_map(|stated| if let RecordedItem::Frame(_, frame) = stated { Some(*frame) } else { None })
         .collect()
 }
 
-fn losses(said: &[RecordedItem]) -> u64 {
-    let count = |said: &RecordedItem| match said {
+fn losses(stated: &[RecordedItem]) -> u64 {
+    let count = |stated: &RecordedItem| match stated {
         RecordedItem::Notice(_, Notice::LostFrames { count, .. }) => count.unwrap(),
         _ => 0,
     };
-    said.iter().map(count).sum()
+    stated.iter().map(count).sum()
 }
 
 fn expected(numbers: impl IntoIterator<Item = u32>) -> Vec<Frame> {

@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_tries_any_more_once_it_is_dropped() {
+    fn no_attempt_follows_once_it_is_dropped() {
         let (ended, has_ended) = mpsc::channel::<Infallible>();
         let attempts = ConnectAttempts::<()>::start_after(std::iter::repeat(LIMIT), move || {
             let _ = &ended;

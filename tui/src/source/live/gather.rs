@@ -62,7 +62,7 @@ pub struct SourceGather {
     frames: u64,
     /// Time of the newest item, and moment of its arrival.
     newest: Option<(Timestamp, Instant)>,
-    told_quiet: Option<Instant>,
+    reported_quiet: Option<Instant>,
     failures: Vec<anyhow::Error>,
     stop: Arc<AtomicBool>,
 }
@@ -82,7 +82,7 @@ struct SourceState {
 /// An item that waits for earlier ones.
 struct HeldItem {
     time: Timestamp,
-    came: Instant,
+    arrived: Instant,
     item: Arrival,
 }
 
@@ -113,7 +113,7 @@ impl SourceGather {
         }
         let names = BusNames::default();
         let (held, failures) = (Vec::new(), Vec::new());
-        Ok(Self { inbox, lanes, names, held, frames: 0, newest: None, told_quiet: None, failures, stop })
+        Ok(Self { inbox, lanes, names, held, frames: 0, newest: None, reported_quiet: None, failures, stop })
     }
 
     /// The next items in order, with frame numbers; empty after `wait`. `None` when all sources have ended.
@@ -164,7 +164,7 @@ impl SourceGather {
                 }
             }
             SourceItem::Items { names, items } => {
-                let came = Instant::now();
+                let arrived = Instant::now();
                 for mut item in items {
                     match &mut item {
                         Arrival::Frame(frame) => {
@@ -189,8 +189,8 @@ impl SourceGather {
                     // A clock that steps back does not delay other items: the items of a source keep their
                     // order.
                     lane.clock = time.map_or(lane.clock, |time| time.max(lane.clock));
-                    self.newest = self.newest.max(Some((lane.clock, came)));
-                    self.held.push(HeldItem { time: lane.clock, came, item });
+                    self.newest = self.newest.max(Some((lane.clock, arrived)));
+                    self.held.push(HeldItem { time: lane.clock, arrived, item });
                 }
             }
         }
@@ -203,7 +203,7 @@ impl SourceGather {
             let all = std::mem::take(&mut self.held);
             return self.order_items(all);
         };
-        let old = self.held.iter().filter(|held| now.saturating_duration_since(held.came) >= WINDOW);
+        let old = self.held.iter().filter(|held| now.saturating_duration_since(held.arrived) >= WINDOW);
         let Some(until) = old.map(|held| held.time).max() else { return Vec::new() };
         let (ready, held) = std::mem::take(&mut self.held).into_iter().partition(|held| held.time <= until);
         self.held = held;
@@ -225,15 +225,16 @@ impl SourceGather {
 
     /// Reports the advance of time without items.
     fn advance_notice(&mut self, now: Instant) -> Option<Notice> {
-        let (time, came) = self.newest?;
-        let silence = now.saturating_duration_since(came);
-        let is_told = self.told_quiet.is_some_and(|told| now.saturating_duration_since(told) < QUIET);
+        let (time, arrived) = self.newest?;
+        let silence = now.saturating_duration_since(arrived);
+        let is_reported =
+            self.reported_quiet.is_some_and(|reported| now.saturating_duration_since(reported) < QUIET);
         let lag = self.lanes.iter().filter(|lane| !lane.has_ended).map(|lane| lane.lag).max()?;
         let known = silence.saturating_sub(lag + WINDOW);
-        if is_told || known < QUIET || !self.held.is_empty() {
+        if is_reported || known < QUIET || !self.held.is_empty() {
             return None;
         }
-        self.told_quiet = Some(now);
+        self.reported_quiet = Some(now);
         Some(Notice::Quiet(time.plus(i64::try_from(known.as_nanos()).unwrap_or(i64::MAX))))
     }
 }
@@ -365,7 +366,7 @@ mod tests {
             held: Vec::new(),
             frames: 0,
             newest: None,
-            told_quiet: None,
+            reported_quiet: None,
             failures: Vec::new(),
             stop: Arc::default(),
         }
@@ -392,8 +393,8 @@ mod tests {
         let held = |time: i64, age: u64| {
             let frame =
                 Frame { time: Some(Timestamp(time)), ..Frame::data_frame(CanId::from_standard(1), &[]) };
-            let came = now.checked_sub(Duration::from_millis(age)).unwrap();
-            HeldItem { time: Timestamp(time), came, item: Arrival::Frame(frame) }
+            let arrived = now.checked_sub(Duration::from_millis(age)).unwrap();
+            HeldItem { time: Timestamp(time), arrived, item: Arrival::Frame(frame) }
         };
         let mut gather = two(inbox);
         gather.held = vec![held(10, 25), held(30, 21), held(50, 5), held(20, 19), held(40, 1)];

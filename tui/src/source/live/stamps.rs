@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn stamps_begin_anew_each_minute() {
+    fn stamps_restart_each_minute() {
         assert_eq!(times(&[(59_990, 0), (59_999, 9), (0, 10), (40, 55)]), [0, 9, 10, 50]);
         let a_minute: Vec<_> = (0..130).map(|second| (second * 1_000 % 60_000, second * 1_000)).collect();
         assert_eq!(times(&a_minute), (0..130).map(|second| second * 1_000).collect::<Vec<_>>());

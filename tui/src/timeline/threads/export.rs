@@ -74,17 +74,17 @@ pub(in crate::timeline) fn run_export(
     news: &Sender<TimelineNews>,
 ) {
     let mut files = ExportFiles { path: &export.path, opened: Vec::new() };
-    let told = write_export(shared, export, &mut files);
+    let reported = write_export(shared, export, &mut files);
     let names: Vec<_> = files.opened.iter().map(|(path, _)| path_text(path)).collect();
-    let told = told.and_then(|what| {
+    let reported = reported.and_then(|what| {
         anyhow::ensure!(!shared.is_over(), "the program ended before the file was whole");
         files.finish_files().map(|()| what).context("cannot be written")
     });
-    let told = told
+    let reported = reported
         .map(|what| format!("{}: {what}", names.join(", ")))
         .map_err(|error| format!("{}: {error:#}", path_text(&export.path)));
     // The application may have ended.
-    let _ = news.send(TimelineNews::Exported(told));
+    let _ = news.send(TimelineNews::Exported(reported));
 }
 
 fn write_export(
@@ -210,11 +210,11 @@ fn write_events(
             let bus = walk.names().get(usize::from(frame.bus.0)).map_or("", String::as_str);
             sink.write_frame(&frame, bus);
         }
-        let more = walk.step_item(&mut |told: PlacedEvent<'_>| {
-            if told.spot >= first && told.spot <= last && export.matcher.matches_event(&told) {
+        let more = walk.step_item(&mut |reported: PlacedEvent<'_>| {
+            if reported.spot >= first && reported.spot <= last && export.matcher.matches_event(&reported) {
                 count += 1;
-                sink.observe_time(told.frame.and_then(|frame| frame.time));
-                sink.write_event(told.event, told.bus);
+                sink.observe_time(reported.frame.and_then(|frame| frame.time));
+                sink.write_event(reported.event, reported.bus);
             }
         })?;
         if !more {

@@ -21,9 +21,9 @@ pub(in crate::timeline) fn run_search(
 ) {
     shared.wait_for_index();
     if let Ok(mut walk) = walk::start_walk(shared) {
-        let mut see = |told: PlacedEvent<'_>| {
-            if matches.matcher.matches_event(&told) {
-                matches.add_match(&told);
+        let mut see = |reported: PlacedEvent<'_>| {
+            if matches.matcher.matches_event(&reported) {
+                matches.add_match(&reported);
             }
         };
         let mut next = STRIDE;

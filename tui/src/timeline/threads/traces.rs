@@ -67,9 +67,9 @@ fn sample_walk(
 ) {
     let end = traces.to.map_or(i64::MAX, |to| to.saturating_add(SLACK));
     let (mut stride, most) = STRIDES;
-    let (mut next, mut told) = (walk.world.frames() + stride, i64::MIN);
+    let (mut next, mut reported) = (walk.world.frames() + stride, i64::MIN);
     while !shared.is_over() && !traces.is_stopped() {
-        match walk.skip_batch(u64::MAX, &mut |told: PlacedEvent<'_>| sampler.take_event(&told)) {
+        match walk.skip_batch(u64::MAX, &mut |reported: PlacedEvent<'_>| sampler.take_event(&reported)) {
             Ok(true) => {}
             Ok(false) => return,
             Err(error) => return shared.fail_reading(&error),
@@ -80,10 +80,10 @@ fn sample_walk(
             return;
         }
         let frames = walk.world.frames();
-        let is_at_head = time >= told.saturating_add(SOON) && shared.is_at_head(frames);
+        let is_at_head = time >= reported.saturating_add(SOON) && shared.is_at_head(frames);
         if frames >= next || is_at_head {
             stride = if is_at_head { stride } else { most.min(stride * 2) };
-            (next, told) = (frames + stride, time);
+            (next, reported) = (frames + stride, time);
             traces.set_points(sampler.sampled_points());
             if news.send(TimelineNews::Traced).is_err() {
                 return;

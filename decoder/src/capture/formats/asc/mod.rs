@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn a_second_header_begins_anew_unless_times_go_on() {
+    fn a_second_header_restarts_unless_times_continue() {
         let second = "date Thu Jan 1 00:05:00 1970\n";
         let batch = read(&format!("{DATE} 2.5 1 1 Rx d 0\n{second} 0.5 1 1 Rx d 0\n"));
         assert_eq!(times(&batch), ["102.500000000", "300.500000000"]);

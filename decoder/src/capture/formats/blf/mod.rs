@@ -88,7 +88,7 @@ struct ObjectGap {
     start: u64,
     count: u64,
     /// Whether the cause was already reported.
-    is_told: bool,
+    is_reported: bool,
 }
 
 impl ObjectGap {
@@ -101,8 +101,8 @@ impl ObjectGap {
 
     /// Reports the gap, if any: an object or the end of the capture follows.
     fn report_gap(&mut self, batch: &mut Batch) {
-        let Self { start, count, is_told } = std::mem::take(self);
-        if count > FILL as u64 && !is_told {
+        let Self { start, count, is_reported } = std::mem::take(self);
+        if count > FILL as u64 && !is_reported {
             let reason = format!("{count} bytes outside of objects skipped");
             batch.push_unreadable(CapturePlace::Offset(start), reason);
         }
@@ -370,7 +370,7 @@ impl ContainerPosition {
         self.tail.clear();
         if open.is_broken {
             self.skip = 0;
-            self.gap = ObjectGap { is_told: true, ..ObjectGap::default() };
+            self.gap = ObjectGap { is_reported: true, ..ObjectGap::default() };
         } else if matches!(
             find_object(rest),
             ObjectContent::More | ObjectContent::Object(ObjectHeader { size: ..=LARGEST_OBJECT, .. })

@@ -69,8 +69,8 @@ pub(super) struct ObjectState {
     losing: Option<CapturePlace>,
     /// Last error counters of each channel that reported some; at most [`MAX_BUSES`] channels.
     counters: Vec<(u16, Counters)>,
-    said_request: bool,
-    said_unit: bool,
+    stated_request: bool,
+    stated_unit: bool,
 }
 
 impl ObjectState {
@@ -149,7 +149,7 @@ impl ObjectState {
         match content {
             FrameObject::Frame(frame) => Some(frame),
             FrameObject::Request => {
-                if !std::mem::replace(&mut self.said_request, true) {
+                if !std::mem::replace(&mut self.stated_request, true) {
                     let text = "requests to send (TxRq) ignored";
                     batch.add_notice(Notice::Assumption(text.into()));
                 }
@@ -166,7 +166,7 @@ impl ObjectState {
         let (unit, stamp) = (Little.u32(object, 16)?, Little.u64(object, 24)?);
         let stamp = i64::try_from(stamp).unwrap_or(i64::MAX);
         let elapsed = if unit == 1 { stamp.saturating_mul(10_000) } else { stamp };
-        if !matches!(unit, 1 | 2) && !std::mem::replace(&mut self.said_unit, true) {
+        if !matches!(unit, 1 | 2) && !std::mem::replace(&mut self.stated_unit, true) {
             let text = format!("unknown time unit {unit}: times read as nanoseconds");
             batch.add_notice(Notice::Assumption(text));
         }

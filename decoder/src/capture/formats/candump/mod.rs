@@ -58,9 +58,9 @@ struct CandumpParser {
     buses: BusNames,
     frames: u64,
     around: SkippedLines,
-    said_date: bool,
-    said_lin: bool,
-    said_xl: bool,
+    stated_date: bool,
+    stated_lin: bool,
+    stated_xl: bool,
 }
 
 impl CandumpParser {
@@ -72,9 +72,9 @@ impl CandumpParser {
             buses: BusNames::default(),
             frames: 0,
             around: SkippedLines::default(),
-            said_date: false,
-            said_lin: false,
-            said_xl: false,
+            stated_date: false,
+            stated_lin: false,
+            stated_xl: false,
         }
     }
 
@@ -149,10 +149,10 @@ impl CandumpParser {
                         them as absolute times";
             batch.add_notice(Notice::Assumption(text.into()));
         }
-        if found.is_date && !std::mem::replace(&mut self.said_date, true) {
+        if found.is_date && !std::mem::replace(&mut self.stated_date, true) {
             batch.add_notice(Notice::Assumption("dates without time zone: read as UTC".into()));
         }
-        if found.bus.starts_with(b"lin") && !std::mem::replace(&mut self.said_lin, true) {
+        if found.bus.starts_with(b"lin") && !std::mem::replace(&mut self.stated_lin, true) {
             let text = format!("interface {} looks like LIN: frames read as CAN", line_excerpt(found.bus));
             batch.add_notice(Notice::Assumption(text));
         }
@@ -160,7 +160,7 @@ impl CandumpParser {
 
     fn report_unreadable(&mut self, line: &[u8], error: &LineError, batch: &mut Batch) {
         let reason = match error {
-            LineError::CanXl if !std::mem::replace(&mut self.said_xl, true) => {
+            LineError::CanXl if !std::mem::replace(&mut self.stated_xl, true) => {
                 "CAN XL frame: not supported".to_owned()
             }
             LineError::CanXl => "CAN XL frame".to_owned(),

@@ -79,7 +79,7 @@ pub(super) enum ElementCount {
     /// Array of fixed size.
     Fixed(usize),
     /// Array whose size is stored in the message.
-    Told,
+    Stored,
 }
 
 /// Data type of a field.
@@ -200,7 +200,7 @@ impl<'a> MessageDefinitions<'a> {
                 ElementCount::One => 1,
                 ElementCount::Fixed(count) => count,
                 // The size of such an array is only known from the message.
-                ElementCount::Told => return None,
+                ElementCount::Stored => return None,
             };
             let definition = self.find_definition(kind)?;
             for _ in 0..repeats {
@@ -246,10 +246,10 @@ fn parse_count(kind: &str) -> Option<(&str, ElementCount, usize)> {
     };
     let kind = kind.split("<=").next().unwrap_or(kind);
     if let Some(most) = array.strip_prefix("<=") {
-        return Some((kind, ElementCount::Told, most.parse().ok()?));
+        return Some((kind, ElementCount::Stored, most.parse().ok()?));
     }
     if array.is_empty() {
-        return Some((kind, ElementCount::Told, usize::MAX));
+        return Some((kind, ElementCount::Stored, usize::MAX));
     }
     let count = array.parse().ok()?;
     Some((kind, ElementCount::Fixed(count), count))
@@ -283,7 +283,7 @@ mod tests {
         assert!(!layout.is_fd);
         let layout = CanMessageLayout::parse_definition(include_bytes!("fd_frame.msg")).unwrap();
         assert!(layout.is_fd);
-        assert_eq!(layout.fields.last().unwrap().count, ElementCount::Told);
+        assert_eq!(layout.fields.last().unwrap().count, ElementCount::Stored);
     }
 
     #[test]

@@ -99,8 +99,8 @@ impl<'a> FrameFieldValues<'a> {
             0..=0x7FF => CanId::from_standard(u16::try_from(number).unwrap_or(0)),
             _ => return Err("identifier: expected up to 7FF in a base frame"),
         };
-        let told = self.length.unwrap_or(u8::try_from(self.data.len()).unwrap_or(u8::MAX));
-        let (length, raw_dlc) = frame_length(told, is_fd, self.data.len())?;
+        let reported = self.length.unwrap_or(u8::try_from(self.data.len()).unwrap_or(u8::MAX));
+        let (length, raw_dlc) = frame_length(reported, is_fd, self.data.len())?;
         let mut flags = FrameFlags::default();
         let set = [
             (is_error, FrameFlags::ERROR),
@@ -125,12 +125,12 @@ impl<'a> FrameFieldValues<'a> {
 
 /// Length in bytes, and the DLC of a classic frame if above 8. The field contains a length; for FD frames
 /// some writers store the DLC.
-fn frame_length(told: u8, is_fd: bool, available: usize) -> Result<(u8, u8), &'static str> {
-    match told {
-        0..=8 => Ok((told, 0)),
-        9..=15 if !is_fd => Ok((8, told)),
-        9..=15 if available == usize::from(fd_length(told)) => Ok((fd_length(told), 0)),
-        12 | 16 | 20 | 24 | 32 | 48 | 64 if is_fd => Ok((told, 0)),
+fn frame_length(reported: u8, is_fd: bool, available: usize) -> Result<(u8, u8), &'static str> {
+    match reported {
+        0..=8 => Ok((reported, 0)),
+        9..=15 if !is_fd => Ok((8, reported)),
+        9..=15 if available == usize::from(fd_length(reported)) => Ok((fd_length(reported), 0)),
+        12 | 16 | 20 | 24 | 32 | 48 | 64 if is_fd => Ok((reported, 0)),
         _ => Err("length: expected 0 to 8, or 12, 16, 20, 24, 32, 48 or 64 in CAN FD"),
     }
 }
@@ -189,7 +189,7 @@ impl<'a> MessageFieldReader<'a> {
         let count = match field.count {
             ElementCount::One => 1,
             ElementCount::Fixed(count) => count,
-            ElementCount::Told => usize::try_from(self.read_number(4)?).ok()?,
+            ElementCount::Stored => usize::try_from(self.read_number(4)?).ok()?,
         };
         match (field.kind, field.role) {
             (MessageFieldType::Number(1), Some(FieldRole::Data)) => {

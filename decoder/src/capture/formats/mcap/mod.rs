@@ -93,16 +93,16 @@ struct OpenChunk {
     /// positions are small.
     unpacked: Option<Vec<u8>>,
     /// Whether its failure was reported.
-    is_told: bool,
+    is_reported: bool,
 }
 
 impl Clone for McapParser {
     fn clone(&self) -> Self {
         let Self { records, offset, skip, chunk, state } = self;
-        let chunk = chunk.as_ref().map(|OpenChunk { done, is_told, .. }| OpenChunk {
+        let chunk = chunk.as_ref().map(|OpenChunk { done, is_reported, .. }| OpenChunk {
             done: *done,
             unpacked: None,
-            is_told: *is_told,
+            is_reported: *is_reported,
         });
         Self { records: records.clone(), offset: *offset, skip: *skip, chunk, state: *state }
     }
@@ -253,7 +253,7 @@ impl McapParser {
             Some(records) => ChunkRecords { records: records.into(), failure: None },
             None => unpack::unpack_chunk(chunk.packing, chunk.packed, chunk.size),
         };
-        if !std::mem::replace(&mut open.is_told, true) {
+        if !std::mem::replace(&mut open.is_reported, true) {
             report_chunk(chunk, &unpacked, at, is_whole, batch);
         }
         let is_done = self.records.run_chunk(&unpacked.records, &mut open.done, at, batch);

@@ -36,7 +36,7 @@ pub(super) struct TopicRecords {
     messages: u64,
     /// Number of messages without a CAN frame.
     others: u64,
-    said_others: bool,
+    stated_others: bool,
     /// Whether the file was written by cobscope, so that its metadata has a known meaning.
     is_own: bool,
 }
@@ -252,7 +252,7 @@ impl TopicRecords {
 
     /// Reports the skipped messages at the end.
     pub(super) fn report_skipped(&mut self, batch: &mut Batch) {
-        if self.others > 0 && !self.is_own && !std::mem::replace(&mut self.said_others, true) {
+        if self.others > 0 && !self.is_own && !std::mem::replace(&mut self.stated_others, true) {
             let text = format!("{} of topics without CAN frames skipped", count_noun(self.others, "message"));
             batch.add_notice(Notice::Assumption(text));
         }

@@ -255,7 +255,7 @@ impl<W: Write> McapWriter<W> {
 /// Metadata of the channel of such frames.
 fn write_metadata(kind: MessageTemplate, bus: &str) -> BTreeMap<String, String> {
     let has = |flag: FrameFlags| kind.flags & flag.0 != 0;
-    let said = [
+    let stated = [
         (true, key::COBSCOPE, key::FRAMES),
         (true, key::BUS, bus),
         (has(FrameFlags::RECEIVED), key::DIRECTION, "rx"),
@@ -264,7 +264,7 @@ fn write_metadata(kind: MessageTemplate, bus: &str) -> BTreeMap<String, String> 
         (has(FrameFlags::ERROR_STATE), key::PASSIVE, "1"),
         (!kind.has_time, key::TIME, "none"),
     ];
-    said.iter().filter(|(says, ..)| *says).map(|(_, key, value)| ((*key).into(), (*value).into())).collect()
+    stated.iter().filter(|(says, ..)| *says).map(|(_, key, value)| ((*key).into(), (*value).into())).collect()
 }
 
 /// Start of a message up to the identifier: little-endian CDR, space for the timestamp, bus name.

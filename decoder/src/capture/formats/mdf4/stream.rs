@@ -213,7 +213,7 @@ pub(super) struct DataStream {
     pub(super) length: u64,
     open: OpenSegment,
     /// Number of segments whose damage was reported.
-    told: usize,
+    reported: usize,
     /// Damage of the current segment, until it is reported.
     pub(super) damage: Option<Damage>,
 }
@@ -243,7 +243,7 @@ impl DataStream {
             position: 0,
             length,
             open: OpenSegment::default(),
-            told: 0,
+            reported: 0,
             damage: None,
         }
     }
@@ -332,9 +332,9 @@ impl DataStream {
         let OpenSegment { is_unpacked, content, columns } = &mut self.open;
         *is_unpacked = true;
         if let Some(damage) = segment.unpack_segment(file, content, columns)
-            && self.told <= self.index
+            && self.reported <= self.index
         {
-            self.told = self.index + 1;
+            self.reported = self.index + 1;
             self.damage = Some((segment.at, damage));
         }
     }

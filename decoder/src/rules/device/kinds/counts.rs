@@ -43,8 +43,8 @@ fn judge_per_sync(
     event: &TriggerEvent<'_>,
     context: &mut RuleContext<'_>,
 ) {
-    let is_heard = || !waits_for_pdo(&case.rule.on.0) || case.facts.is_operational();
-    if progress.is_counting && case.matching_trigger(event).is_some() && is_heard() && case.is_due() {
+    let is_received = || !waits_for_pdo(&case.rule.on.0) || case.facts.is_operational();
+    if progress.is_counting && case.matching_trigger(event).is_some() && is_received() && case.is_due() {
         count_moment(progress, FrameTime { time: context.now, frame: case.frames.last });
     }
     if !matches!(event, TriggerEvent::Sync) {

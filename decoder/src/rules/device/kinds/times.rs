@@ -138,7 +138,7 @@ fn absence_evidence(
     let evidence = |trigger: &ProfileTrigger| {
         let ProfileTrigger::Pdo(name) = trigger else { return AbsenceEvidence::Proven };
         match facts.bus.pdo_identifier(facts.id, *name).filter(|_| facts.is_operational()) {
-            Some((_, is_told)) if is_told || progress.is_counting => AbsenceEvidence::Proven,
+            Some((_, is_reported)) if is_reported || progress.is_counting => AbsenceEvidence::Proven,
             Some(_) if name.direction == PdoDirection::Transmit => AbsenceEvidence::Assumed,
             _ => AbsenceEvidence::Unknown,
         }
@@ -194,14 +194,14 @@ fn report_overdue(
     (last, assumption): (FrameTime, Option<&'static str>),
     context: &mut RuleContext<'_>,
 ) {
-    let (Some(heard), Some(limit)) = (case.facts.own.heard, case.time_limit()) else { return };
-    let interval = heard.saturating_sub(last.time);
+    let (Some(received), Some(limit)) = (case.facts.own.received, case.time_limit()) else { return };
+    let interval = received.saturating_sub(last.time);
     if interval.saturating_sub(context.granularity) <= limit {
         return;
     }
     let frames = FrameRange { first: last.frame, last: case.frames.last.max(last.frame) };
     let alarm =
-        context.fail_at(heard, Some(case.facts.id), frames).with_subject(about_first(&case.rule.on.0));
+        context.fail_at(received, Some(case.facts.id), frames).with_subject(about_first(&case.rule.on.0));
     let text = &case.rule.text;
     let alarm = alarm.with_measure(to_milliseconds(interval)).with_assumption(assumption);
     alarm.report_finding(|| with_time(text, &format!("missing for {}", time_text(interval)), limit));

@@ -78,7 +78,7 @@ struct MachineWatch {
     /// The device followed a control word.
     has_followed: bool,
     demand: Option<StateDemand>,
-    is_told: bool,
+    is_reported: bool,
 }
 
 /// Control words in a layout: index of the machine, and of the field.
@@ -145,11 +145,11 @@ impl ActiveNotEnded {
         if let (Some(demand), Some(slot)) = (watch.demand.take(), slot) {
             if demand.is_ignored(slot, 1, time, context) {
                 watch.report_demand(&demand, slot.frames.1, (id, machine), context);
-            } else if !watch.is_told {
+            } else if !watch.is_reported {
                 context.count_pass();
             }
         }
-        if std::mem::take(&mut watch.is_told) {
+        if std::mem::take(&mut watch.is_reported) {
             context.close_condition(Some(id), machine_subject(machine.channel));
         }
         watch.status = slot.map(|slot| slot.id).or(watch.status);
@@ -266,7 +266,7 @@ impl MachineWatch {
         context: &mut RuleContext<'_>,
     ) {
         let status = self.status.and_then(|id| context.pdos_of(id));
-        if self.demand.is_some() || self.is_told || !context.has_time {
+        if self.demand.is_some() || self.is_reported || !context.has_time {
             return;
         }
         let Some(count) = status.map(|status| status.count) else { return };
@@ -282,7 +282,7 @@ impl MachineWatch {
         (id, machine): (NodeId, &StateMachine),
         context: &mut RuleContext<'_>,
     ) {
-        self.is_told = true;
+        self.is_reported = true;
         let active = self.active.as_deref().unwrap_or_default();
         let since = context.timestamp_of(demand.time);
         let alarm = context.fail_at(context.now, Some(id), FrameRange { first: demand.frame, last: frame });

@@ -79,20 +79,20 @@ impl Calibration {
         &mut self,
         event: &Event,
         node: NodeId,
-        told: &ProcedureEvent,
+        reported: &ProcedureEvent,
         context: &mut RuleContext<'_>,
     ) {
-        let is = |status: ProcedureStatus| told.status == status;
+        let is = |status: ProcedureStatus| reported.status == status;
         if is(ProcedureStatus::Running) {
-            return self.on_started(event, node, told, context);
+            return self.on_started(event, node, reported, context);
         }
         if is(ProcedureStatus::Ended) {
-            return self.on_ended(node, told, context);
+            return self.on_ended(node, reported, context);
         }
-        self.running.retain(|running| running.node != node || running.name != told.procedure);
-        let about = FindingSubject::Name(told.procedure.as_str().into());
+        self.running.retain(|running| running.node != node || running.name != reported.procedure);
+        let about = FindingSubject::Name(reported.procedure.as_str().into());
         context.close_condition(Some(node), about.clone());
-        let (severity, what) = if told.phase == ProcedurePhase::FailedEarlier {
+        let (severity, what) = if reported.phase == ProcedurePhase::FailedEarlier {
             (Severity::Warning, "failed before this capture")
         } else if is(ProcedureStatus::Error) {
             (Severity::Error, "failed")
@@ -105,23 +105,25 @@ impl Calibration {
         };
         let alarm = context.start_finding(event).with_subject(about).with_severity(severity);
         alarm.report_finding(|| {
-            let after = told.duration.map_or_else(String::new, duration_text);
-            let why = if told.text.is_empty() { String::new() } else { format!(": {}", told.text) };
-            format!("{} {what}{after}{why}", told.procedure)
+            let after = reported.duration.map_or_else(String::new, duration_text);
+            let why = if reported.text.is_empty() { String::new() } else { format!(": {}", reported.text) };
+            format!("{} {what}{after}{why}", reported.procedure)
         });
     }
 
     /// Waits for the status of a calibration that ended with an unknown result, at least its nominal time.
-    fn on_ended(&mut self, node: NodeId, told: &ProcedureEvent, context: &mut RuleContext<'_>) {
-        context.close_condition(Some(node), FindingSubject::Name(told.procedure.as_str().into()));
-        let found =
-            self.running.iter_mut().find(|running| running.node == node && running.name == told.procedure);
+    fn on_ended(&mut self, node: NodeId, reported: &ProcedureEvent, context: &mut RuleContext<'_>) {
+        context.close_condition(Some(node), FindingSubject::Name(reported.procedure.as_str().into()));
+        let found = self
+            .running
+            .iter_mut()
+            .find(|running| running.node == node && running.name == reported.procedure);
         let Some(running) = found else { return };
         self.begun += 1;
         running.number = self.begun;
         running.due = running.due.max(context.now.saturating_add(to_nanoseconds(running.nominal)));
-        let after = told.duration.map_or_else(String::new, duration_text);
-        running.unread = Some(format!("{} ended{after}; {}", told.procedure, told.text));
+        let after = reported.duration.map_or_else(String::new, duration_text);
+        running.unread = Some(format!("{} ended{after}; {}", reported.procedure, reported.text));
         context.wake_at(running.due, running.number);
     }
 
@@ -143,22 +145,23 @@ impl Calibration {
         &mut self,
         event: &Event,
         node: NodeId,
-        told: &ProcedureEvent,
+        reported: &ProcedureEvent,
         context: &mut RuleContext<'_>,
     ) {
-        let (Some(nominal), true) = (told.nominal, told.phase == ProcedurePhase::Started && context.has_time)
+        let (Some(nominal), true) =
+            (reported.nominal, reported.phase == ProcedurePhase::Started && context.has_time)
         else {
             return;
         };
         if self.running.len() >= RUNNING_LIMIT {
             return;
         }
-        self.running.retain(|running| running.node != node || running.name != told.procedure);
+        self.running.retain(|running| running.node != node || running.name != reported.procedure);
         let time = to_nanoseconds(nominal * self.times);
         let began = context.now;
         let due = began.saturating_add(time);
         self.begun += 1;
-        let (name, frame, number) = (told.procedure.clone(), event.frames.last, self.begun);
+        let (name, frame, number) = (reported.procedure.clone(), event.frames.last, self.begun);
         let unread = None;
         self.running.push(RunningCalibration { node, name, began, due, nominal, frame, number, unread });
         context.wake_at(due, number);
@@ -169,8 +172,8 @@ impl Rule for Calibration {
     fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let Some(node) = event.node else { return };
         match &event.kind {
-            EventKind::Procedure(told) if told.word.as_deref() == Some(CALIBRATION) => {
-                self.on_procedure(event, node, told, context);
+            EventKind::Procedure(reported) if reported.word.as_deref() == Some(CALIBRATION) => {
+                self.on_procedure(event, node, reported, context);
             }
             EventKind::BootUp { .. } => self.on_restart(event, node, context),
             EventKind::Emcy(emergency) if emergency.action == EmcyAction::Ready => {

@@ -226,7 +226,7 @@ impl CommandGap {
             let usual = gap
                 .usual
                 .map_or_else(String::new, |(usual, _)| format!(" (usual {})", milliseconds_text(usual)));
-            let missing = if gap.came_again { "" } else { " and missing until the end of the capture" };
+            let missing = if gap.has_returned { "" } else { " and missing until the end of the capture" };
             format!("{} interval {length} > {limit}{usual}{missing}", gap.message)
         });
     }

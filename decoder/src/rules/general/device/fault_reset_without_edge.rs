@@ -52,7 +52,7 @@ struct PendingFault {
     count: u64,
     /// The bits were cleared during this fault, so an edge follows.
     has_edge: bool,
-    is_told: bool,
+    is_reported: bool,
 }
 
 struct FaultResetWithoutEdge {
@@ -79,7 +79,7 @@ impl FaultResetWithoutEdge {
         {
             let fault = faults.swap_remove(place);
             self.count = self.count.saturating_sub(1);
-            if fault.is_told {
+            if fault.is_reported {
                 fault.report_held_bits(event, context);
                 context.close_condition(Some(node), machine_subject(fault.channel));
             } else if fault.has_edge {
@@ -103,7 +103,7 @@ impl FaultResetWithoutEdge {
                 first_frame: 0,
                 count: 0,
                 has_edge: false,
-                is_told: false,
+                is_reported: false,
             });
         }
     }
@@ -116,12 +116,12 @@ impl FaultResetWithoutEdge {
             let field = layout.fields.iter().find(|field| own(field.id));
             let Some(control) = field.and_then(|field| field.extract_bits(pdo.payload())) else { continue };
             fault.take_control(control, event.frames.last, context.now);
-            let Some(since) = fault.since.filter(|_| !fault.has_edge && !fault.is_told) else { continue };
+            let Some(since) = fault.since.filter(|_| !fault.has_edge && !fault.is_reported) else { continue };
             #[expect(clippy::cast_precision_loss, reason = "a count of messages")]
             let is_held = fault.count as f64 >= self.messages
                 || context.has_time && context.now.saturating_sub(since) >= self.time;
             if is_held {
-                fault.is_told = true;
+                fault.is_reported = true;
                 fault.report_held_bits(event, context);
             }
         }
@@ -130,7 +130,7 @@ impl FaultResetWithoutEdge {
     fn forget_fault(&mut self, node: NodeId, context: &mut RuleContext<'_>) {
         for fault in self.faults.remove(node).unwrap_or_default() {
             self.count = self.count.saturating_sub(1);
-            if fault.is_told {
+            if fault.is_reported {
                 context.close_condition(Some(node), machine_subject(fault.channel));
             }
         }
@@ -183,7 +183,7 @@ impl Rule for FaultResetWithoutEdge {
             EventKind::Pdo(pdo) if self.count > 0 => self.on_control(event, node, pdo, context),
             EventKind::DeviceState(state) => self.on_state(event, node, state, context),
             EventKind::Emcy(emergency) if emergency.action == EmcyAction::AllCleared => {
-                for fault in self.faults.get_mut(node).into_iter().flatten().filter(|it| !it.is_told) {
+                for fault in self.faults.get_mut(node).into_iter().flatten().filter(|it| !it.is_reported) {
                     (fault.since, fault.count, fault.has_edge) = (None, 0, false);
                 }
             }

@@ -76,7 +76,7 @@ struct SetPointPair {
     frame: u64,
     /// Identifier of the PDO with the measured value.
     source: Option<CanId>,
-    is_told: bool,
+    is_reported: bool,
     /// A wake-up is scheduled.
     is_queued: bool,
 }
@@ -119,20 +119,21 @@ fn new(policy: &RulePolicy) -> NotFollowing {
 }
 
 impl NotFollowing {
-    fn set_point(&mut self, event: &Event, id: NodeId, told: &SetPoint, context: &mut RuleContext<'_>) {
+    fn set_point(&mut self, event: &Event, id: NodeId, emitted: &SetPoint, context: &mut RuleContext<'_>) {
         let Some(node) = context.event_node(event) else { return };
         // A state that follows the control word confirms the assumed contents of the PDOs.
-        let is_sure = !told.assumed || node.device_states().next().is_some();
-        let acts = told.effective == EffectiveState::Yes && is_sure && !self.is_open_loop(id, told.channel);
-        let known = self.pairs.iter().position(|pair| pair.node == id && pair.set_point == told.object);
+        let is_certain = !emitted.assumed || node.device_states().next().is_some();
+        let acts =
+            emitted.effective == EffectiveState::Yes && is_certain && !self.is_open_loop(id, emitted.channel);
+        let known = self.pairs.iter().position(|pair| pair.node == id && pair.set_point == emitted.object);
         let place = match known {
             Some(place) => place,
             None if self.pairs.len() < PAIR_LIMIT => {
                 let is_valve = node.device().extends.iter().any(|standard| standard == VALVES);
                 self.pairs.push(SetPointPair {
                     node: id,
-                    set_point: told.object,
-                    channel: told.channel,
+                    set_point: emitted.object,
+                    channel: emitted.channel,
                     name: String::new(),
                     unit: String::new(),
                     time: if is_valve { self.valve } else { self.pump },
@@ -143,7 +144,7 @@ impl NotFollowing {
                     since: None,
                     frame: 0,
                     source: None,
-                    is_told: false,
+                    is_reported: false,
                     is_queued: false,
                 });
                 self.generation += 1;
@@ -154,7 +155,7 @@ impl NotFollowing {
         };
         let share = self.share;
         let Some(pair) = self.pairs.get_mut(place) else { return };
-        pair.target = told.to.number.filter(|_| acts);
+        pair.target = emitted.to.number.filter(|_| acts);
         // The previous deviation belongs to another set point.
         pair.since = None;
         pair.judge_pair(place, share, event.frames.last, context);
@@ -319,7 +320,7 @@ impl SetPointPair {
 
     fn on_following(&mut self, context: &mut RuleContext<'_>) {
         self.since = None;
-        if std::mem::take(&mut self.is_told) {
+        if std::mem::take(&mut self.is_reported) {
             context.close_condition(Some(self.node), FindingSubject::Object(self.set_point));
         }
     }
@@ -370,7 +371,7 @@ impl Rule for NotFollowing {
             pair.actual = None;
             return pair.on_following(context);
         }
-        if pair.is_told {
+        if pair.is_reported {
             pair.is_queued = true;
             return context.wake_at(context.now.saturating_add(pair.time), token);
         }
@@ -407,7 +408,7 @@ impl Rule for NotFollowing {
             )
         });
         if let Some(pair) = self.pairs.get_mut(place) {
-            (pair.is_told, pair.is_queued) = (true, true);
+            (pair.is_reported, pair.is_queued) = (true, true);
             context.wake_at(context.now.saturating_add(pair.time), token);
         }
     }

@@ -49,7 +49,7 @@ struct SetPointWatch {
     carrier: ValueCarrier,
     /// Start of the time without effect.
     since: Option<i64>,
-    is_told: bool,
+    is_reported: bool,
     /// The value depends on an assumption.
     assumed: bool,
     text: String,
@@ -76,7 +76,7 @@ impl SetpointNotEffective {
                 object: point.object,
                 carrier: point.carrier.clone(),
                 since: None,
-                is_told: false,
+                is_reported: false,
                 assumed: false,
                 text: String::new(),
                 frames: FrameRange::default(),
@@ -86,19 +86,19 @@ impl SetpointNotEffective {
         known
     }
 
-    fn set_point(&mut self, event: &Event, node: NodeId, told: &SetPoint, context: &mut RuleContext<'_>) {
+    fn set_point(&mut self, event: &Event, node: NodeId, reported: &SetPoint, context: &mut RuleContext<'_>) {
         let time = self.time;
-        let Some(place) = self.watch_place(node, told) else { return };
+        let Some(place) = self.watch_place(node, reported) else { return };
         let Some(point) = self.points.get_mut(place) else { return };
-        let commands = told.to.number.is_some_and(|number| number.abs() > 0.0);
-        if commands && told.effective == EffectiveState::Yes {
+        let commands = reported.to.number.is_some_and(|number| number.abs() > 0.0);
+        if commands && reported.effective == EffectiveState::Yes {
             context.count_pass();
         }
-        if !(commands && told.effective == EffectiveState::No) {
+        if !(commands && reported.effective == EffectiveState::No) {
             return point.on_effective(context);
         }
-        point.text.clone_from(&told.to.text);
-        point.assumed = told.assumed;
+        point.text.clone_from(&reported.to.text);
+        point.assumed = reported.assumed;
         point.frames = event.frames;
         if point.since.is_none() {
             point.since = Some(context.now);
@@ -109,7 +109,7 @@ impl SetpointNotEffective {
 
 impl SetpointNotEffective {
     /// Restarts the time limit of all set points of a node after a procedure.
-    fn begin_anew(&mut self, node: NodeId, context: &mut RuleContext<'_>) {
+    fn restart_numbers(&mut self, node: NodeId, context: &mut RuleContext<'_>) {
         for (place, point) in self.points.iter_mut().enumerate().filter(|(_, point)| point.node == node) {
             if let Some(since) = &mut point.since {
                 *since = context.now;
@@ -123,7 +123,7 @@ impl SetPointWatch {
     /// The set point is effective, 0 or unknown.
     fn on_effective(&mut self, context: &mut RuleContext<'_>) {
         self.since = None;
-        if std::mem::take(&mut self.is_told) {
+        if std::mem::take(&mut self.is_reported) {
             context.close_condition(Some(self.node), FindingSubject::Object(self.object));
         }
     }
@@ -132,7 +132,7 @@ impl SetPointWatch {
     fn judge_set_point(&self, context: &mut RuleContext<'_>) -> bool {
         let gates = context.bus.gates(self.node);
         let node = context.bus.node(self.node);
-        let is_sure = |gate: &&GateState| {
+        let is_certain = |gate: &&GateState| {
             gate.set_point == self.object
                 && gate.status == GateStatus::Closed
                 && !node.is_some_and(|node| rests_on_command(node, gate))
@@ -140,7 +140,7 @@ impl SetPointWatch {
         if node.is_some_and(is_calibrated) {
             return false;
         }
-        let Some(gate) = gates.iter().find(is_sure) else { return false };
+        let Some(gate) = gates.iter().find(is_certain) else { return false };
         // A state that follows the control word confirms the assumed contents of the PDOs.
         let is_shown = node.is_some_and(|node| node.device_states().next().is_some());
         let severity = if self.assumed && !is_shown { Severity::Note } else { Severity::Warning };
@@ -198,8 +198,10 @@ impl Rule for SetpointNotEffective {
                     point.on_effective(context);
                 }
             }
-            EventKind::Procedure(told) if told.takes_over && told.phase == ProcedurePhase::Finished => {
-                self.begin_anew(node, context);
+            EventKind::Procedure(reported)
+                if reported.takes_over && reported.phase == ProcedurePhase::Finished =>
+            {
+                self.restart_numbers(node, context);
             }
             _ => {}
         }
@@ -221,8 +223,8 @@ impl Rule for SetpointNotEffective {
         if due > context.now {
             return;
         }
-        if !point.is_told {
-            point.is_told = point.judge_set_point(context);
+        if !point.is_reported {
+            point.is_reported = point.judge_set_point(context);
         }
         context.wake_at(context.now.saturating_add(time), token);
     }

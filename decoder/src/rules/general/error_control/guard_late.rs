@@ -61,7 +61,7 @@ const REACTION: i64 = 1_000_000_000;
 struct LateGuarding {
     /// Time and frame of the last request.
     last: Option<(i64, u64)>,
-    is_told: bool,
+    is_reported: bool,
     is_queued: bool,
     /// An interval was within the life time, so the period of the master fits an assumed one.
     has_fit: bool,
@@ -136,13 +136,13 @@ impl GuardLate {
                 u64::from(number),
             );
         }
-        let was_told = std::mem::take(&mut guarded.is_told);
+        let was_reported = std::mem::take(&mut guarded.is_reported);
         if let (Some(life), Some(before)) =
             (life, before.filter(|(_, frame)| !context.is_across_hole(*frame)))
         {
             self.judge_interval(event, node, (life, before), context);
         }
-        if was_told {
+        if was_reported {
             context.close_condition(Some(node), FindingSubject::Whole);
         }
     }
@@ -204,7 +204,7 @@ impl GuardLate {
         }
         guarded.has_expired = true;
         // The EMCY confirms a finding that depends on an assumed life time.
-        if guarded.is_told && life.is_some_and(|life| !life.is_assumed) {
+        if guarded.is_reported && life.is_some_and(|life| !life.is_assumed) {
             return;
         }
         let Some((last, frame)) = guarded.last else { return };
@@ -241,7 +241,7 @@ impl GuardLate {
         if let Some(guarded) = self.nodes.get_mut(node) {
             guarded.last = None;
             guarded.has_expired = false;
-            if std::mem::take(&mut guarded.is_told) {
+            if std::mem::take(&mut guarded.is_reported) {
                 context.close_condition(Some(node), FindingSubject::Whole);
             }
         }
@@ -282,7 +282,7 @@ impl Rule for GuardLate {
         if !guarded.is_life_time_known(life) {
             return;
         }
-        guarded.is_told = true;
+        guarded.is_reported = true;
         // The next request determines the final interval.
         let gap = life_time_share(life, self.error);
         let since = context.timestamp_of(last);

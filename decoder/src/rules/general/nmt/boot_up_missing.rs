@@ -38,7 +38,7 @@ declare_rule! {
 }
 
 /// Maximum silence before the reset, in nanoseconds; a node that was silent for longer may be absent.
-const HEARD: i64 = 10_000_000_000;
+const RECEIVED: i64 = 10_000_000_000;
 
 struct BootUpMissing {
     limit: i64,
@@ -62,7 +62,7 @@ impl BootUpMissing {
         let age =
             stamp.map_or(i64::MAX, |stamp| context.bus.now().saturating_sub(context.bus.monotonic(stamp)));
         let has_sign = known.device().nmt.boot != BootSign::BootUpAfterPowerOn;
-        if age > HEARD || !has_sign || !context.has_time {
+        if age > RECEIVED || !has_sign || !context.has_time {
             return;
         }
         let due = context.now.saturating_add(self.limit);

@@ -94,8 +94,8 @@ impl ConfigLost {
     fn fell_back(&mut self, node: NodeId, object: ObjectAddress) {
         let Some(settings) = self.nodes.get_mut(node) else { return };
         // For other objects, the effect of a communication reset is only presumed.
-        let is_sure = !settings.communication_only || object.index < COMMUNICATION_END;
-        if is_sure && settings.written.contains(&object) && !settings.lost.contains(&object) {
+        let is_certain = !settings.communication_only || object.index < COMMUNICATION_END;
+        if is_certain && settings.written.contains(&object) && !settings.lost.contains(&object) {
             settings.lost.push(object);
         }
     }

@@ -80,16 +80,16 @@ fn of_count(node: &Node, index: u16, count: u64) -> MappingVerdict {
     let Some(number) = u8::try_from(count).ok().filter(|_| (1..=MOST_ENTRIES).contains(&count)) else {
         return MappingVerdict::Unknown;
     };
-    let (mut bits, mut is_sure) = (0, true);
+    let (mut bits, mut is_certain) = (0, true);
     for sub in 1..=number {
         let entry = confirmed_number(node, index, sub);
-        is_sure &= entry.is_some();
+        is_certain &= entry.is_some();
         bits += entry.map_or(1, |entry| entry & 0xFF);
     }
     if bits <= MOST_BITS {
-        return if is_sure { MappingVerdict::Right } else { MappingVerdict::Unknown };
+        return if is_certain { MappingVerdict::Right } else { MappingVerdict::Unknown };
     }
-    let least = if is_sure { "" } else { "at least " };
+    let least = if is_certain { "" } else { "at least " };
     MappingVerdict::Wrong(format!("{count} objects with {least}{bits} bits (max 64 per PDO)"))
 }
 

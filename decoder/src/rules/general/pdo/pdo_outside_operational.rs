@@ -54,7 +54,7 @@ struct PendingPdo {
 #[derive(Default)]
 struct StateWatch {
     /// Latest reported state, time and frame of its first report.
-    told: Option<(NmtState, i64, u64)>,
+    reported: Option<(NmtState, i64, u64)>,
     /// Command to leave operational, its time and frame; `None` after a report of the state.
     commanded: Option<(NmtState, i64, u64)>,
     sent: Option<PendingPdo>,
@@ -108,9 +108,9 @@ impl PdoOutsideOperational {
         context.ask_again();
         self.operational.remove(node);
         self.silent.insert(node);
-        let same = watch.told.filter(|(before, ..)| *before == state);
+        let same = watch.reported.filter(|(before, ..)| *before == state);
         let Some((.., frame)) = same else {
-            watch.told = Some((state, context.now, event.frames.first));
+            watch.reported = Some((state, context.now, event.frames.first));
             return;
         };
         for (pending, severity) in [(sent, Severity::Error), (received, Severity::Warning)] {
@@ -135,14 +135,15 @@ impl PdoOutsideOperational {
         let pending = PendingPdo { name: pdo.name, id: pdo.cob_id, frame: event.frames.last };
         let now = context.now;
         if pdo.name.direction == PdoDirection::Receive {
-            let is_long = watch.told.is_some_and(|(_, since, _)| now.saturating_sub(since) > self.receive);
+            let is_long =
+                watch.reported.is_some_and(|(_, since, _)| now.saturating_sub(since) > self.receive);
             // A conformance test sends such RPDOs on purpose.
             if is_long && !context.is_tested {
                 watch.received.get_or_insert(pending);
             }
             return;
         }
-        if watch.told.is_some() {
+        if watch.reported.is_some() {
             watch.sent.get_or_insert(pending);
         } else if let Some((state, at, frame)) = watch.commanded
             && now.saturating_sub(at) > self.command

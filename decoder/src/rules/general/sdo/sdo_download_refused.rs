@@ -60,12 +60,12 @@ impl SdoDownloadRefused {
     ) {
         let known = event.node.and_then(|node| self.refused.entry(node)).zip(transfer.object);
         let is_one_of_many = known.is_some_and(|(known, object)| {
-            let is_told = known.contains(&object);
-            if !is_told && known.len() < OBJECT_LIMIT {
+            let is_reported = known.contains(&object);
+            if !is_reported && known.len() < OBJECT_LIMIT {
                 known.push(object);
                 return false;
             }
-            !is_told
+            !is_reported
         });
         let about = if is_one_of_many { FindingSubject::Whole } else { transfer_subject(transfer) };
         let device = record::event_device(event, context.bus);

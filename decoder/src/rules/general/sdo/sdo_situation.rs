@@ -30,8 +30,8 @@ pub(in crate::rules::general) fn object_access(
     device: &DeviceProfile,
     object: ObjectAddress,
 ) -> Option<SdoAccess> {
-    let is_told = is_described(device, object) || MANDATORY.contains(&object.index);
-    device.dictionary.find_object(object).filter(|_| is_told)?.entry?.access
+    let is_reported = is_described(device, object) || MANDATORY.contains(&object.index);
+    device.dictionary.find_object(object).filter(|_| is_reported)?.entry?.access
 }
 
 /// Identifiers in `abort_codes.toml` of the errors in a request; several if the order of the checks is up to
@@ -105,8 +105,8 @@ fn missing_part(device: &DeviceProfile, object: ObjectAddress) -> Option<Situati
 
 /// Length that does not match the data type. Four bytes may be a request without a size indicator.
 fn of_length(transfer: &SdoTransfer, device: &DeviceProfile, object: ObjectAddress) -> Option<SituationId> {
-    let is_told = is_described(device, object) || object.index < COMMUNICATION;
-    let bits = device.dictionary.data_type(object).and_then(DataType::bits).filter(|_| is_told)?;
+    let is_reported = is_described(device, object) || object.index < COMMUNICATION;
+    let bits = device.dictionary.data_type(object).and_then(DataType::bits).filter(|_| is_reported)?;
     let sent = transfer.announced.map_or(transfer.size, u64::from);
     let wanted = u64::from(bits.div_ceil(8));
     let says_length = transfer.abort.is_some_and(|abort| abort.code >> 16 == 0x0607);

@@ -81,7 +81,7 @@ fn bytes_of_type(event: &Event, transfer: &SdoTransfer, context: &RuleContext<'_
         transfer.direction == Some(SdoDirection::Upload) && transfer.mode == Some(SdoMode::Expedited);
     let object = transfer.object.filter(|_| is_read)?;
     let device = context.event_node(event)?.device();
-    let is_told = is_described(device, object) || object.index < 0x2000;
-    let bits = device.dictionary.data_type(object).and_then(DataType::bits).filter(|_| is_told)?;
+    let is_reported = is_described(device, object) || object.index < 0x2000;
+    let bits = device.dictionary.data_type(object).and_then(DataType::bits).filter(|_| is_reported)?;
     Some(u64::from(bits.div_ceil(8)))
 }

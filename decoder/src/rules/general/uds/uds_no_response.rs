@@ -40,7 +40,7 @@ const SERVER_LIMIT: usize = 256;
 #[derive(Default)]
 struct UdsNoResponse {
     /// Servers that have responded: addresses, or the identifier of the requests.
-    heard: Vec<UdsServer>,
+    received: Vec<UdsServer>,
 }
 
 #[derive(PartialEq)]
@@ -63,7 +63,7 @@ fn new(_policy: &RulePolicy) -> UdsNoResponse {
 
 impl UdsNoResponse {
     fn on_silent(&self, event: &Event, exchange: &UdsExchange, context: &mut RuleContext<'_>) {
-        let is_known = self.heard.contains(&UdsServer::server_of(exchange));
+        let is_known = self.received.contains(&UdsServer::server_of(exchange));
         if exchange.ends.functional || !(is_known || exchange.pending > 0) {
             return;
         }
@@ -86,8 +86,8 @@ impl Rule for UdsNoResponse {
             ExchangeOutcome::Positive | ExchangeOutcome::Negative => {
                 context.count_pass();
                 let server = UdsServer::server_of(exchange);
-                if self.heard.len() < SERVER_LIMIT && !self.heard.contains(&server) {
-                    self.heard.push(server);
+                if self.received.len() < SERVER_LIMIT && !self.received.contains(&server) {
+                    self.received.push(server);
                 }
             }
             ExchangeOutcome::NoAnswer => self.on_silent(event, exchange, context),

@@ -298,7 +298,7 @@ impl TransportMachine {
         let now = cx.bus.clock.now();
         let mut place = self.sessions.find_session(part.originated_key());
         if let Some(open) = place
-            && self.sessions.get_mut(open).is_some_and(|session| session.begins_anew(sequence))
+            && self.sessions.get_mut(open).is_some_and(|session| session.restarts(sequence))
         {
             self.close_session(open, TransportEnding::Superseded, part.frame, cx);
             place = None;

@@ -257,7 +257,7 @@ impl TransportSession {
     }
 
     /// Whether a packet is before the first one of a transfer without start: another transfer has started.
-    pub(super) fn begins_anew(&self, sequence: u8) -> bool {
+    pub(super) fn restarts(&self, sequence: u8) -> bool {
         self.cut_start && self.packet_number(sequence) < self.received.first()
     }
 

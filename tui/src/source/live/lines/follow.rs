@@ -18,23 +18,24 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Reads the file at `path` and its replacements until the receiver ends.
 pub fn follow_file(path: &Path, options: &ReadOptions, outlet: &mut ThreadOutlet) -> SourceEnd {
     let shown = path_text(path);
-    let mut has_said = false;
+    let mut has_stated = false;
     while !outlet.is_over() {
         let mut growing = match GrowingFile::open(path, outlet) {
             Ok(growing) => growing,
             Err(error) if error.kind() == ErrorKind::NotFound => {
-                if !has_said && !outlet.deliver_report(format!("{shown} does not exist yet; waiting for it"))
+                if !has_stated
+                    && !outlet.deliver_report(format!("{shown} does not exist yet; waiting for it"))
                 {
                     break;
                 }
-                has_said = true;
+                has_stated = true;
                 std::thread::sleep(LOOK);
                 continue;
             }
             Err(error) => return read_failure(path, error.into()),
         };
         let result = outlet.pump_capture(&mut growing, options);
-        match (result, growing.begins_anew) {
+        match (result, growing.restart_reason) {
             // The receiver has ended.
             (Ok(()), _) => break,
             (Err(CaptureError::Io(_)), Some(how)) => {
@@ -64,7 +65,7 @@ struct GrowingFile<'a> {
     /// The last byte read is not a line end.
     is_within_line: bool,
     /// Change that requires a new start, once it has happened.
-    begins_anew: Option<&'static str>,
+    restart_reason: Option<&'static str>,
 }
 
 impl<'a> GrowingFile<'a> {
@@ -80,7 +81,7 @@ impl<'a> GrowingFile<'a> {
             position: 0,
             is_over: outlet.end_flag(),
             is_within_line: false,
-            begins_anew: None,
+            restart_reason: None,
         })
     }
 
@@ -114,7 +115,7 @@ impl Read for GrowingFile<'_> {
                 return Ok(count);
             }
             if change.is_some() {
-                self.begins_anew = change;
+                self.restart_reason = change;
                 return Err(io::Error::other("the file was replaced or truncated"));
             }
             if self.is_over.load(std::sync::atomic::Ordering::Relaxed) {

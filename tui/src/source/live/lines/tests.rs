@@ -260,7 +260,7 @@ fn what_is_no_file_or_no_capture_has_failed() {
 }
 
 #[test]
-fn the_thread_ends_when_nobody_listens_any_more() {
+fn the_thread_ends_without_a_listener() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("growing.log");
     std::fs::write(&path, "(1700000000.000000) can0 001#\n").unwrap();

@@ -195,8 +195,8 @@ impl SlcanAdapter {
             }
             SlcanReply::Flags(flags) => {
                 (self.questions.unanswered, self.questions.answers) = (0, Some(true));
-                let said = flags.to_string();
-                self.controller = (!said.is_empty()).then_some(said);
+                let stated = flags.to_string();
+                self.controller = (!stated.is_empty()).then_some(stated);
                 flags.lost_frames().then(|| {
                     self.lost += 1;
                     Arrival::Notice(Notice::LostFrames {

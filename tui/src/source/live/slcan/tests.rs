@@ -29,7 +29,7 @@ fn obliging(line: &str) -> &'static [u8] {
 struct Plugged {
     link: PathBuf,
     say: Option<Sender<&'static [u8]>>,
-    heard: Arc<Mutex<Vec<u8>>>,
+    observed: Arc<Mutex<Vec<u8>>>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -39,16 +39,16 @@ impl Plugged {
         let (mut adapter, port) = SerialPort::pair().unwrap();
         let device = std::fs::read_link(format!("/proc/self/fd/{}", port.as_raw_fd())).unwrap();
         std::os::unix::fs::symlink(device, link).unwrap();
-        let heard = Arc::new(Mutex::new(Vec::new()));
-        let (say, said) = mpsc::channel::<&[u8]>();
-        let ear = Arc::clone(&heard);
+        let observed = Arc::new(Mutex::new(Vec::new()));
+        let (say, stated) = mpsc::channel::<&[u8]>();
+        let ear = Arc::clone(&observed);
         let thread = std::thread::spawn(move || {
             // Without a handle of its own the terminal would hang up before it is opened.
             let _port = port;
             adapter.set_read_timeout(Duration::from_millis(2)).unwrap();
             let (mut buffer, mut begun) = ([0; 256], String::new());
             loop {
-                match said.try_recv() {
+                match stated.try_recv() {
                     Ok(bytes) => adapter.write_all(bytes).unwrap(),
                     Err(TryRecvError::Disconnected) => return,
                     Err(TryRecvError::Empty) => {}
@@ -63,7 +63,7 @@ impl Plugged {
                 }
             }
         });
-        Self { link: link.into(), say: Some(say), heard, thread: Some(thread) }
+        Self { link: link.into(), say: Some(say), observed, thread: Some(thread) }
     }
 
     fn send(&self, bytes: &'static [u8]) {
@@ -72,7 +72,7 @@ impl Plugged {
 
     /// Commands received so far.
     fn received(&self) -> String {
-        String::from_utf8(self.heard.lock().unwrap().clone()).unwrap()
+        String::from_utf8(self.observed.lock().unwrap().clone()).unwrap()
     }
 
     /// Waits until the commands received are `expected`.

@@ -28,7 +28,7 @@ pub(super) struct BoundInterface {
     spec: InterfaceSpec,
     socket: Option<InterfaceBinding>,
     /// State and bit rate as last reported.
-    told: Option<(LinkState, Option<u32>)>,
+    reported: Option<(LinkState, Option<u32>)>,
     details: Option<InterfaceDetails>,
     lost: u64,
 }
@@ -63,7 +63,7 @@ impl BoundInterface {
     }
 
     fn from_spec(spec: InterfaceSpec) -> Self {
-        Self { spec, socket: None, told: None, details: None, lost: 0 }
+        Self { spec, socket: None, reported: None, details: None, lost: 0 }
     }
 
     pub(super) fn name(&self) -> &str {
@@ -116,9 +116,9 @@ impl BoundInterface {
             (Some(_), _) => LinkState::Down,
             (None, _) => LinkState::Gone,
         };
-        let told = (state, self.bit_rate());
-        if self.told.replace(told) != Some(told) {
-            let (state, bit_rate) = told;
+        let reported = (state, self.bit_rate());
+        if self.reported.replace(reported) != Some(reported) {
+            let (state, bit_rate) = reported;
             if let Some(bus) = self.bus_index(&mut arrivals.names) {
                 arrivals.items.push(Arrival::Notice(Notice::Link { bus, time: now(), state, bit_rate }));
             }

@@ -80,7 +80,7 @@ struct SocketcandConnection {
     buffer: Vec<u8>,
     /// Replies that are read but not yet processed.
     replies: VecDeque<SocketcandReply>,
-    heard: Instant,
+    received: Instant,
     patience: SilenceLimits,
     has_asked: bool,
     /// Difference between the clock of the server and ours in ns, as shown by frames.
@@ -95,7 +95,7 @@ impl SocketcandConnection {
             reader: SocketcandReader::default(),
             buffer: vec![0; CHUNK],
             replies: VecDeque::new(),
-            heard: Instant::now(),
+            received: Instant::now(),
             patience,
             has_asked: false,
             ahead: 0,
@@ -150,7 +150,7 @@ impl SocketcandConnection {
                 let replies = &mut self.replies;
                 let input = self.buffer.get(..count).unwrap_or_default();
                 self.reader.read_input(input, |reply| replies.push_back(reply));
-                (self.heard, self.has_asked) = (Instant::now(), false);
+                (self.received, self.has_asked) = (Instant::now(), false);
                 Ok(())
             }
             Err(error) => match error.kind() {
@@ -163,7 +163,7 @@ impl SocketcandConnection {
     /// Queries a silent server; returns the maximum time to wait for it.
     fn watch_silence(&mut self, wait: Duration) -> Result<Duration, String> {
         let SilenceLimits { quiet, dead } = self.patience;
-        let silence = self.heard.elapsed();
+        let silence = self.received.elapsed();
         if silence >= dead {
             return Err("the server no longer responds".into());
         }

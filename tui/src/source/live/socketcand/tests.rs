@@ -52,9 +52,9 @@ impl Peer {
 
     /// Asserts that the next request is `expected`.
     fn hears(&mut self, expected: &str) {
-        let mut heard = vec![0; expected.len()];
-        self.0.read_exact(&mut heard).unwrap();
-        assert_eq!(String::from_utf8(heard).unwrap(), expected);
+        let mut received = vec![0; expected.len()];
+        self.0.read_exact(&mut received).unwrap();
+        assert_eq!(String::from_utf8(received).unwrap(), expected);
     }
 
     /// Asserts that the client closes the connection without a further request.

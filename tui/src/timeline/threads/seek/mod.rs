@@ -112,7 +112,7 @@ impl Seeker {
         {
             return Ok(Some(window));
         }
-        let Some(mut spot) = self.spot_of(order.target, frames, is_stale)? else { return Ok(None) };
+        let Some(mut spot) = self.position_of(order.target, frames, is_stale)? else { return Ok(None) };
         let mut is_missed = false;
         if let Some(search) = &order.search {
             let Some(met) = self.search_next(order, search, spot, frames, is_stale)? else { return Ok(None) };
@@ -161,7 +161,7 @@ impl Seeker {
     }
 
     /// Converts a target to the position of an event.
-    fn spot_of(
+    fn position_of(
         &mut self,
         target: SeekTarget,
         frames: u64,
@@ -264,7 +264,7 @@ impl Seeker {
         while !walk::is_at_head(&walk, &self.shared)
             && walk.peek_frame()?.is_none_or(|next| next.number <= spot.frame)
         {
-            if !walk.step_item(&mut |told: PlacedEvent<'_>| found.take_event(order, spot, &told))? {
+            if !walk.step_item(&mut |reported: PlacedEvent<'_>| found.take_event(order, spot, &reported))? {
                 break;
             }
             if self.is_stale_at(&walk, &mut next, is_stale) {
@@ -346,9 +346,9 @@ impl Seeker {
                     None => return Ok(()),
                 }
             }
-            let mut see = |told: PlacedEvent<'_>| {
-                if order.matcher.matches_event(&told) {
-                    found.after.push(ReplayRow::new(&told, order.matcher.only_news));
+            let mut see = |reported: PlacedEvent<'_>| {
+                if order.matcher.matches_event(&reported) {
+                    found.after.push(ReplayRow::new(&reported, order.matcher.only_news));
                 }
             };
             if !walk.step_item(&mut see)? {
@@ -367,12 +367,12 @@ impl Seeker {
 
 impl NeighbourRows {
     /// Adds an event to its side of the position.
-    fn take_event(&mut self, order: &WindowRequest, spot: EventPosition, told: &PlacedEvent<'_>) {
-        if !order.matcher.matches_event(told) {
+    fn take_event(&mut self, order: &WindowRequest, spot: EventPosition, reported: &PlacedEvent<'_>) {
+        if !order.matcher.matches_event(reported) {
             return;
         }
-        let row = ReplayRow::new(told, order.matcher.only_news);
-        if told.spot > spot {
+        let row = ReplayRow::new(reported, order.matcher.only_news);
+        if reported.spot > spot {
             return self.after.push(row);
         }
         if self.before.len() > order.before {

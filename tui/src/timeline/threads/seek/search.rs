@@ -44,11 +44,17 @@ impl Seeker {
         let mut met = None;
         let mut next = walk.world.frames() + NEAR;
         while self.is_whole() || walk.world.frames() < frames {
-            let mut see = |told: PlacedEvent<'_>| {
-                let is_beyond =
-                    if search.is_backward { told.spot < from } else { told.spot > from && met.is_none() };
-                if is_beyond && order.matcher.matches_event(&told) && search.matcher.matches_event(&told) {
-                    met = Some(told.spot);
+            let mut see = |reported: PlacedEvent<'_>| {
+                let is_beyond = if search.is_backward {
+                    reported.spot < from
+                } else {
+                    reported.spot > from && met.is_none()
+                };
+                if is_beyond
+                    && order.matcher.matches_event(&reported)
+                    && search.matcher.matches_event(&reported)
+                {
+                    met = Some(reported.spot);
                 }
             };
             let more = walk.step_item(&mut see)?;
