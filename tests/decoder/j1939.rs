@@ -50,7 +50,7 @@ fn frames(path: &Path, first: u64) -> Vec<Frame> {
 }
 
 /// All keys of the events of one protocol, without the events emitted at the end of the capture.
-fn reported(frames: &[Frame], of: fn(EventProtocol) -> bool) -> Vec<String> {
+fn event_keys(frames: &[Frame], of: fn(EventProtocol) -> bool) -> Vec<String> {
     let mut names = BusNames::default();
     names.index_of(b"can0");
     let mut decoder = Decoder::new(SessionOptions::default());
@@ -82,7 +82,7 @@ fn canopen_and_j1939_on_one_bus_are_decoded_as_each_alone() {
             (&canopen, is_canopen as fn(EventProtocol) -> bool, &mut canopen_events),
             (&j1939, is_j1939, &mut j1939_events),
         ] {
-            let (alone, together) = (reported(frames, of), reported(&both, of));
+            let (alone, together) = (event_keys(frames, of), event_keys(&both, of));
             // The frames of the other protocol continue after the last one, so further time-outs may follow.
             let differs = alone.iter().zip(&together).find(|(alone, together)| alone != together);
             assert_eq!(differs, None, "{} with {}", own.display(), theirs.display());

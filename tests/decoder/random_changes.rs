@@ -78,7 +78,7 @@ fn change(dice: &mut Dice, lines: &mut Vec<Line>) {
 }
 
 /// All findings, as text.
-fn reported(capture: &Annotated) -> (String, CaptureFindings) {
+fn finding_texts(capture: &Annotated) -> (String, CaptureFindings) {
     let (news, findings) = judge(&capture.frames, &capture.options, capture.setup.clone());
     let mut reported = String::new();
     for (number, Event { kind, .. }) in &news {
@@ -106,8 +106,8 @@ fn captures_changed_at_random_are_judged_within_bounds_and_always_the_same() {
             change(&mut dice, &mut frames);
         }
         let capture = parse(&name, &format!("{known}{}", text(&frames)));
-        let (first, findings) = reported(&capture);
-        assert_eq!(first, reported(&capture).0, "{name}");
+        let (first, findings) = finding_texts(&capture);
+        assert_eq!(first, finding_texts(&capture).0, "{name}");
         assert!(findings.groups.len() <= GROUP_LIMIT, "{name}");
         for group in &findings.groups {
             let kept = group.first.len() + group.last.len();

@@ -60,7 +60,7 @@ type Shared = Arc<(Mutex<ProgramOutput>, Condvar)>;
 pub struct Program {
     name: String,
     child: Child,
-    stated: Shared,
+    printed: Shared,
     readers: Vec<thread::JoinHandle<()>>,
 }
 
@@ -81,10 +81,10 @@ impl Program {
     fn start_on(input: impl Into<Stdio>, command: &mut Command) -> Self {
         let piped = command.stdin(input).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = piped.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}"));
-        let stated = Shared::default();
-        let out = listen(child.stdout.take().unwrap(), &stated, |stated| &mut stated.out);
-        let err = listen(child.stderr.take().unwrap(), &stated, |stated| &mut stated.err);
-        Self { name: format!("{command:?}"), child, stated, readers: vec![out, err] }
+        let printed = Shared::default();
+        let out = listen(child.stdout.take().unwrap(), &printed, |printed| &mut printed.out);
+        let err = listen(child.stderr.take().unwrap(), &printed, |printed| &mut printed.err);
+        Self { name: format!("{command:?}"), child, printed, readers: vec![out, err] }
     }
 
     /// `cobscope live` with events and all undecoded frames as JSON Lines.
@@ -105,62 +105,63 @@ impl Program {
 
     /// The first result of `find` on the output, or `None` after `limit`.
     fn find<T>(&self, limit: Duration, find: impl Fn(&ProgramOutput) -> Option<T>) -> Option<T> {
-        let (stated, changed) = &*self.stated;
-        let stated = stated.lock().unwrap();
-        let (stated, _) = changed.wait_timeout_while(stated, limit, |stated| find(stated).is_none()).unwrap();
-        find(&stated)
+        let (printed, changed) = &*self.printed;
+        let printed = printed.lock().unwrap();
+        let (printed, _) =
+            changed.wait_timeout_while(printed, limit, |printed| find(printed).is_none()).unwrap();
+        find(&printed)
     }
 
     fn wait<T>(&self, what: &str, find: impl Fn(&ProgramOutput) -> Option<T>) -> T {
-        self.find(LIMIT, find).unwrap_or_else(|| panic!("no {what} from {}\n{}", self.name, self.stated()))
+        self.find(LIMIT, find).unwrap_or_else(|| panic!("no {what} from {}\n{}", self.name, self.printed()))
     }
 
     /// The last lines of the output, for an error message.
-    fn stated(&self) -> String {
-        let stated = self.stated.0.lock().unwrap();
+    fn printed(&self) -> String {
+        let printed = self.printed.0.lock().unwrap();
         let last =
             |lines: &[String]| lines.iter().rev().take(40).rev().cloned().collect::<Vec<_>>().join("\n");
-        format!("stdout ends:\n{}\nstderr ends:\n{}", last(&stated.out), last(&stated.err))
+        format!("stdout ends:\n{}\nstderr ends:\n{}", last(&printed.out), last(&printed.err))
     }
 
     /// Waits for a line on standard error.
     pub fn wait_message(&self, what: &str, is: impl Fn(&str) -> bool) -> String {
-        self.wait(what, |stated| stated.err.iter().find(|line| is(line)).cloned())
+        self.wait(what, |printed| printed.err.iter().find(|line| is(line)).cloned())
     }
 
     /// All events of this kind so far.
     pub fn events(&self, kind: &str) -> Vec<Value> {
-        events(&self.stated.0.lock().unwrap().out, kind)
+        events(&self.printed.0.lock().unwrap().out, kind)
     }
 
     /// Waits until the events of this kind meet a condition.
     pub fn wait_events(&self, kind: &str, are: impl Fn(&[Value]) -> bool) -> Vec<Value> {
-        let wanted = |stated: &ProgramOutput| Some(events(&stated.out, kind)).filter(|events| are(events));
+        let wanted = |printed: &ProgramOutput| Some(events(&printed.out, kind)).filter(|events| are(events));
         self.wait(&format!("{kind} events as wanted"), wanted)
     }
 
     /// Whether a frame with [`HELLO`] and this data was printed within `limit`.
     fn greeted(&self, data: &str, limit: Duration) -> bool {
         let is = |line: &String| line.contains(HELLO) && line.contains(data);
-        self.find(limit, |stated| stated.out.iter().rev().any(is).then_some(())).is_some()
+        self.find(limit, |printed| printed.out.iter().rev().any(is).then_some(())).is_some()
     }
 
     /// Lines on standard output.
     pub fn lines(&self) -> Vec<String> {
-        self.stated.0.lock().unwrap().out.clone()
+        self.printed.0.lock().unwrap().out.clone()
     }
 
     /// Lines on standard output after the first `after`; waits for [`PATIENCE`] at most.
     pub fn more(&self, after: usize) -> Vec<String> {
-        self.find(PATIENCE, |stated| {
-            stated.out.get(after..).filter(|lines| !lines.is_empty()).map(<[_]>::to_vec)
+        self.find(PATIENCE, |printed| {
+            printed.out.get(after..).filter(|lines| !lines.is_empty()).map(<[_]>::to_vec)
         })
         .unwrap_or_default()
     }
 
     /// Waits for a line on standard output.
     pub fn wait_line(&self, what: &str, is: impl Fn(&str) -> bool) -> String {
-        self.wait(what, |stated| stated.out.iter().find(|line| is(line)).cloned())
+        self.wait(what, |printed| printed.out.iter().find(|line| is(line)).cloned())
     }
 
     /// Sends a signal: `INT`, `STOP`, `CONT`, `KILL`.
@@ -185,11 +186,11 @@ impl Program {
             if let Some(status) = self.child.try_wait().unwrap() {
                 break status;
             }
-            assert!(begin.elapsed() < LIMIT, "{} does not end\n{}", self.name, self.stated());
+            assert!(begin.elapsed() < LIMIT, "{} does not end\n{}", self.name, self.printed());
             thread::sleep(GLANCE);
         };
         self.readers.drain(..).for_each(|reader| reader.join().unwrap());
-        let ProgramOutput { out, err } = std::mem::take(&mut *self.stated.0.lock().unwrap());
+        let ProgramOutput { out, err } = std::mem::take(&mut *self.printed.0.lock().unwrap());
         Ended { status, out, err }
     }
 
@@ -214,15 +215,15 @@ impl Drop for Program {
 /// Stores the lines of a stream in the output of the program.
 fn listen(
     stream: impl Read + Send + 'static,
-    stated: &Shared,
+    printed: &Shared,
     place: fn(&mut ProgramOutput) -> &mut Vec<String>,
 ) -> thread::JoinHandle<()> {
-    let stated = Arc::clone(stated);
+    let printed = Arc::clone(printed);
     thread::spawn(move || {
         for line in BufReader::new(stream).split(b'\n') {
             let Ok(line) = line else { break };
-            place(&mut stated.0.lock().unwrap()).push(String::from_utf8_lossy(&line).into_owned());
-            stated.1.notify_all();
+            place(&mut printed.0.lock().unwrap()).push(String::from_utf8_lossy(&line).into_owned());
+            printed.1.notify_all();
         }
     })
 }
@@ -284,9 +285,9 @@ pub fn greet(bus: &str, programs: &[&Program]) -> String {
             return frame;
         }
     }
-    let stated: Vec<_> =
-        programs.iter().map(|program| format!("{}\n{}", program.name, program.stated())).collect();
-    panic!("frames sent on {bus} are not printed by all of\n{}", stated.join("\n"));
+    let printed: Vec<_> =
+        programs.iter().map(|program| format!("{}\n{}", program.name, program.printed())).collect();
+    panic!("frames sent on {bus} are not printed by all of\n{}", printed.join("\n"));
 }
 
 /// A virtual bus for one test, deleted when dropped.

@@ -14,8 +14,15 @@ use ceilings::Ceilings;
 use shares::DefinedNames;
 use sources::Passage;
 
-const CRATES: [(&str, &str); 3] =
-    [("decoder", "decoder/src"), ("tui", "tui/src"), ("adapters", "bindings/adapters/src")];
+const CRATES: [(&str, &str); 7] = [
+    ("decoder", "decoder/src"),
+    ("tui", "tui/src"),
+    ("adapters", "bindings/adapters/src"),
+    ("fake", "bindings/fake/src"),
+    ("web", "bindings/web/src"),
+    ("python", "bindings/python/src"),
+    ("tests", "tests"),
+];
 
 /// Max files and lines in the report of a rate.
 const SHOWN: usize = 8;

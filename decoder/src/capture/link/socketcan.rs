@@ -163,7 +163,7 @@ pub fn kernel_frame(bytes: &[u8]) -> Result<Frame, String> {
     let mut frame = Frame::EMPTY;
     // The order of this computer is known, so it is fixed.
     let mut order = IdOrder { is_fixed: true, ..IdOrder::new(own) };
-    self::parse_frame(bytes, LinkFrameType::Unsaid, &mut order, &mut frame).map_err(|bad| bad.to_string())?;
+    parse_frame(bytes, LinkFrameType::Unsaid, &mut order, &mut frame).map_err(|bad| bad.to_string())?;
     Ok(frame)
 }
 

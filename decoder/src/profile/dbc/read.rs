@@ -173,7 +173,7 @@ impl RawDbc {
         for entry in dbc.attribute_values_signal {
             let about = self.properties_of(id, entry.signal_name, part.at.start);
             match (name, entry.value) {
-                ("SPN", AttributeValue::Uint(spn)) => about.spn = self::valid_spn(spn),
+                ("SPN", AttributeValue::Uint(spn)) => about.spn = valid_spn(spn),
                 ("SystemSignalLongSymbol", AttributeValue::String(long)) => about.long_name = Some(long),
                 _ => {}
             }

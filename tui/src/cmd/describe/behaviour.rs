@@ -41,7 +41,7 @@ pub(in crate::cmd) fn device_condition_text(device: &DeviceProfile, condition: &
         DeviceCondition::Younger(ms) => format!("the previous PDO is at most {ms} ms old"),
         DeviceCondition::Invisible => "not visible on the bus".into(),
         DeviceCondition::Other(all) => {
-            let all: Vec<_> = all.0.iter().map(|one| self::device_condition_text(device, one)).collect();
+            let all: Vec<_> = all.0.iter().map(|one| device_condition_text(device, one)).collect();
             format!("another device of this type has {}", all.join(" and "))
         }
         DeviceCondition::Alone => "no other CANopen node on the bus".into(),

@@ -106,7 +106,7 @@ impl Mdf4Capture {
             // A link to another group is not a link to data blocks.
             MdfBlock::parse_kind_at(file, link, *b"CG")
                 .is_none()
-                .then(|| super::stream::collect_segments(file, Some(link), &mut self.damages))
+                .then(|| collect_segments(file, Some(link), &mut self.damages))
         };
         let values = group.groups.iter().map(values).map(Option::unwrap_or_default).collect();
         LocatedDataGroup { group, segments, values }

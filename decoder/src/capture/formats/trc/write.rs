@@ -193,7 +193,7 @@ impl<W: Write> TrcWriter<W> {
                 (b" EC ", &counts)
             }
             ErrorReportContent::State(state) => {
-                status = self::state_code(state).to_be_bytes();
+                status = state_code(state).to_be_bytes();
                 (b" ST ", &status)
             }
         };

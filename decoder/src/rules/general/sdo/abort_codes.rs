@@ -107,6 +107,6 @@ mod tests {
     fn the_table_is_read() {
         let situation = find_situation(SituationId::ReadOnlyWritten).unwrap();
         assert!(situation.accepted.contains(&0x0601_0002) && situation.ctt.contains(&"2.3".to_owned()));
-        assert!(super::find_situation(SituationId::SameProducerTwice).is_some());
+        assert!(find_situation(SituationId::SameProducerTwice).is_some());
     }
 }
