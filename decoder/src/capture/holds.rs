@@ -304,7 +304,7 @@ impl LossCounter {
             _ if is_error && holds.errors.is_part() && has_direction => self.count_loss(Loss::Direction),
             DirectionSupport::None if has_direction => self.count_loss(Loss::Direction),
             DirectionSupport::Assumed if !has_direction && !is_error => {
-                self.count_loss(Loss::DirectionAssumed)
+                self.count_loss(Loss::DirectionAssumed);
             }
             _ => {}
         }

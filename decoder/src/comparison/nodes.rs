@@ -94,10 +94,10 @@ fn compare_identity(pair: &NodePair<'_>, out: &mut CaptureComparison) {
     let value = |node: &NodeBehaviour| Some(Observation::new("present", node.boots.first));
     match (good.is_present, bad.is_present) {
         (true, false) => {
-            out.add_difference((SECTION, DifferenceKind::NodeMissing), (label, ""), (value(good), None), "")
+            out.add_difference((SECTION, DifferenceKind::NodeMissing), (label, ""), (value(good), None), "");
         }
         (false, true) => {
-            out.add_difference((SECTION, DifferenceKind::NewNode), (label, ""), (None, value(bad)), "")
+            out.add_difference((SECTION, DifferenceKind::NewNode), (label, ""), (None, value(bad)), "");
         }
         _ => {}
     }

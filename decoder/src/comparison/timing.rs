@@ -121,10 +121,15 @@ fn report_lone_message(
     let value = Some(Observation::new(format!("every {}", format_duration(period)), mark));
     match by {
         ComparedSide::Bad => {
-            out.add_difference((SECTION, DifferenceKind::MessageMissing), (name, "period"), (value, None), "")
+            out.add_difference(
+                (SECTION, DifferenceKind::MessageMissing),
+                (name, "period"),
+                (value, None),
+                "",
+            );
         }
         ComparedSide::Good => {
-            out.add_difference((SECTION, DifferenceKind::NewMessage), (name, "period"), (None, value), "")
+            out.add_difference((SECTION, DifferenceKind::NewMessage), (name, "period"), (None, value), "");
         }
     }
 }
@@ -162,45 +167,25 @@ fn compare_message(
         out.add_difference((SECTION, DifferenceKind::MessageSilent), (&name, ""), values, "");
     }
     let limits = scope.tolerances;
-    if exceeds_tolerance(median(good), median(bad), limits.period, scope.granularity()) {
-        let value =
-            |it: &MessageRecord| Some(Observation::new(format_duration(median(it)), EvidenceMark::default()));
-        return out.add_difference(
-            (SECTION, DifferenceKind::Period),
-            (name, "period"),
-            (value(good), value(bad)),
-            "",
-        );
-    }
-    if is_longest_apart((good, bad), limits.longest_gap, floor) {
-        let value = |it: &MessageRecord| {
-            let at = it.longest_at.map_or(String::new(), |at| format!(" at {}", format_seconds(at)));
-            Some(Observation::new(
-                format!("{}{at}", format_duration(it.gaps.longest())),
-                EvidenceMark::default(),
-            ))
-        };
-        return out.add_difference(
-            (SECTION, DifferenceKind::LongestGap),
-            (name, "gap max"),
-            (value(good), value(bad)),
-            "",
-        );
-    }
+    let longest = |it: &MessageRecord| {
+        let at = it.longest_at.map_or(String::new(), |at| format!(" at {}", format_seconds(at)));
+        format!("{}{at}", format_duration(it.gaps.longest()))
+    };
     let tail = |it: &MessageRecord| it.gaps.percentile(99).unwrap_or(0);
     // Below 100 intervals the 99th percentile is the longest one.
     let has_tail = good.gaps.duration_count() >= 100 && bad.gaps.duration_count() >= 100;
-    if has_tail && exceeds_tolerance(tail(good), tail(bad), limits.gap, floor) {
-        let value =
-            |it: &MessageRecord| Some(Observation::new(format_duration(tail(it)), EvidenceMark::default()));
-        return out.add_difference(
-            (SECTION, DifferenceKind::Jitter),
-            (name, "gap 99 %"),
-            (value(good), value(bad)),
-            "",
-        );
-    }
-    out.add_equal(SECTION, noun);
+    let (kind, field, texts) =
+        if exceeds_tolerance(median(good), median(bad), limits.period, scope.granularity()) {
+            (DifferenceKind::Period, "period", [good, bad].map(|it| format_duration(median(it))))
+        } else if is_longest_apart((good, bad), limits.longest_gap, floor) {
+            (DifferenceKind::LongestGap, "gap max", [good, bad].map(longest))
+        } else if has_tail && exceeds_tolerance(tail(good), tail(bad), limits.gap, floor) {
+            (DifferenceKind::Jitter, "gap 99 %", [good, bad].map(|it| format_duration(tail(it))))
+        } else {
+            return out.add_equal(SECTION, noun);
+        };
+    let [good, bad] = texts.map(|text| Some(Observation::new(text, EvidenceMark::default())));
+    out.add_difference((SECTION, kind), (name, field), (good, bad), "");
 }
 
 /// Whether the longest intervals differ. A longer one must exceed twice the period, because captures of different lengths

@@ -133,7 +133,7 @@ impl Expression {
             }
             Self::Not(inner) => inner.collect_compared(is_meant, found),
             Self::Test { field, question } if is_meant(&field.text) => {
-                found.extend(question.condition_values())
+                found.extend(question.condition_values());
             }
             Self::Test { .. } => {}
         }

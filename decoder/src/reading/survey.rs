@@ -168,7 +168,7 @@ impl TransferRow {
         let (event, bus) = (placed.event, placed.bus);
         let TransferFigures { duration, size, outcome } = event.transfer_figures()?;
         let line = EventLine::describe_event(event, bus);
-        let news = TransferWords::transfer_words(event, bus)
+        let news = TransferWords::of_event(event, bus)
             .map_or_else(|| line.what.clone(), |words| words.joined_text());
         Some(Self {
             spot: placed.spot,

@@ -120,7 +120,7 @@ impl LatestOccurrences {
                 }
                 match (emergency.action, emergency.code) {
                     (EmcyAction::Raised, Some(code)) => {
-                        set_entry(&mut node.errors, ErrorCode::Emcy(code), event.time)
+                        set_entry(&mut node.errors, ErrorCode::Emcy(code), event.time);
                     }
                     (EmcyAction::AllCleared, _) => node.errors.clear(),
                     _ => {}

@@ -189,7 +189,7 @@ fn row_texts(reported: &PlacedEvent<'_>, line: &EventLine, only_news: bool) -> R
     if let Some(changes) = MessageChanges::changes_in(reported.event, reported.bus, earlier) {
         return of_message(changes, only_news);
     }
-    if let Some(words) = TransferWords::transfer_words(reported.event, reported.bus) {
+    if let Some(words) = TransferWords::of_event(reported.event, reported.bus) {
         return of_transfer(&words);
     }
     let what = line.what.as_str();

@@ -160,9 +160,7 @@ impl BusDecoder {
                 }
             }
             IdentifierService::TestMarker => self.marks.on_frame((), frame, cx),
-            IdentifierService::Unclassified | IdentifierService::Named(_)
-                if ObdPairs::is_obd_identifier(frame.id) =>
-            {
+            _ if service.is_undecoded() && ObdPairs::is_obd_identifier(frame.id) => {
                 self.on_obd_frame(service, frame, out);
             }
             IdentifierService::Unclassified => cx.emit_undecoded(frame, None),

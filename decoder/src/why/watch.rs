@@ -206,7 +206,7 @@ impl BusWatch {
         match &event.kind {
             EventKind::Pdo(pdo) if !pdo.is_request => self.follow_pdo(pdo, event, bus),
             EventKind::Sync { .. } => {
-                self.beats.add_message(MessageRhythm::Sync, event.time, event.frames.last)
+                self.beats.add_message(MessageRhythm::Sync, event.time, event.frames.last);
             }
             EventKind::NmtCommand { target: 0, .. } => self.commanded = event.time,
             EventKind::NmtCommand { target, .. } => {
@@ -220,7 +220,7 @@ impl BusWatch {
         let was_operational = node.was_operational;
         match &event.kind {
             EventKind::GuardRequest => {
-                node.beats.add_message(MessageRhythm::Guarding, event.time, event.frames.last)
+                node.beats.add_message(MessageRhythm::Guarding, event.time, event.frames.last);
             }
             EventKind::NmtState(change) => node.was_operational |= change.to == NmtState::Operational,
             EventKind::Emcy(emergency) if emergency.boot.is_some() => node.points.clear(),

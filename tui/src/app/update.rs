@@ -227,7 +227,7 @@ impl App {
         };
         match self.core.selection {
             Some(frame) => {
-                self.core.show_message(&format!("selected from #{frame} to the cursor; w writes it"))
+                self.core.show_message(&format!("selected from #{frame} to the cursor; w writes it"));
             }
             None => self.core.show_message("selection cleared"),
         }

@@ -122,11 +122,11 @@ impl Timeline {
         let setup = Arc::clone(&rules);
         spawn_thread("index", &shared, &news, |shared, news| threads::index::run_index(shared, news))?;
         spawn_thread("survey", &shared, &news, move |shared, news| {
-            threads::survey::run_survey(shared, &setup, news)
+            threads::survey::run_survey(shared, &setup, news);
         })?;
         spawn_thread("watch", &shared, &news, |shared, news| threads::watch::run_watch(shared, news))?;
         spawn_thread("seek", &shared, &news, move |shared, news| {
-            threads::seek::run_seeker(shared, &inbox, news)
+            threads::seek::run_seeker(shared, &inbox, news);
         })?;
         Ok(Self { shared, orders, news, rules, first, live, is_replaced: false })
     }

@@ -282,7 +282,7 @@ mod tests {
         let theme = plain_theme(LineCharacters::Ascii);
         for scroll in [0, 3, 99] {
             in_every_small_size(|area, buf| {
-                TextLines::new(&theme, &lines).with_scroll(scroll).render(area, buf)
+                TextLines::new(&theme, &lines).with_scroll(scroll).render(area, buf);
             });
         }
     }

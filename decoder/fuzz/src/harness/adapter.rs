@@ -60,7 +60,7 @@ pub fn slcan(data: &[u8]) {
             serial::SlcanReply::Unreadable(reason) => is_printable(reason),
             serial::SlcanReply::Flags(flags) => is_printable(&flags.to_string()),
             serial::SlcanReply::State(state) => {
-                assert!(state.receive_errors.max(state.transmit_errors) < 1_000)
+                assert!(state.receive_errors.max(state.transmit_errors) < 1_000);
             }
             serial::SlcanReply::Done | serial::SlcanReply::Refused => {}
         }
@@ -85,7 +85,7 @@ pub fn socketcand(data: &[u8]) {
                 is_possible(frame);
             }
             server::SocketcandReply::Error(text) | server::SocketcandReply::Unreadable(text) => {
-                is_printable(text)
+                is_printable(text);
             }
             server::SocketcandReply::Hi | server::SocketcandReply::Ok | server::SocketcandReply::Echo => {}
         }

@@ -219,7 +219,7 @@ impl StoryAnswer {
             frames: frames(story.began),
             lines: story.lines.iter().map(|line| StoryText::new(line, ground)).collect(),
             node: story.node.map(NodeId::number),
-            rules: story.rules.iter().map(|rule| rule.to_string()).collect(),
+            rules: story.rules.iter().map(ToString::to_string).collect(),
             seconds: ground.seconds(story.began),
             severity: story.severity.name(),
             story: number,

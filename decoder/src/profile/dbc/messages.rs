@@ -157,7 +157,7 @@ fn build_layout(
         match convert_signal(signal, about, length) {
             Ok(field) => placed.push(PendingField { key, at, field, selected }),
             Err(reason) => {
-                problems.add_problem(at, &format!("signal {} skipped: {reason}", quote_start(&key)))
+                problems.add_problem(at, &format!("signal {} skipped: {reason}", quote_start(&key)));
             }
         }
     }
@@ -258,7 +258,7 @@ fn convert_signal(
         unit: signal.unit,
         values: about.values,
     };
-    let field = spec.to_field();
+    let field = spec.into_field();
     match field.end() {
         Some(end) if end <= length * 8 => Ok(field),
         _ => Err(format!("it exceeds the message length of {}", count_noun(length, "byte"))),

@@ -169,7 +169,7 @@ impl PrettyJ1939File {
             return Err("not defined in J1939SPNdb".to_owned());
         };
         let signal = suspect.to_signal(spn, start, self.convert_names(&key))?;
-        let field = signal.to_field();
+        let field = signal.into_field();
         let most = length.map_or(u32::from(u16::MAX), |length| u32::from(length) * 8);
         match field.end() {
             Some(end) if u32::from(end) <= most => Ok(field),

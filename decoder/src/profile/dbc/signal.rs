@@ -29,7 +29,7 @@ pub(super) struct DbcSignal {
 
 impl DbcSignal {
     /// Converts the signal; never fails.
-    pub(super) fn to_field(self) -> SignalField {
+    pub(super) fn into_field(self) -> SignalField {
         let data_type = match (self.is_float, self.is_signed, self.bits) {
             (true, _, 33..) => DataType::Real64,
             (true, _, _) => DataType::Real32,

@@ -80,7 +80,7 @@ impl XddContent {
         }
         match element.name() {
             name @ ("CANopenObject" | "CANopenSubObject") => {
-                self.begin_object(name == "CANopenSubObject", element)
+                self.begin_object(name == "CANopenSubObject", element);
             }
             "parameter" | "parameterTemplate" | "array" | "derived" | "enum" | "varDeclaration" => {
                 let attributes = element.read_attributes(&mut self.problems);

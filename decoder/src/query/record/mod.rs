@@ -48,7 +48,7 @@ pub(super) fn visit_details(event: &Event, bus: &Bus, fields: &mut dyn FieldCons
         EventKind::Emcy(emergency) => node::visit_emcy(emergency, event_device(event, bus), fields),
         EventKind::Pdo(pdo) => transfer::process_data(pdo, fields),
         EventKind::SdoTransfer(transfer) => {
-            transfer::sdo_transfer(transfer, event_device(event, bus), fields)
+            transfer::sdo_transfer(transfer, event_device(event, bus), fields);
         }
         EventKind::Lss { command, from_master, content } => {
             node::visit_lss(*command, *from_master, content, fields);
@@ -74,7 +74,7 @@ pub(super) fn visit_details(event: &Event, bus: &Bus, fields: &mut dyn FieldCons
         EventKind::IsoTpTransfer(message) => uds::isotp_transfer(message, fields),
         EventKind::UdsExchange(exchange) => uds::uds_exchange(exchange, event_device(event, bus), fields),
         EventKind::FindingOpened(news) | EventKind::FindingClosed(news) => {
-            finding::visit_finding(news, fields)
+            finding::visit_finding(news, fields);
         }
         EventKind::CanError(error) => bus::can_error(*error, fields),
         EventKind::TestCase(marker) => bus::test_case(*marker, fields),

@@ -154,7 +154,7 @@ impl DeviceRules {
         self.roster.judge_at(id, bus, |judge| {
             for number in judge.active_rules(is_about) {
                 judge.judge_one(number, CheckOccasion::occasion_of(event), context, |case, _, context| {
-                    task(case, context)
+                    task(case, context);
                 });
             }
         });

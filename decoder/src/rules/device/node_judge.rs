@@ -119,7 +119,7 @@ impl NodeJudge<'_> {
             self.active_rules(|rule| matches!(rule.kind, RuleKind::NodeId | RuleKind::SourceAddress))
         {
             self.judge_one(number, occasion, context, |case, _, context| {
-                address::judge_address(case, context)
+                address::judge_address(case, context);
             });
         }
     }

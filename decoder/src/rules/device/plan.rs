@@ -117,7 +117,7 @@ impl RulePlan {
             match trigger {
                 ProfileTrigger::Bit(bit, _) => self.watch_object(bit.object.object, Some(number)),
                 ProfileTrigger::Set(set) | ProfileTrigger::Shows(set) => {
-                    self.watch_object(set.object.object, Some(number))
+                    self.watch_object(set.object.object, Some(number));
                 }
                 ProfileTrigger::Pdo(name) => self.pdos.push(*name),
                 _ => {}
@@ -164,7 +164,9 @@ impl RulePlan {
         match condition {
             DeviceCondition::State(_) => *kinds = kinds.or(KindSet::of(&[Kind::DeviceState])),
             DeviceCondition::Other(DeviceConditions(all)) => {
-                all.iter().for_each(|one| self.watch_condition(one, kinds))
+                for one in all {
+                    self.watch_condition(one, kinds);
+                }
             }
             _ => {}
         }

@@ -75,6 +75,11 @@ pub(in crate::session) struct IdentifierState {
 }
 
 impl IdentifierService {
+    /// Whether frames of the identifier become plain frames.
+    pub(in crate::session) const fn is_undecoded(self) -> bool {
+        matches!(self, Self::Unclassified | Self::Named(_))
+    }
+
     /// Whether remote frames go to the service's machine. Only PDOs and error control are requested by remote
     /// frames (CiA 301 §7.2.2, §7.2.8.3.2.1). Frames of unknown services are emitted undecoded.
     pub(in crate::session) const fn has_remote_frames(self) -> bool {

@@ -53,7 +53,7 @@ fn on_procedure_status(
             confirm_result(id, place, procedure, outcome, None, frame, &mut cx.bus);
         }
         (ProcedureStatus::Running, Some(last)) if !last.is_read => {
-            resume_procedure(id, procedure, &last, frame, cx)
+            resume_procedure(id, procedure, &last, frame, cx);
         }
         // If the capture started during the procedure, only its status shows it.
         (ProcedureStatus::Running, _) => start_procedure(id, place, procedure, frame, cx),

@@ -142,7 +142,7 @@ fn event_words(event: &Event, bus: &Bus) -> EventWords {
 }
 impl TransferWords {
     /// The text of a transfer; None for other events.
-    pub fn transfer_words(event: &Event, bus: &Bus) -> Option<Self> {
+    pub fn of_event(event: &Event, bus: &Bus) -> Option<Self> {
         match &event.kind {
             EventKind::SdoTransfer(transfer) => Some(sdo::transfer_words(transfer, device_of(event, bus))),
             EventKind::UdsExchange(exchange) => Some(uds::transfer_words(exchange, device_of(event, bus))),

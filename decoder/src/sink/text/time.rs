@@ -55,7 +55,7 @@ impl TimeFormatter {
                 None => out.extend_from_slice(UNKNOWN.as_bytes()),
             },
             TimeColumn::Delta => {
-                append_seconds::<6>(time.since(before.unwrap_or(time)), 11, &mut self.whole, out)
+                append_seconds::<6>(time.since(before.unwrap_or(time)), 11, &mut self.whole, out);
             }
             TimeColumn::Absolute => append_seconds::<6>(time.0, 17, &mut self.whole, out),
             TimeColumn::Date => self.append_date(time, out),

@@ -113,7 +113,7 @@ fn text_of(
     let mut text = String::new();
     match arguments.format {
         DiffFormat::Text => {
-            comparison::text::write_comparison(compared, records, arguments.verbose, &mut text)
+            comparison::text::write_comparison(compared, records, arguments.verbose, &mut text);
         }
         DiffFormat::Json => text = format_line(&ComparisonAnswer::new(compared, records, tolerances)),
         DiffFormat::Html => {
@@ -166,7 +166,9 @@ fn record(
     let missed = read.summary.part.selection.missed_text(read.summary.frames(), read.summary.last_time());
     if !is_quiet {
         read.report();
-        missed.iter().for_each(|missed| print_warning(&format!("{name}: {missed}")));
+        if let Some(missed) = missed {
+            print_warning(&format!("{name}: {missed}"));
+        }
     }
     let first = read.summary.first_time();
     let Summary { mut findings, part, decoder, .. } = read.summary;

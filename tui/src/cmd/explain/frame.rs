@@ -45,7 +45,7 @@ pub(super) fn explain_frame(thing: &str, asked: &LookupScope) -> Option<String> 
             let mut codes = Vec::new();
             let options = session_options(frame.id, asked);
             let lines = decode_lines(frame, reader.buses(), options, true, |event| {
-                codes.extend(explain_event(event, asked))
+                codes.extend(explain_event(event, asked));
             });
             readings.push(format!("{head}{lines}"));
             readings.extend(by_mode(frame, reader.buses(), asked));

@@ -168,7 +168,7 @@ impl SourceGather {
                 for mut item in items {
                     match &mut item {
                         Arrival::Frame(frame) => {
-                            frame.bus = lane.merged_bus(frame.bus, &names, &mut self.names)
+                            frame.bus = lane.merged_bus(frame.bus, &names, &mut self.names);
                         }
                         Arrival::Notice(
                             Notice::LostFrames { bus, .. }

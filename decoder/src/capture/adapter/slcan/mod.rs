@@ -242,7 +242,7 @@ fn parse_line(line: &[u8], is_refused: bool, give: &mut impl FnMut(SlcanReply)) 
             give(match parse_hexadecimal(digits).and_then(|flags| u8::try_from(flags).ok()) {
                 Some(flags) if digits.len() == 2 => SlcanReply::Flags(StatusFlags(flags)),
                 _ => unreadable("expected two hex digits of status flags after F"),
-            })
+            });
         }
         [b's', rest @ ..] => match parse_state(rest) {
             Some(state) => {

@@ -168,7 +168,7 @@ impl LineFormat for AscFormat {
             AscEventContent::Start => self.clock.start_of_measurement(),
             AscEventContent::Request => assumptions.add_assumption("requests to send (TxRq) ignored"),
             AscEventContent::Foreign => {
-                assumptions.add_assumption("lines of bus systems other than CAN skipped")
+                assumptions.add_assumption("lines of bus systems other than CAN skipped");
             }
             AscEventContent::Nothing => {}
         }

@@ -109,7 +109,7 @@ impl LogContainer {
     ) -> Result<(), CaptureError> {
         match inflate(content, &mut self.bytes, LARGEST_CONTENT) {
             Decompression::Whole(taken) => {
-                self.ends_after(head, Self::bytes_before_content(head).saturating_add(taken))
+                self.ends_after(head, Self::bytes_before_content(head).saturating_add(taken));
             }
             Decompression::CutOff if content.is_empty() && size == Some(0) => {}
             Decompression::CutOff => self.mark_broken("content of a container ends early".into()),

@@ -118,7 +118,7 @@ impl BusMaster {
     }
 
     /// Converts a timestamp of a line to a time.
-    fn to_time(&mut self, stamp: i64) -> i64 {
+    fn convert_stamp(&mut self, stamp: i64) -> i64 {
         match self.mode.unwrap_or_default() {
             BusmasterTimeMode::System => {
                 if stamp.saturating_add(HALF_A_DAY) < self.last.unwrap_or(self.start) {
@@ -170,7 +170,7 @@ impl LineFormat for BusMaster {
             assumptions.add_assumption("header without time mode: times read as time of day");
         }
         let (stamp, content) = line::parse_line(text, is_j1939, self.base)?;
-        let time = Some(self.to_time(stamp));
+        let time = Some(self.convert_stamp(stamp));
         match content {
             BusmasterLine::Frame(bus, frame) => Ok(Some(ParsedLine::new(time, bus, frame))),
             BusmasterLine::Transfer => {

@@ -127,7 +127,7 @@ impl CandumpParser {
         };
         self.report_assumptions(found, batch);
         self.frames += 1;
-        let time = found.stamp.map(|stamp| self.clock.to_time(stamp));
+        let time = found.stamp.map(|stamp| self.clock.convert_stamp(stamp));
         if found.stamp.is_some() {
             self.cache.learn_interface(found.bus, bus);
         }

@@ -56,7 +56,7 @@ impl CandumpClock {
 
     /// Converts a timestamp to a time.
     #[inline]
-    pub(super) fn to_time(&mut self, stamp: i64) -> Timestamp {
+    pub(super) fn convert_stamp(&mut self, stamp: i64) -> Timestamp {
         if self.is_absolute() {
             return Timestamp(stamp);
         }
@@ -74,14 +74,14 @@ mod tests {
         let mut clock = CandumpClock::new(None);
         assert!(clock.must_decide(5));
         clock.decide_style([0, 10, 5].into_iter());
-        assert_eq!([0, 10, 5].map(|stamp| clock.to_time(stamp).0), [0, 10, 15]);
+        assert_eq!([0, 10, 5].map(|stamp| clock.convert_stamp(stamp).0), [0, 10, 15]);
     }
 
     #[test]
     fn rising_stamps_stand_for_themselves() {
         let mut clock = CandumpClock::new(None);
         clock.decide_style([0, 10, 10, 12].into_iter());
-        assert_eq!([0, 10, 12].map(|stamp| clock.to_time(stamp).0), [0, 10, 12]);
+        assert_eq!([0, 10, 12].map(|stamp| clock.convert_stamp(stamp).0), [0, 10, 12]);
     }
 
     #[test]

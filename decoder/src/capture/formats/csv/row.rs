@@ -159,7 +159,7 @@ impl<'a> CsvRowCells<'a> {
                 }
             }
             ColumnMeaning::ZlgDirection | ColumnMeaning::ZlgKind => {
-                self.zlg_word(text, meaning, assumptions)?
+                self.zlg_word(text, meaning, assumptions)?;
             }
             ColumnMeaning::Bus => self.bus = Some(CsvField { text, ..field }),
             ColumnMeaning::Id(NumberBase::Hex) => self.id = Some(payload::parse_hex(text).ok_or(IDENTIFIER)?),

@@ -135,7 +135,7 @@ pub(super) fn judge_order(
             Some(true) => context.count_pass(),
             Some(false) if is_early => {}
             Some(false) => {
-                case.start_finding(event, context).report_finding(|| with_details(text, &show_event(event)))
+                case.start_finding(event, context).report_finding(|| with_details(text, &show_event(event)));
             }
             None => {}
         }

@@ -149,7 +149,7 @@ impl Rule for DuplicateNodeId {
     fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
             (EventKind::Heartbeat { state, .. }, Some(node)) => {
-                self.on_heartbeat(event, node, *state, context)
+                self.on_heartbeat(event, node, *state, context);
             }
             (EventKind::BootUp { cause, .. }, Some(node)) => self.on_boot(event, node, *cause, context),
             (EventKind::NmtCommand { target: 0, .. }, _) => self.watches = NodeMap::default(),

@@ -311,7 +311,7 @@ impl Rule for ActiveNotEnded {
     fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
             (EventKind::Pdo(pdo), Some(node)) if self.active > 0 => {
-                self.on_control(event, node, pdo, context)
+                self.on_control(event, node, pdo, context);
             }
             (EventKind::DeviceState(state), Some(node)) => self.on_state(event, node, state, context),
             (EventKind::BootUp { .. }, node) => self.forget_commands(node, true),
@@ -319,7 +319,7 @@ impl Rule for ActiveNotEnded {
                 self.forget_commands(Some(NodeId::Canopen(*target)).filter(|_| *target != 0), false);
             }
             (EventKind::Emcy(emergency), node) if emergency.boot.is_some() => {
-                self.forget_commands(node, true)
+                self.forget_commands(node, true);
             }
             (EventKind::Emcy(emergency), Some(node)) => self.on_emergency(event, node, emergency, context),
             (EventKind::SdoTransfer(transfer), Some(node))

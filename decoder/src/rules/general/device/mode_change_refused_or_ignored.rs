@@ -56,7 +56,7 @@ impl Rule for PendingModeChange {
         let state = if states.is_empty() { String::new() } else { format!(" in {}", states.join(", ")) };
         match (transfer.outcome, is_ignored) {
             (SdoOutcome::Aborted, _) => {
-                report_refused(event, transfer, object, &format!("{shown}{state}"), context)
+                report_refused(event, transfer, object, &format!("{shown}{state}"), context);
             }
             (SdoOutcome::Complete, true) => {
                 let alarm = context

@@ -146,7 +146,7 @@ impl Rule for StateLost {
             (EventKind::NmtCommand { service: NmtService::Start, .. }, _) => {}
             (EventKind::NmtCommand { target: 0, .. }, _) => self.all_commanded = Some(context.now),
             (EventKind::NmtCommand { target, .. }, _) => {
-                self.note_cause(NodeId::Canopen(*target), context.now)
+                self.note_cause(NodeId::Canopen(*target), context.now);
             }
             (EventKind::BootUp { cause: BootCause::Commanded { .. }, .. }, Some(node)) => {
                 self.note_cause(node, context.now);

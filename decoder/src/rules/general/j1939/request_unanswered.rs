@@ -116,7 +116,7 @@ impl Rule for RequestUnanswered {
         match &event.kind {
             EventKind::J1939Message(message) => self.on_response(message.id.source, message.id.pgn, context),
             EventKind::Acknowledgement(answer) => {
-                self.on_response(answer.source, answer.message.pgn, context)
+                self.on_response(answer.source, answer.message.pgn, context);
             }
             EventKind::J1939Transfer(transfer) => {
                 if let Some(pgn) = transfer.pgn {

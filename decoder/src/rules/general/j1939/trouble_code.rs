@@ -90,7 +90,7 @@ impl Rule for TroubleCode {
                     }
                     DtcAction::NoLongerReported if dtc.may_be_hidden => {}
                     DtcAction::NoLongerReported | DtcAction::Cleared => {
-                        context.close_condition(event.node, about)
+                        context.close_condition(event.node, about);
                     }
                     DtcAction::PreviouslyActive => {}
                 }

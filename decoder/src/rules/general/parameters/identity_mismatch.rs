@@ -133,7 +133,7 @@ fn judge_identity(event: &Event, transfer: &SdoTransfer, context: &mut RuleConte
                         show(is)
                     )
                 },
-            )
+            );
         }
         None if object == DEVICE_TYPE && device_profile(node).is_some() => context.count_pass(),
         None => {}

@@ -89,7 +89,7 @@ impl Rule for StoreSignature {
                 });
             }
             (SdoOutcome::Aborted, Some(SdoAbort { by_client: false, .. })) if !is_right => {
-                context.count_pass()
+                context.count_pass();
             }
             (SdoOutcome::Aborted, Some(SdoAbort { by_client: false, code })) if !CAUSES.contains(&code) => {
                 let says = context

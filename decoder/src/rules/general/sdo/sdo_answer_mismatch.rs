@@ -106,7 +106,7 @@ impl Rule for SdoAnswerMismatch {
     fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
             (EventKind::SdoTransfer(transfer), Some(node)) => {
-                self.on_transfer(event, node, transfer, context)
+                self.on_transfer(event, node, transfer, context);
             }
             (EventKind::LostFrames { .. } | EventKind::Link { .. } | EventKind::BusSilent { .. }, _) => {
                 self.servers = NodeMap::default();

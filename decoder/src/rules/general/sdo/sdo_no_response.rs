@@ -155,7 +155,7 @@ impl Rule for SdoNoResponse {
             }
             (outcome, Some(waited)) => self.given_up(event, transfer, (outcome, waited), context),
             (SdoOutcome::Complete | SdoOutcome::Aborted, None) => {
-                self.on_slow_response(event, transfer, context)
+                self.on_slow_response(event, transfer, context);
             }
             _ => {}
         }

@@ -51,7 +51,7 @@ pub(in crate::rules::general) fn find_situations(transfer: &SdoTransfer, node: &
     }
     match (object_access(node.device(), object), direction) {
         (Some(SdoAccess::Ro | SdoAccess::Const), SdoDirection::Download) => {
-            found.push(SituationId::ReadOnlyWritten)
+            found.push(SituationId::ReadOnlyWritten);
         }
         (Some(SdoAccess::Wo), SdoDirection::Upload) => found.push(SituationId::WriteOnlyRead),
         _ => {}

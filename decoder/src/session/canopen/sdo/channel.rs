@@ -269,8 +269,7 @@ impl ChannelState {
                         transfer.keep_data(data);
                     }
                     InitiateData::Segmented { size } => {
-                        transfer.mode = Some(SdoMode::Segmented);
-                        transfer.announced = size;
+                        (transfer.mode, transfer.announced) = (Some(SdoMode::Segmented), size);
                     }
                 }
             }

@@ -335,7 +335,7 @@ impl TransportSession {
         match (self.mode, self.window) {
             (TransportMode::Broadcast, _) => self.start_timeout(TransportTimer::T1, None, now),
             (_, PacketWindow::To(last)) if number >= last => {
-                self.start_timeout(TransportTimer::T3, Some(TransportTimer::Tr), now)
+                self.start_timeout(TransportTimer::T3, Some(TransportTimer::Tr), now);
             }
             _ if is_all => self.start_timeout(TransportTimer::T3, Some(TransportTimer::Tr), now),
             (_, PacketWindow::To(_)) => self.start_timeout(TransportTimer::T1, None, now),
