@@ -136,7 +136,7 @@ fn scenario(limit: &Limit, steps: &[String]) -> Annotated {
     };
     let mut frames: Vec<_> = (0..=limit.until / 100).map(|number| line(number * 100)).collect();
     limit.before.iter().chain(steps).for_each(|step| apply(step, &mut frames));
-    let lines: String = limit.lines.iter().map(|line| format!("{line}\n")).collect();
+    let lines: String = limit.lines.iter().flat_map(|line| [line.as_str(), "\n"]).collect();
     parse(&limit.of, &format!("{lines}{}", text(&frames)))
 }
 

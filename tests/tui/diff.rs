@@ -1,9 +1,6 @@
 //! `cobscope diff`. The causes are those that the stories in `fixtures/` state; the words that name them are those of the
 //! output, so that these tests find changes of the output, not a wrong word.
 
-#![expect(clippy::indexing_slicing, reason = "a test that cannot continue has failed")]
-
-use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
