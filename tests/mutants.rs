@@ -171,7 +171,7 @@ impl Sites {
         }
     }
 
-    /// An `if`, which stands in a block of its own after `else`.
+    /// An `if`, written as a block of its own after `else`.
     fn branch(&mut self, it: &syn::ExprIf, opening: &str, closing: &str) {
         self.condition(&it.cond);
         for operand in operands_of(&it.cond) {

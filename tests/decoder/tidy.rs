@@ -105,6 +105,7 @@ const LAYERS: &[(&str, &[&str])] = &[
         "answers",
         &[
             "ascii",
+            "escape",
             "frame",
             "wire",
             "profile",

@@ -20,7 +20,7 @@ const CHECK: [(&str, &str); 3] =
 
 /// Objects of `objects -f json` with their types.
 const OBJECTS: [(&str, &str); 3] =
-    [("object", "ObjectRecord"), ("node", "ObjectCount"), ("wanted", "WantedObject")];
+    [("object", "ObjectRecord"), ("node", "ObjectCount"), ("wanted", "ExpectedObject")];
 
 const LABELS: [&str; 10] = [
     "cause",

@@ -1,6 +1,7 @@
 //! `cobscope diff`. The causes are those that the stories in `fixtures/` state; the words that name them are those of the
 //! output, so that these tests find changes of the output, not a wrong word.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -26,7 +26,7 @@ pub enum LineLabel {
     Cause,
     /// The capture does not show the cause.
     NoCause,
-    /// First effect of a cause that is not visible.
+    /// First effect of an invisible cause.
     FirstEffect,
     /// Continuation of the line before.
     More,

@@ -80,7 +80,7 @@ pub struct ObjectCount {
 
 /// An object compared with its value in a DCF or XDC.
 #[derive(Debug, Clone, Serialize)]
-pub struct WantedObject {
+pub struct ExpectedObject {
     /// Name of the bus.
     pub bus: String,
     /// Name of the capture.
@@ -167,7 +167,7 @@ impl ObjectCount {
     }
 }
 
-impl WantedObject {
+impl ExpectedObject {
     /// An object of a node with its expected bytes; `entry` is `None` for a value that was never seen.
     pub fn new(
         (bus, node): (&Bus, &Node),

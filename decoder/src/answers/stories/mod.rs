@@ -148,7 +148,7 @@ pub struct SuggestionOnBus {
     pub title: String,
 }
 
-/// A bus that is not detected as CANopen.
+/// A bus without detected CANopen.
 #[derive(Debug, Clone, Serialize)]
 pub struct BusDoubt {
     /// Bus.

@@ -3,10 +3,19 @@
 use super::transfer::round_scaled;
 use super::{FieldConsumer, FieldValue};
 use crate::event::{
-    BitsChanged, DeviceState, ModeChange, NodeIdentified, ObjectChange, ProcedureEvent, Quantity, SetPoint,
-    SourceConflict,
+    BitsChanged, DeviceState, Event, ModeChange, NodeIdentified, ObjectChange, ProcedureEvent, Quantity,
+    SetPoint, SourceConflict,
 };
-use crate::profile::ValueCarrier;
+use crate::profile::{DeviceProfile, ValueCarrier, plain_device};
+use crate::session::Bus;
+
+/// Device of the event's node; the generic device if unknown.
+pub(crate) fn event_device<'a>(event: &Event, bus: &'a Bus) -> &'a DeviceProfile {
+    match event.node.and_then(|node| bus.node(node)) {
+        Some(node) => node.device(),
+        None => plain_device(),
+    }
+}
 
 fn visit_texts(key: &'static str, list: &[String], fields: &mut dyn FieldConsumer) {
     fields.open_list(key);

@@ -1,7 +1,8 @@
 //! Fields of J1939 events and of transport irregularities.
 
+use super::device::event_device;
 use super::transfer::visit_signals;
-use super::{FieldConsumer, FieldValue, event_device};
+use super::{FieldConsumer, FieldValue};
 use crate::event::{
     AddressClaim, CommandedAddress, Dtc, Event, J1939Acknowledgement, J1939Message, J1939Request,
     J1939Transfer, MessageGap, TransferIrregularity,

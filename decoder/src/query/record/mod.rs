@@ -13,6 +13,7 @@ mod transfer;
 mod uds;
 
 pub use bus::{can_error_text, time_of_day};
+pub(crate) use device::event_device;
 use field::number_or_null;
 pub use field::{FieldConsumer, FieldValue};
 pub(crate) use transfer::{UNROUNDED, decimal_digits, quantity_value, visit_signal, visit_signals};
@@ -20,7 +21,6 @@ pub use transfer::{direction_name, mode_name};
 
 use crate::event::{Event, EventKind, EventProtocol};
 use crate::frame::Timestamp;
-use crate::profile::{DeviceProfile, plain_device};
 use crate::session::Bus;
 
 /// Passes all fields of an event to `fields`.
@@ -89,14 +89,6 @@ pub(super) fn visit_details(event: &Event, bus: &Bus, fields: &mut dyn FieldCons
             bus::visit_unreadable(file.as_deref(), *line, *offset, reason, fields);
         }
         EventKind::Note { text } => fields.add_field("text", FieldValue::Text(text)),
-    }
-}
-
-/// Device of the event's node; the generic device if unknown.
-pub(crate) fn event_device<'a>(event: &Event, bus: &'a Bus) -> &'a DeviceProfile {
-    match event.node.and_then(|node| bus.node(node)) {
-        Some(node) => node.device(),
-        None => plain_device(),
     }
 }
 

@@ -15,7 +15,7 @@ pub(in crate::session) struct NamedNodes {
     has_canopen: bool,
     /// Whether the bus carries a message of a named J1939 address.
     has_j1939: bool,
-    /// Text on a frame that is not valid in the protocol of its named node.
+    /// Text on a frame invalid in the protocol of its named node.
     contradiction: Option<Box<str>>,
 }
 
@@ -38,12 +38,12 @@ impl NamedNodes {
             .unwrap_or(false)
     }
 
-    /// Stores the text on a frame that is not valid in the protocol of its named node.
+    /// Stores the text on a frame invalid in the protocol of its named node.
     pub(in crate::session) fn note_contradiction(&mut self, text: &str) {
         self.contradiction = Some(text.into());
     }
 
-    /// Frame that is not valid in the protocol of its named node, as text.
+    /// Frame, invalid in the protocol of its named node, as text.
     pub(in crate::session) fn contradiction(&self) -> Option<&str> {
         self.contradiction.as_deref()
     }

@@ -135,7 +135,7 @@ pub struct SummaryRecord<'a> {
     pub frames: u64,
     /// Files of a capture of several parts, in order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub parts: Vec<PartRecord<'a>>,
+    pub parts: Vec<ReportedPart<'a>>,
     /// pass, fail or unreadable.
     pub verdict: &'static str,
     /// Reason why the capture was not read, or not to its end.
@@ -203,7 +203,7 @@ pub struct FindingCounts {
 
 /// A file of a capture.
 #[derive(Debug, Clone, Serialize)]
-pub struct PartRecord<'a> {
+pub struct ReportedPart<'a> {
     /// Name of the file.
     pub file: &'a str,
     /// Number of its first frame.
@@ -363,7 +363,7 @@ impl<'a> SummaryRecord<'a> {
             kind: "summary",
             capture: &judged.capture,
             frames: judged.frames,
-            parts: parts.map(|it| PartRecord { file: &it.file, first_frame: it.first_frame }).collect(),
+            parts: parts.map(|it| ReportedPart { file: &it.file, first_frame: it.first_frame }).collect(),
             verdict: judged.overall_outcome(report.least).name(),
             failure: judged.failure.as_deref(),
             counts: FindingCounts::of(std::slice::from_ref(judged)),

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use cobscope_decoder::answers::format_line;
-use cobscope_decoder::answers::objects::WantedObject;
+use cobscope_decoder::answers::objects::ExpectedObject;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::profile::device_file::{DescriptionKind, DeviceFile, DeviceObject, EntryAccess};
 use cobscope_decoder::profile::{DataType, DecodedValue};
@@ -127,7 +127,7 @@ impl ExpectedValues {
         for compared in self.compared_values(node) {
             let object = (compared.object.address, compared.is);
             let result = (compared.comparison_result().name(), compared.wanted.as_slice());
-            output.push_str(&format_line(&WantedObject::new((bus, node), object, result, capture)));
+            output.push_str(&format_line(&ExpectedObject::new((bus, node), object, result, capture)));
         }
     }
 }
