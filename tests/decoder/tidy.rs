@@ -164,6 +164,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     (
         "reading",
         &[
+            "escape",
             "words",
             "frame",
             "capture",
