@@ -1,7 +1,7 @@
 //! Decodes CAN captures and live CAN frames to events of CANopen, J1939/ISOBUS and UDS devices, and checks
 //! them with rules.
 //!
-//! [`Reading`] combines all stages: it reads a capture from any [`FieldPresentation`](std::io::FieldPresentation) (candump, pcap, ASC,
+//! [`Reading`] combines all stages: it reads a capture from any [`Read`](std::io::Read) (candump, pcap, ASC,
 //! BLF, TRC, MDF4, MCAP, CSV and others, plain or compressed), or accepts single frames, and passes each [`Event`]
 //! to a [`ReadingPart`](reading::ReadingPart), such as a closure.
 //!
@@ -44,7 +44,7 @@
 //! | Filter events by an expression | [`Filter`] |
 //! | Write JSON Lines, text, CSV, MCAP, Parquet | [`sink`] |
 //! | Frames only, or writing captures | [`capture`] |
-//! | Individual stages | [`capture::Reader`], [`Decoder`] |
+//! | Individual stages | [`capture::CaptureReader`], [`Decoder`] |
 //!
 //! # Structure
 //!

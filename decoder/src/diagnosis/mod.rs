@@ -6,7 +6,7 @@
 //! ```
 //!
 //! One diagnosis serves `why`, `check` and the UI. It depends on findings only: each finding carries the state
-//! of its node and bus when it began ([`Scene`](crate::finding::Scene)).
+//! of its node and bus when it began ([`FindingScene`](crate::finding::FindingScene)).
 
 mod evidence;
 pub mod incident;

@@ -1,6 +1,6 @@
 //! Field table: every key of an event with its type, meaning and Wireshark names.
 //!
-//! `fields.toml` is the only list of fields; a test compares it with [`super::record::visit`]. Filters, the
+//! `fields.toml` is the only list of fields; a test compares it with [`super::record::visit_event`]. Filters, the
 //! JSON schema and the reference documentation are derived from it.
 
 use std::sync::OnceLock;

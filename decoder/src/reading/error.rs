@@ -24,7 +24,7 @@ pub enum ReadingError {
     #[error("the capture contains no frame")]
     NoFrames,
     /// The capture ends inside a record, or its source cannot be read further. All frames before that are
-    /// decoded and checked: [`Reading::finish`] returns their results.
+    /// decoded and checked: [`Reading::finish`](super::Reading::finish) returns their results.
     #[error("the capture is incomplete: {0}")]
     Incomplete(String),
 }

@@ -14,9 +14,9 @@ pub struct ReportRequest {
 }
 
 /// Starts writing a report page with the present options of the decoder. The result arrives as
-/// [`News::Exported`](crate::timeline::News::Exported).
+/// [`TimelineNews::Exported`](crate::timeline::TimelineNews::Exported).
 pub type WriteReport = Box<dyn FnMut(ReportRequest, &SessionOptions) -> anyhow::Result<()>>;
 
 /// Starts the comparison with another capture, with these options of the decoder; an earlier one is abandoned. The
-/// result arrives as [`News::Compared`](crate::timeline::News::Compared).
+/// result arrives as [`TimelineNews::Compared`](crate::timeline::TimelineNews::Compared).
 pub type Compare = Box<dyn FnMut(&SessionOptions) -> anyhow::Result<()>>;

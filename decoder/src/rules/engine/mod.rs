@@ -73,7 +73,7 @@ impl RuleEngine {
         }
     }
 
-    /// Processes the next frames before the events of the first one: the first frame as [`Self::frame`], or as many as only
+    /// Processes the next frames before the events of the first one: the first frame as [`Self::on_frame`], or as many as only
     /// add to counts. Returns their number, 0 only without any frame.
     pub fn on_frames(&mut self, frames: &[Frame]) -> usize {
         let Some(first) = frames.first() else { return 0 };
