@@ -15,13 +15,13 @@
 //! // let capture = std::fs::File::open("customer.log")?;
 //! let mut reading = Reading::builder().device(NodeId::Canopen(2), "rexroth-sydfec").build(|event: &Event, bus: &Bus| {
 //!     println!("{} {}", bus.name(), event.kind.name());
-//!     for signal in event.signals() {
+//!     for signal in event.decode_signals() {
 //!         println!("  {} = {}", signal.name().unwrap_or_default(), signal.text());
 //!     }
 //! })?;
 //! reading.run(capture)?;
 //! let findings = reading.finish().findings;
-//! for group in findings.counting() {
+//! for group in findings.reported_groups() {
 //!     println!("{}: {} [{}]", group.severity.name(), group.text, group.rule);
 //! }
 //! # assert_eq!(printed[0], "can0 boot-up");

@@ -16,7 +16,7 @@ impl Event {
     /// let capture = &b"(1700000000.0) can0 702#05\n(1700000000.1) can0 182#00000A00\n"[..];
     /// let mut lines = Vec::new();
     /// let add = |event: &Event, _: &Bus| {
-    ///     lines.extend(event.signals().map(|signal| format!("{:?} = {}", signal.name(), signal.text())));
+    ///     lines.extend(event.decode_signals().map(|signal| format!("{:?} = {}", signal.name(), signal.text())));
     /// };
     /// let mut reading = Reading::builder().device(NodeId::Canopen(2), "rexroth-sydfec").build(add)?;
     /// reading.run(capture)?;

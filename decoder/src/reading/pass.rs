@@ -29,7 +29,7 @@ use crate::session::{Buses, SessionOptions};
 /// let mut reading = Reading::new(|event: &Event, _: &Bus| kinds.push(event.kind.name()));
 /// reading.run(capture)?;
 /// let summary = reading.finish();
-/// assert_eq!((summary.frames(), summary.findings.counting().count()), (2, 0));
+/// assert_eq!((summary.frames(), summary.findings.reported_groups().count()), (2, 0));
 /// drop(summary);
 /// assert_eq!(kinds, ["boot-up", "nmt-state", "heartbeat"]);
 /// # Ok::<(), cobscope_decoder::ReadingError>(())

@@ -51,12 +51,12 @@ impl<T: ArrowNativeType> NumberParts<T> {
 
 impl NumberParts<i64> {
     /// The values as integers.
-    pub fn to_numbers(self) -> ArrayRef {
+    pub fn into_numbers(self) -> ArrayRef {
         Arc::new(Int64Array::new(self.values, self.valid))
     }
 
     /// The values as times in microseconds.
-    pub fn to_times(self) -> ArrayRef {
+    pub fn into_times(self) -> ArrayRef {
         Arc::new(TimestampMicrosecondArray::new(self.values, self.valid).with_timezone(UTC))
     }
 }
@@ -134,12 +134,12 @@ impl<T: ArrowNativeType> Default for NumberColumn<T> {
 impl NumberColumn<i64> {
     /// The rows so far as integers.
     pub fn take_rows(&mut self) -> ArrayRef {
-        self.take_parts().to_numbers()
+        self.take_parts().into_numbers()
     }
 
     /// The rows so far as times in microseconds.
     pub fn take_times(&mut self) -> ArrayRef {
-        self.take_parts().to_times()
+        self.take_parts().into_times()
     }
 }
 

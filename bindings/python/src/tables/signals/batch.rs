@@ -100,12 +100,12 @@ impl SignalBatch {
             dictionary_array(NumberParts::of_rows(keys), texts)
         };
         let columns = vec![
-            numbers(|event| event.time.map(to_micros)).to_times(),
-            numbers(|event| event.time.map(|Timestamp(time)| time)).to_numbers(),
+            numbers(|event| event.time.map(to_micros)).into_times(),
+            numbers(|event| event.time.map(|Timestamp(time)| time)).into_numbers(),
             Arc::clone(&self.capture),
             Arc::clone(&self.bus),
-            numbers(|event| Some(event.frame.cast_signed())).to_numbers(),
-            numbers(|event| event.node.map(i64::from)).to_numbers(),
+            numbers(|event| Some(event.frame.cast_signed())).into_numbers(),
+            numbers(|event| event.node.map(i64::from)).into_numbers(),
             Arc::clone(&self.device),
             dictionary_array(
                 NumberParts::of_runs(rows.of_events(|event| Some(event.group)), count),
