@@ -61,10 +61,10 @@ fn open(path: &std::path::Path) -> Result<Library, libloading::Error> {
 #[cfg(windows)]
 fn open(path: &std::path::Path) -> Result<Library, libloading::Error> {
     use libloading::os::windows::{LOAD_LIBRARY_SEARCH_DEFAULT_DIRS, Library as WindowsLibrary};
-    let is_name = library_path.components().count() == 1;
+    let is_name = path.components().count() == 1;
     let flags = if is_name { LOAD_LIBRARY_SEARCH_DEFAULT_DIRS } else { 0 };
     // SAFETY: as for other systems.
-    unsafe { WindowsLibrary::load_with_flags(library_path, flags) }.map(Library::from)
+    unsafe { WindowsLibrary::load_with_flags(path, flags) }.map(Library::from)
 }
 
 #[cfg(test)]

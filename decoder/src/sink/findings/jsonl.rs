@@ -4,9 +4,7 @@
 use std::io::{self, Write};
 
 use super::format::FindingFormat;
-use super::records::GroupRecord;
-use super::report::{CaptureResult, FindingsReport};
-use crate::finding::FindingGroup;
+use super::report::FindingsReport;
 use crate::sink::escape_json;
 
 pub(super) const FORMAT: FindingFormat = FindingFormat {
@@ -26,11 +24,4 @@ fn write_jsonl(report: &FindingsReport, out: &mut dyn Write) -> io::Result<()> {
         out.write_all(b"\n")?;
     }
     Ok(())
-}
-
-/// The object of a finding.
-pub(in crate::sink) fn write_finding(group: &FindingGroup, judged: &CaptureResult) -> String {
-    // All keys are strings, the only reason for which a record could not be serialized.
-    let line = serde_json::to_string(&GroupRecord::new(group, judged)).unwrap_or_default();
-    escape_json(&line).into_owned()
 }

@@ -2,13 +2,13 @@
 
 use anyhow::bail;
 
-use super::{AdapterSpec, Source};
+use super::{AdapterSpec, LiveSource};
 
 /// Always fails.
 ///
 /// # Errors
 /// Always.
-pub fn open(spec: &AdapterSpec) -> anyhow::Result<Box<dyn Source>> {
+pub fn open(spec: &AdapterSpec) -> anyhow::Result<Box<dyn LiveSource>> {
     bail!("{}:{}: this build cannot open adapters (feature adapters)", spec.prefix, spec.channel)
 }
 

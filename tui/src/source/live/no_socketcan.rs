@@ -3,13 +3,13 @@
 use anyhow::bail;
 
 use super::spec::InterfaceSpec;
-use super::{BusStatus, Source};
+use super::{BusStatus, LiveSource};
 
 /// Always fails, with a message about the alternatives.
 ///
 /// # Errors
 /// Always.
-pub fn open(specs: &[InterfaceSpec]) -> anyhow::Result<Box<dyn Source>> {
+pub fn open(specs: &[InterfaceSpec]) -> anyhow::Result<Box<dyn LiveSource>> {
     let name = specs.first().map_or("", |spec| &spec.name);
     bail!(
         "{name}: this build cannot open CAN interfaces (needs Linux and feature socketcan). Adapters: pcan:USB1@500k, \

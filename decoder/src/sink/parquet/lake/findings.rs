@@ -7,7 +7,9 @@ use super::partitions::PushRow;
 use crate::diagnosis::Diagnosis;
 use crate::finding::{FindingCause, FindingGroup, FindingSubject};
 use crate::session::Buses;
-use crate::sink::findings::{CaptureResult, jsonl};
+use crate::sink::escape_json;
+use crate::sink::findings::CaptureResult;
+use crate::sink::findings::records::GroupRecord;
 use crate::sink::parquet::table::{ColumnHeading, ColumnType, RowCell, optional_column, required_column};
 use crate::sink::parquet::time::{micros_of_date, nanos_cell, node_number};
 
@@ -109,7 +111,9 @@ fn push_row(
         Some(FindingCause::Quality(_) | FindingCause::Fact(_)) | None => RowCell::Null,
     };
     let story = stories.0.get(&group.id);
-    let line = jsonl::write_finding(group, judged);
+    // All keys are strings, the only reason for which a record could not be serialized.
+    let line = serde_json::to_string(&GroupRecord::new(group, judged)).unwrap_or_default();
+    let line = escape_json(&line).into_owned();
     push(
         began.time,
         &[
