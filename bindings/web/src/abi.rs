@@ -5,8 +5,8 @@ use std::cell::RefCell;
 use std::io;
 use std::sync::Arc;
 
-use crate::Session;
-use crate::files::Files;
+use crate::WorkerState;
+use crate::files::ContentAccess;
 
 #[link(wasm_import_module = "page")]
 unsafe extern "C" {
@@ -17,7 +17,7 @@ unsafe extern "C" {
 /// Files that the worker reads.
 struct PageFiles;
 
-impl Files for PageFiles {
+impl ContentAccess for PageFiles {
     fn read(&self, file: u32, offset: u64, room: &mut [u8]) -> io::Result<usize> {
         #[expect(clippy::cast_precision_loss, reason = "files of a browser are below 2^53 bytes")]
         let offset = offset as f64;
@@ -29,7 +29,7 @@ impl Files for PageFiles {
 
 /// State between two calls.
 struct Border {
-    session: Session,
+    session: WorkerState,
     request: Vec<u8>,
     response: Vec<u8>,
     bytes: Vec<u8>,
@@ -37,7 +37,7 @@ struct Border {
 
 thread_local! {
     static BORDER: RefCell<Border> = RefCell::new(Border {
-        session: Session::new(Arc::new(PageFiles)),
+        session: WorkerState::new(Arc::new(PageFiles)),
         request: Vec::new(),
         response: Vec::new(),
         bytes: Vec::new(),
@@ -58,7 +58,7 @@ pub extern "C" fn alloc(length: usize) -> *mut u8 {
 #[unsafe(no_mangle)]
 pub extern "C" fn call() -> usize {
     BORDER.with_borrow_mut(|border| {
-        let response = border.session.call(&border.request);
+        let response = border.session.call_json(&border.request);
         border.response.clear();
         // Writing to memory does not fail.
         let _ = serde_json::to_writer(&mut border.response, &response.value);
