@@ -26,7 +26,7 @@ pub enum FrameDemand {
 /// all events and findings.
 ///
 /// Most frames of a machine repeat the payload of the frame before them. [`ReadingPart::need`] decides for such a frame whether the
-/// part needs its event. If nobody needs it, [`ReadingPart::skip`] is called instead of [`ReadingPart::event`].
+/// part needs its event. If neither the part nor a rule needs it, [`ReadingPart::skip`] is called instead of [`ReadingPart::event`].
 pub trait ReadingPart {
     /// Takes an event of the capture; `bus` is in the state after the event.
     fn event(&mut self, event: &Event, bus: &Bus);
@@ -51,7 +51,7 @@ pub trait ReadingPart {
         true
     }
 
-    /// Takes note of a frame whose event nobody needs; `bus` is in the state before the frame.
+    /// Takes note of a frame without an event; `bus` is in the state before the frame.
     fn skip(&mut self, _preview: &MessagePreview, _bus: &Bus) {}
 
     /// Frames that the part receives from now on.
