@@ -16,7 +16,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail, ensure};
-use cobscope_decoder::capture::{BatchItem, BusNames, Notice, WRITABLE, WritableFormat};
+use cobscope_decoder::capture::{BatchItem, Notice, WRITABLE, WritableFormat};
 use cobscope_decoder::event::KindSet;
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
@@ -258,7 +258,7 @@ impl CaptureConversion<'_> {
                         self.output.split_output();
                     }
                     if verdict.takes {
-                        let bus = name_of(names, frame.bus.0);
+                        let bus = names.name_of(frame.bus);
                         self.output.write_frame(
                             frame,
                             bus,
@@ -311,7 +311,7 @@ impl CaptureConversion<'_> {
             }
             _ => {
                 self.choice.on_notice(notice, names);
-                self.output.write_notice(notice, name_of(names, notice.bus().0))
+                self.output.write_notice(notice, names.name_of(notice.bus()))
             }
         }
     }
@@ -324,11 +324,6 @@ fn frame_comment<'a>(unwritten: &'a mut String, meaning: &'a str) -> &'a str {
     }
     unwritten.push_str(meaning);
     unwritten.trim_end_matches('\n')
-}
-
-/// Name of a bus; empty if unknown.
-fn name_of(names: &BusNames, bus: u8) -> &str {
-    names.names().get(usize::from(bus)).map_or("", String::as_str)
 }
 
 /// Exit status for an output error; a closed pipe is not an error.

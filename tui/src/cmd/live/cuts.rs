@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, ensure};
 use cobscope_decoder::capture::{BusNames, Notice};
-use cobscope_decoder::frame::{BusIndex, Frame, Timestamp};
+use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::session::{BusSnapshot, SessionOptions};
 use cobscope_decoder::sink::escape;
 
@@ -98,7 +98,7 @@ impl CutRecorder {
         self.first = self.first.or(frame.time);
         self.now = self.now.max(frame.time);
         self.raise(triggers);
-        self.recorder.frame(frame, name_of(names, frame.bus));
+        self.recorder.frame(frame, names.name_of(frame.bus));
     }
 
     /// Adds a notice with its triggers.
@@ -107,7 +107,7 @@ impl CutRecorder {
             self.now = self.now.max(Some(*time));
         }
         self.raise(triggers);
-        self.recorder.notice(notice, name_of(names, notice.bus()));
+        self.recorder.notice(notice, names.name_of(notice.bus()));
     }
 
     fn raise(&mut self, triggers: &mut LiveTriggers) {
@@ -196,8 +196,4 @@ fn create(folder: &Path) -> anyhow::Result<()> {
     }
     // A trigger can be days later.
     tempfile::tempfile_in(folder).map(drop).with_context(|| format!("{shown}: cannot create files in it"))
-}
-
-fn name_of(names: &BusNames, bus: BusIndex) -> &str {
-    names.names().get(usize::from(bus.0)).map_or("", String::as_str)
 }

@@ -126,11 +126,10 @@ impl PumpThread {
     fn record(&mut self, items: &[Arrival]) {
         let Some(recorder) = &mut self.recorder else { return };
         let names = self.gather.names();
-        let name = |bus: BusIndex| names.names().get(usize::from(bus.0)).map_or("", String::as_str);
         for item in items {
             match item {
-                Arrival::Frame(frame) => recorder.frame(frame, name(frame.bus)),
-                Arrival::Notice(notice) => recorder.notice(notice, name(notice.bus())),
+                Arrival::Frame(frame) => recorder.frame(frame, names.name_of(frame.bus)),
+                Arrival::Notice(notice) => recorder.notice(notice, names.name_of(notice.bus())),
             }
         }
         recorder.tick(Instant::now());

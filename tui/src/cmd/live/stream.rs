@@ -10,7 +10,7 @@ use anyhow::Context as _;
 use cobscope_decoder::capture::{BusNames, FrameWriter, WRITABLE, WriteOptions};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::Event;
-use cobscope_decoder::frame::{BusIndex, Frame};
+use cobscope_decoder::frame::Frame;
 use cobscope_decoder::session::{Bus, SessionOptions};
 use cobscope_decoder::words::count_noun;
 
@@ -122,7 +122,7 @@ impl LiveStream {
                     if let Some(decoder) = &mut self.decoder {
                         decoder.on_notice(notice, &arrived.names, &mut |_: &Event, _: &Bus| {});
                     }
-                    self.writer.notice(notice, name(&arrived.names, notice.bus()))?;
+                    self.writer.notice(notice, arrived.names.name_of(notice.bus()))?;
                 }
             }
         }
@@ -135,15 +135,11 @@ impl LiveStream {
         if let Some(decoder) = decoder {
             decoder.push(frame, names, &mut |event: &Event, bus: &Bus| add_event(comment, event, bus));
         }
-        let bus = name(names, frame.bus);
+        let bus = names.name_of(frame.bus);
         if comment.is_empty() {
             writer.write(frame, bus)
         } else {
             writer.write_commented(frame, bus, comment)
         }
     }
-}
-
-fn name(names: &BusNames, bus: BusIndex) -> &str {
-    names.names().get(usize::from(bus.0)).map_or("", String::as_str)
 }
