@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use super::moment::FrameMoment;
 use crate::event::{EffectiveState, Quantity, SetPoint};
 use crate::frame::CanId;
 use crate::profile::{DecodedValue, ObjectMeaning, ValueCarrier};
+use crate::session::bus::time::FrameMoment;
 use crate::wire::canopen::ObjectAddress;
 
 /// Set point for which gates are evaluated.
