@@ -142,7 +142,7 @@ impl EmcyRaised {
             self.open.push((node, code));
         }
         let device = record::event_device(event, context.bus);
-        let is_open = !context.bus.is_settled(Some(node));
+        let is_open = !context.bus.protocols().is_settled(Some(node));
         let (is_presumed, until) = match shown {
             ShownEvent::Directly => (event.presumed, String::new()),
             ShownEvent::Operational(shown) => {
