@@ -105,6 +105,14 @@ impl<'a> RuleContext<'a> {
         FindingAlarm::new(self, node, build_occurrence(time, frames), is_presumed)
     }
 
+    /// Whether the device exempts itself from the rule for this subject.
+    fn is_waived(&self, node: &Node, about: &FindingSubject) -> bool {
+        let info = self.ledger.rules.get(usize::from(self.rule));
+        info.is_some_and(|info| {
+            node.device().waivers.iter().any(|waiver| waives_rule(waiver, &info.name, about))
+        })
+    }
+
     /// Frame before a gap in the traffic of the bus that may be a hole in the capture as well as the absence of the few
     /// nodes on the bus, if the rule checks a time.
     fn ambiguous_gap(&self, at: &Occurrence) -> Option<u64> {
@@ -344,9 +352,7 @@ impl<'b, 'a> FindingAlarm<'b, 'a> {
             None => text(),
         };
         let known = node.and_then(|node| bus.node(node));
-        if let (Some(node), Some(info)) = (known, context.ledger.rules.get(usize::from(rule)))
-            && node.device().waivers.iter().any(|waiver| waives_rule(waiver, &info.name, &about))
-        {
+        if known.is_some_and(|node| context.is_waived(node, &about)) {
             return context.ledger.count_waiver(rule);
         }
         let mut claim = DefectClaim {

@@ -76,8 +76,8 @@ impl RuleProgress {
 
     /// The node restarted: all but the order of events is void.
     pub(super) fn reset_after_restart(&mut self) {
-        let Self { is_prepared, voided, has_begun, is_exercised, .. } = *self;
-        *self = Self { is_prepared, has_begun, voided, is_exercised, ..Self::default() };
+        let Self { is_prepared, is_exercised, has_begun, voided, .. } = *self;
+        *self = Self { is_prepared, is_exercised, has_begun, voided, ..Self::default() };
     }
 
     /// Neither an interval nor a count continues.
