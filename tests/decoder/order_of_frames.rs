@@ -1,7 +1,10 @@
 //! Captures without timestamps: the order of frames shows what times would show. Frames of other streams are the clock.
 
-use crate::rules::{judge, plain_setup};
+use std::fmt::Write as _;
+
 use cobscope_decoder::session::SessionOptions;
+
+use crate::rules::{judge, plain_setup};
 
 /// Texts of the findings of a rule in frames without timestamps, in candump's form for the screen.
 fn texts(rule: &str, frames: &[&str]) -> Vec<String> {
@@ -9,7 +12,7 @@ fn texts(rule: &str, frames: &[&str]) -> Vec<String> {
     for frame in frames {
         let (id, bytes) = frame.split_once('#').unwrap();
         let pairs: Vec<_> = bytes.as_bytes().chunks(2).map(|pair| String::from_utf8_lossy(pair)).collect();
-        text += &format!("  can0  {id}   [{}]  {}\n", pairs.len(), pairs.join(" "));
+        writeln!(text, "  can0  {id}   [{}]  {}", pairs.len(), pairs.join(" ")).unwrap();
     }
     let findings = judge(&text, &SessionOptions::default(), plain_setup()).1;
     let own = findings.groups.iter().filter(|group| *group.rule == *rule);
