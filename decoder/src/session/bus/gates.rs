@@ -1,17 +1,12 @@
 //! Gates: conditions under which a set point takes effect.
 
-use super::cob_id::{INVALID, nonzero_identifier};
 use super::node::Node;
 use super::set_point::GatedSetPoint;
-use super::store::OriginKind;
 use crate::event::EffectiveState;
 use crate::frame::CanId;
 use crate::profile::ValueCarrier;
 use crate::profile::device::{DeviceCondition, Gate, GateFallback, GateStatus};
 use crate::wire::canopen::ObjectAddress;
-
-/// Name of the gate of the COB-ID of an RPDO, which every device has.
-const COB_ID: &str = "RPDO COB-ID";
 
 /// State of one gate for one set point.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -50,6 +45,8 @@ pub(in crate::session) struct GateVerdict {
     pub(in crate::session) effective: EffectiveState,
     /// Names of the closed gates; if none is closed, of the unknown ones.
     pub(in crate::session) gates: Vec<String>,
+    /// Names of the gates without evidence on the bus.
+    pub(in crate::session) invisible: Vec<String>,
 }
 
 impl Node {
@@ -62,18 +59,17 @@ impl Node {
         let mut all: Vec<GateState> = Vec::new();
         for point in &self.behaviour.set_points {
             let subject = point.gated_subject();
-            if let Some((detail, id)) = self.find_contradiction(subject) {
-                let detail = format!("{detail}, commands arrive on {id}h, {}", consumers(id));
+            for obstacle in self.reception_obstacles(subject) {
+                let commands = obstacle.id.map(|id| format!(", commands arrive on {id}h, {}", consumers(id)));
                 all.push(GateState {
                     set_point: subject.object,
                     name: point.object_title().to_owned(),
-                    gate: COB_ID.to_owned(),
-                    status: GateStatus::Closed,
-                    detail,
+                    gate: obstacle.gate.to_owned(),
+                    status: obstacle.status,
+                    detail: obstacle.detail + &commands.unwrap_or_default(),
                     text: String::new(),
-                    check: "send the commands on the configured COB-ID, or configure the one that is sent"
-                        .to_owned(),
-                    source: "CiA 301 §7.5.2.35".to_owned(),
+                    check: obstacle.check.to_owned(),
+                    source: obstacle.source.to_owned(),
                 });
             }
             for gate in self.gates_of(subject) {
@@ -94,23 +90,7 @@ impl Node {
         all
     }
 
-    /// Contradiction between the configured COB-ID of an RPDO and the identifier on which it arrives
-    /// (CiA 301 §7.5.2.35: bit 31 marks a PDO that is not valid). A set point received before the COB-ID was
-    /// written remains in force.
-    fn find_contradiction(&self, subject: GatedSetPoint<'_>) -> Option<(String, CanId)> {
-        let (ValueCarrier::Pdo(name), Some((id, frame))) = (subject.carrier, subject.id) else { return None };
-        let cob_id = self.configured_cob_id(*name)?;
-        let object = ObjectAddress::new(name.communication_index(), 1);
-        if cob_id & INVALID != 0 {
-            return Some((format!("{object} = {cob_id:X}h (bit 31: not valid)"), id));
-        }
-        let origin = self.store.seen_value(object)?.origin;
-        let is_later = origin.kind != OriginKind::Download || frame > origin.frame;
-        let is_other = is_later && nonzero_identifier(cob_id) != Some(id);
-        is_other.then(|| (format!("{object} = {cob_id:X}h"), id))
-    }
-
-    fn gates_of<'a>(&'a self, subject: GatedSetPoint<'a>) -> impl Iterator<Item = &'a Gate> {
+    pub(in crate::session) fn gates_of<'a>(&'a self, subject: GatedSetPoint<'a>) -> impl Iterator<Item = &'a Gate> {
         self.device.gates.iter().filter(move |gate| {
             gate.is_for(subject.object, subject.channel)
                 && gate.pdo.is_none_or(|pdo| *subject.carrier == ValueCarrier::Pdo(pdo))
@@ -119,22 +99,25 @@ impl Node {
 
     /// Evaluates all gates of a set point.
     pub(in crate::session) fn gate_verdict(&self, subject: GatedSetPoint<'_>, now: i64) -> GateVerdict {
-        let (mut closed, mut unknown, mut any) = (Vec::new(), Vec::new(), false);
-        if self.find_contradiction(subject).is_some() {
-            closed.push(COB_ID.to_owned());
+        let (mut closed, mut unknown, mut invisible) = (Vec::new(), Vec::new(), Vec::new());
+        let mut any = false;
+        for obstacle in self.reception_obstacles(subject) {
+            let list = if obstacle.status == GateStatus::Closed { &mut closed } else { &mut unknown };
+            list.push(obstacle.gate.to_owned());
         }
         for gate in self.gates_of(subject) {
             any = true;
             match self.gate_status(gate, subject, now) {
                 GateStatus::Closed => closed.push(gate.name.clone()),
                 GateStatus::Unknown => unknown.push(gate.name.clone()),
-                GateStatus::Open | GateStatus::Invisible => {}
+                GateStatus::Invisible => invisible.push(gate.name.clone()),
+                GateStatus::Open => {}
             }
         }
         match (closed.is_empty(), unknown.is_empty() && any) {
-            (false, _) => GateVerdict { effective: EffectiveState::No, gates: closed },
-            (true, true) => GateVerdict { effective: EffectiveState::Yes, gates: Vec::new() },
-            (true, false) => GateVerdict { effective: EffectiveState::Unknown, gates: unknown },
+            (false, _) => GateVerdict { effective: EffectiveState::No, gates: closed, invisible },
+            (true, true) => GateVerdict { effective: EffectiveState::Yes, gates: Vec::new(), invisible },
+            (true, false) => GateVerdict { effective: EffectiveState::Unknown, gates: unknown, invisible },
         }
     }
 

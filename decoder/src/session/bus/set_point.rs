@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
+use super::gates::GateVerdict;
 use super::moment::FrameMoment;
+use super::reception::ShortPayload;
 use crate::event::{EffectiveState, Quantity, SetPoint};
 use crate::frame::CanId;
 use crate::profile::{DecodedValue, ObjectMeaning, ValueCarrier};
@@ -16,6 +18,10 @@ pub(in crate::session) struct GatedSetPoint<'a> {
     pub(in crate::session) carrier: &'a ValueCarrier,
     /// Identifier on which its PDO arrives, and a frame with it.
     pub(in crate::session) id: Option<(CanId, u64)>,
+    /// No SYNC came after its synchronous PDO.
+    pub(in crate::session) late: bool,
+    /// Its PDO has less data than the mapping.
+    pub(in crate::session) short: Option<ShortPayload>,
 }
 
 /// State of one set point of a node.
@@ -35,6 +41,8 @@ pub(in crate::session) struct SetPointState {
     pub(in crate::session) waiting: Option<(DecodedValue, FrameMoment<()>)>,
     /// Emitted without SYNC, because the SYNC did not arrive in time.
     pub(in crate::session) late: bool,
+    /// Emitted from a PDO with less data than its mapping.
+    pub(in crate::session) short: Option<ShortPayload>,
     /// The layout of its PDO is a default, or may have changed unnoticed.
     pub(in crate::session) assumed: bool,
 }
@@ -63,6 +71,8 @@ impl SetPointState {
             channel: self.meaning.channel,
             carrier: &self.carrier,
             id: self.id.map(|id| (id, self.arrived)),
+            late: self.late,
+            short: self.short,
         }
     }
 
@@ -114,8 +124,7 @@ impl SetPointState {
     pub(in crate::session) fn set_point_event(
         &self,
         value: &DecodedValue,
-        effective: EffectiveState,
-        gates: &[String],
+        verdict: &GateVerdict,
     ) -> SetPoint {
         SetPoint {
             object: self.meaning.object,
@@ -127,8 +136,9 @@ impl SetPointState {
             to: self.value_quantity(value),
             unit: self.meaning.unit.clone(),
             assumed: self.assumed || self.meaning.assumed,
-            effective,
-            gates: gates.to_vec(),
+            effective: verdict.effective,
+            gates: verdict.gates.clone(),
+            invisible: verdict.invisible.clone(),
             sync_after: None,
         }
     }

@@ -6,7 +6,7 @@ use crate::event::{EventKind, FrameRange};
 use crate::frame::Frame;
 use crate::profile::device::SYNC_AGE;
 use crate::profile::{DecodedValue, ObjectMeaning, ObjectRole, PayloadLayout, PdoName, ValueCarrier};
-use crate::session::bus::{Bus, FrameMoment, SetPointState, WatchPlan, nonzero_identifier};
+use crate::session::bus::{Bus, FrameMoment, SetPointState, ShortPayload, WatchPlan, nonzero_identifier};
 use crate::session::context::MachineContext;
 use crate::session::machine::{ProtocolMachine, TimedMachine};
 use crate::session::timers::DeadlineSubject;
@@ -16,7 +16,7 @@ use crate::wire::NodeId;
 pub(in crate::session) fn set_points_changed(
     id: NodeId,
     carrier: &ValueCarrier,
-    layout: &PayloadLayout,
+    (layout, short): (&PayloadLayout, Option<ShortPayload>),
     plan: &WatchPlan,
     frame: &Frame,
     cx: &mut MachineContext<'_>,
@@ -37,11 +37,13 @@ pub(in crate::session) fn set_points_changed(
         let Some(point) = set_point_mut(&mut cx.bus, id, place) else { continue };
         point.assumed = layout.assumed;
         (point.id, point.arrived) = (Some(frame.id), frame.number);
-        if point.is_unchanged(&value) {
+        // A short PDO with the value in force changes nothing; a complete one puts the value into force.
+        if point.is_unchanged(&value) && (point.short.is_none() || short.is_some()) {
             point.waiting = None;
-        } else if waits {
+        } else if waits && short.is_none() {
             point.waiting = Some((value, moment));
         } else {
+            point.short = short;
             emit_set_point(id, place, value, moment, frame, cx);
         }
     }
@@ -116,6 +118,7 @@ fn set_point(
         gates: Vec::new(),
         waiting: None,
         late: false,
+        short: None,
         assumed: false,
     });
     Some(points.len() - 1)
@@ -204,7 +207,7 @@ fn emit_set_point(
     let waited = incoming.frame != frame.number
         && runs
         && node.behaviour.sync.is_some_and(|it| it.frame == frame.number);
-    let mut reported = point.set_point_event(&value, verdict.effective, &verdict.gates);
+    let mut reported = point.set_point_event(&value, &verdict);
     reported.sync_after = waited.then(|| now.saturating_sub(incoming.time));
     let quantity = reported.to.clone();
     let mut event = cx.event_of(frame, Some(id), EventKind::SetPoint(Box::new(reported)));
@@ -226,7 +229,7 @@ pub(in crate::session) fn reassess_set_points(id: NodeId, frame: &Frame, cx: &mu
         let Some((value, _)) = &point.reported else { continue };
         let verdict = node.gate_verdict(point.gated_subject(), now);
         if point.effective != Some(verdict.effective) {
-            changes.push((place, point.set_point_event(value, verdict.effective, &verdict.gates), verdict));
+            changes.push((place, point.set_point_event(value, &verdict), verdict));
         }
     }
     for (place, event, verdict) in changes {
