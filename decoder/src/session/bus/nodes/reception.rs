@@ -1,12 +1,11 @@
 //! Conditions of CiA 301 for the processing of an RPDO, which every device has: its COB-ID, its length, its SYNC.
 
-use super::cob_id::{INVALID, nonzero_identifier};
 use super::node::Node;
 use super::set_point::GatedSetPoint;
-use super::store::OriginKind;
 use crate::frame::CanId;
 use crate::profile::device::{DeviceCondition, GateStatus, PdoEffect};
 use crate::profile::{PdoName, ValueCarrier};
+use crate::session::bus::objects::{INVALID, OriginKind, nonzero_identifier};
 use crate::wire::canopen::ObjectAddress;
 
 /// An RPDO with less data than its mapping.
@@ -39,9 +38,13 @@ pub(in crate::session) struct ReceptionObstacle {
 
 impl Node {
     /// All reasons for which the RPDO with a set point is not processed.
-    pub(in crate::session) fn reception_obstacles(&self, subject: GatedSetPoint<'_>) -> Vec<ReceptionObstacle> {
+    pub(in crate::session) fn reception_obstacles(
+        &self,
+        subject: GatedSetPoint<'_>,
+    ) -> Vec<ReceptionObstacle> {
         let ValueCarrier::Pdo(name) = *subject.carrier else { return Vec::new() };
-        let found = [self.other_cob_id(name, subject), self.missing_sync(name, subject), short_payload(subject)];
+        let found =
+            [self.other_cob_id(name, subject), self.missing_sync(name, subject), short_payload(subject)];
         found.into_iter().flatten().collect()
     }
 

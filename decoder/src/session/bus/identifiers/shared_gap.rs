@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::pulse::IdentifierIntervals;
 use super::routes::IdentifierService;
 use crate::profile::PdoDirection;
+use crate::session::bus::time::IdentifierIntervals;
 
 /// Producers that must miss a message at the same time: with fewer, a hole cannot be distinguished from a lost node.
 const PRODUCERS: usize = 3;

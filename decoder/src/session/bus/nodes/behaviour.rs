@@ -2,14 +2,39 @@
 
 use std::sync::Arc;
 
-use super::moment::FrameMoment;
-use super::procedures::{ProcedureResult, RunningProcedure};
 use super::set_point::SetPointState;
 use super::state_machine::MachineState;
 use crate::profile::ValueCarrier;
 use crate::profile::device::ProcedureStatus;
+use crate::session::bus::time::FrameMoment;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::nmt::NmtService;
+
+/// State of a running procedure.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct RunningProcedure {
+    /// Index in the procedure list of the device.
+    pub(in crate::session) place: usize,
+    pub(in crate::session) started: FrameMoment<()>,
+    /// Step emitted last.
+    pub(in crate::session) step: Option<usize>,
+    /// Consecutive messages that met the conditions of the pending trigger.
+    pub(in crate::session) streak: u8,
+}
+
+/// End of a procedure with a status object, until its next start.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct ProcedureResult {
+    /// Index in the procedure list of the device.
+    pub(in crate::session) place: usize,
+    /// Start; None before the capture.
+    pub(in crate::session) started: Option<FrameMoment<()>>,
+    /// Frame with the end, or with the first status.
+    pub(in crate::session) ended: u64,
+    pub(in crate::session) outcome: ProcedureStatus,
+    /// The status object was read since the end; otherwise the outcome is derived from bits or a restart.
+    pub(in crate::session) is_read: bool,
+}
 
 /// Device state of one node.
 #[derive(Debug, Clone, Default)]

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use super::gates::GateVerdict;
-use super::moment::FrameMoment;
 use super::reception::ShortPayload;
 use crate::event::{EffectiveState, Quantity, SetPoint};
 use crate::frame::CanId;
 use crate::profile::{DecodedValue, ObjectMeaning, ValueCarrier};
+use crate::session::bus::time::FrameMoment;
 use crate::wire::canopen::ObjectAddress;
 
 /// Set point for which gates are evaluated.

@@ -1,10 +1,9 @@
 //! Present meaning of identifiers, and the nodes that a frame concerns.
 
-use super::cob_id::{nonzero_identifier, predefined_identifier};
-use super::link::UdsLink;
-use super::routes::IdentifierService;
-use super::skipped_times::SkippedTimes;
+use super::identifiers::{IdentifierService, UdsLink};
+use super::objects::{nonzero_identifier, predefined_identifier};
 use super::state::Bus;
+use super::time::SkippedTimes;
 use crate::event::EventKind;
 use crate::frame::{CanId, Frame};
 use crate::profile::{PayloadLayout, PdoName};
@@ -170,6 +169,15 @@ impl Bus {
             (None, None) => predefined_identifier(name, id),
         };
         can_id.map(|can_id| (can_id, false))
+    }
+
+    /// Identifier of the RPDO with the control word of a machine.
+    pub fn control_identifier(&self, node: NodeId, machine: usize) -> Option<CanId> {
+        let slot = self.node(node)?.behaviour.machines.get(machine)?.slot?;
+        match &self.routes.slot(slot)?.prepared.as_deref()?.kind {
+            EventKind::Pdo(pdo) => Some(pdo.cob_id),
+            _ => None,
+        }
     }
 
     /// PDO that an identifier carries now, and its node.

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use super::node::Node;
-use super::store::OriginKind;
 use crate::profile::device::{MappingSource, PdoField, PdoSpec};
 use crate::profile::{
     DataType, DecidingNumber, EntryResolver, LayoutOrigin, PayloadLayout, PdoName, SignalField,
 };
+use crate::session::bus::objects::OriginKind;
 use crate::wire::canopen::ObjectAddress;
 
 /// Max entries of a mapping (CiA 301 §7.5.2.36).

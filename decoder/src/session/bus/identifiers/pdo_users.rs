@@ -3,19 +3,19 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::node::Node;
-use super::store::OriginKind;
 use crate::frame::CanId;
 use crate::profile::PdoName;
+use crate::session::bus::nodes::Node;
+use crate::session::bus::objects::OriginKind;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
 /// PDOs with an identifier.
-pub(super) type Users = Vec<(PdoName, NodeId)>;
+pub(in crate::session) type Users = Vec<(PdoName, NodeId)>;
 
 /// Identifiers for which the predefined connection set does not name all users.
 #[derive(Debug, Clone, Default)]
-pub(in crate::session) struct PdoUsers(pub(super) Arc<BTreeMap<CanId, Users>>);
+pub(in crate::session) struct PdoUsers(pub(in crate::session) Arc<BTreeMap<CanId, Users>>);
 
 impl Node {
     /// Configured COB-ID of a PDO, written or read and not doubtful since; bit 31 marks it as not valid.
@@ -27,7 +27,7 @@ impl Node {
     }
 
     /// PDOs with a configured COB-ID.
-    pub(super) fn configured_pdos(&self) -> impl Iterator<Item = (PdoName, u64)> {
+    pub(in crate::session) fn configured_pdos(&self) -> impl Iterator<Item = (PdoName, u64)> {
         let objects = self.store.sorted().into_iter().map(|(object, _)| object);
         objects.filter(|object| object.sub == 1).filter_map(|object| {
             let name = PdoName::of_parameter(object.index)?;

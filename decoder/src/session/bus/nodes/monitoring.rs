@@ -1,5 +1,8 @@
 //! NMT error control of a node: heartbeat and guarding.
 
+use crate::session::bus::objects::ObjectStore;
+use crate::wire::canopen::ObjectAddress;
+
 /// Guarding requests without response after which a node is lost, if its life time factor (100D) is
 /// unknown. Also the factor of its life time in intervals.
 pub(in crate::session) const UNANSWERED: u8 = 3;
@@ -29,6 +32,13 @@ impl HeartbeatState {
             None => self.intervals.iter().copied().max(),
         }
     }
+
+    /// A new series of heartbeats starts, at a boot sign.
+    pub(in crate::session) fn restart_series(&mut self) {
+        self.last = None;
+        self.intervals = [0; 4];
+        self.deadline = None;
+    }
 }
 
 /// Guarding state of a node.
@@ -46,4 +56,28 @@ pub(in crate::session) struct GuardingState {
     pub(in crate::session) interval: i64,
     /// At least one request was sent.
     pub(in crate::session) seen: bool,
+}
+
+impl GuardingState {
+    /// The first response after a boot sign has toggle bit 0 again (CiA 301 §7.2.8.3.2.1).
+    pub(in crate::session) fn restart_series(&mut self) {
+        self.toggle = None;
+        self.is_open = false;
+        self.missed = 0;
+        self.interval = 0;
+    }
+
+    /// Whether the life time of guarding passed between the last response and `now`: the node may have restarted
+    /// without a boot sign, so that its next response may have either toggle bit. If the life time
+    /// (100C × 100D) is unknown, three usual intervals apply.
+    pub(in crate::session) fn has_outlived(&self, store: &ObjectStore, now: i64) -> bool {
+        let Some(last) = self.last_reply else { return false };
+        let number = |index| store.number(ObjectAddress::new(index, 0)).filter(|number| *number > 0);
+        let life_time = number(0x100C).zip(number(0x100D)).and_then(|(time, factor)| {
+            i64::try_from(time.saturating_mul(factor).saturating_mul(1_000_000)).ok()
+        });
+        let usual = self.interval.saturating_mul(i64::from(UNANSWERED));
+        let limit = life_time.or_else(|| Some(usual).filter(|usual| *usual > 0));
+        limit.is_some_and(|limit| now.saturating_sub(last) > limit)
+    }
 }

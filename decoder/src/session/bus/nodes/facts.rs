@@ -1,8 +1,9 @@
 //! Facts about a node, on which the conditions of its profile are evaluated.
 
+use super::behaviour::RunningProcedure;
 use super::node::Node;
 use super::set_point::GatedSetPoint;
-use crate::profile::device::{DeviceCondition, DeviceFacts, GateStatus, StateDefinition};
+use crate::profile::device::{DeviceCondition, DeviceFacts, DeviceProcedure, GateStatus, StateDefinition};
 use crate::profile::{DecidingNumber, ValueCarrier};
 use crate::wire::canopen::{NmtState, ObjectAddress};
 
@@ -16,6 +17,17 @@ pub(crate) struct NodeFacts<'a> {
 }
 
 impl Node {
+    /// Running procedures.
+    pub fn procedures(&self) -> impl Iterator<Item = &DeviceProcedure> {
+        self.behaviour.running.iter().filter_map(|running| self.device.procedures.get(running.place))
+    }
+
+    /// Name of the running procedure, if it takes control of the set points.
+    pub(in crate::session) fn takes_over(&self, running: &RunningProcedure) -> Option<&str> {
+        let procedure = self.device.procedures.get(running.place)?;
+        procedure.takes_over.then_some(procedure.name.as_str())
+    }
+
     /// Facts at a monotonic time, for conditions that are not about a set point.
     pub(crate) fn node_facts(&self, now: i64) -> NodeFacts<'_> {
         NodeFacts { node: self, carrier: None, now }

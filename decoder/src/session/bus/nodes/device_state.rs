@@ -1,12 +1,8 @@
 //! State machines of a device: the reported state, and the state that the control word commands.
 
 use super::node::Node;
-use super::state::Bus;
 use super::state_machine::{is_triggered_by, leads_to, leave_text};
-use crate::event::EventKind;
-use crate::frame::CanId;
 use crate::profile::device::StateDefinition;
-use crate::wire::NodeId;
 
 /// Time in ns after which a fault reset bit that stays 1 is reported as held.
 const HELD: i64 = 300_000_000;
@@ -83,16 +79,5 @@ impl Node {
     pub fn device_states(&self) -> impl Iterator<Item = (Option<u8>, &StateDefinition)> {
         let machines = self.device.machines.iter().enumerate();
         machines.filter_map(|(place, machine)| Some((machine.channel, self.reported_state(place)?)))
-    }
-}
-
-impl Bus {
-    /// Identifier of the RPDO with the control word of a machine.
-    pub fn control_identifier(&self, node: NodeId, machine: usize) -> Option<CanId> {
-        let slot = self.node(node)?.behaviour.machines.get(machine)?.slot?;
-        match &self.routes.slot(slot)?.prepared.as_deref()?.kind {
-            EventKind::Pdo(pdo) => Some(pdo.cob_id),
-            _ => None,
-        }
     }
 }

@@ -5,8 +5,11 @@ use super::set_point::GatedSetPoint;
 use crate::event::EffectiveState;
 use crate::frame::CanId;
 use crate::profile::ValueCarrier;
-use crate::profile::device::{DeviceCondition, Gate, GateFallback, GateStatus};
+use crate::profile::device::{DeviceCondition, Gate, GateFallback, GateStatus, PdoEffect};
 use crate::wire::canopen::ObjectAddress;
+
+/// Highest transmission type that waits for SYNC (CiA 301 §7.5.2.35).
+const LAST_SYNCHRONOUS: u64 = 240;
 
 /// State of one gate for one set point.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -50,6 +53,20 @@ pub(in crate::session) struct GateVerdict {
 }
 
 impl Node {
+    /// Whether an RPDO takes effect at the next SYNC; the profile overrides the transmission type.
+    pub(in crate::session) fn waits_for_sync(&self, carrier: &ValueCarrier) -> bool {
+        let ValueCarrier::Pdo(name) = *carrier else { return false };
+        let spec = self.device.pdos.iter().find(|spec| spec.pdo == name);
+        match spec.map(|spec| spec.effect).unwrap_or_default() {
+            PdoEffect::AtSync => true,
+            PdoEffect::AtOnce => false,
+            PdoEffect::ByType => {
+                let kind = self.store.number(ObjectAddress::new(name.communication_index(), 2));
+                kind.is_some_and(|kind| kind <= LAST_SYNCHRONOUS)
+            }
+        }
+    }
+
     /// All gates of all set points received, sorted by set point, closed ones first.
     pub(in crate::session) fn all_gates(
         &self,
@@ -90,7 +107,10 @@ impl Node {
         all
     }
 
-    pub(in crate::session) fn gates_of<'a>(&'a self, subject: GatedSetPoint<'a>) -> impl Iterator<Item = &'a Gate> {
+    pub(in crate::session) fn gates_of<'a>(
+        &'a self,
+        subject: GatedSetPoint<'a>,
+    ) -> impl Iterator<Item = &'a Gate> {
         self.device.gates.iter().filter(move |gate| {
             gate.is_for(subject.object, subject.channel)
                 && gate.pdo.is_none_or(|pdo| *subject.carrier == ValueCarrier::Pdo(pdo))

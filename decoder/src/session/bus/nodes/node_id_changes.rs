@@ -1,6 +1,7 @@
-//! New node-IDs that a node accepted and that a restart activates.
+//! Changes of node-ID that a device has accepted; they take effect at its next boot-up.
 
-use super::{Bus, Node, RestartType};
+use super::node::Node;
+use super::restart::RestartType;
 use crate::event::NodeIdSource;
 use crate::profile::{ObjectRole, ValueStorage, WriteEffect, as_integer};
 use crate::wire::NodeId;
@@ -14,15 +15,35 @@ pub struct PendingNodeId {
     pub by: NodeIdSource,
 }
 
-impl Bus {
+/// Last accepted change per service.
+#[derive(Debug, Clone, Copy, Default)]
+pub(in crate::session) struct NodeIdChanges {
+    /// Previous node-ID, if it was inquired, and new node-ID.
+    pub(in crate::session) by_lss: Option<(Option<u8>, u8)>,
+    /// The LSS slave stored its configuration since.
+    pub(in crate::session) is_lss_stored: bool,
+    /// Previous and new node-ID.
+    pub(in crate::session) by_uds: Option<(NodeId, NodeId)>,
+}
+
+impl NodeIdChanges {
+    /// Removes and returns the change by LSS if its new node-ID is `id`.
+    pub(in crate::session) fn take_by_lss(&mut self, id: NodeId) -> Option<(Option<u8>, u8)> {
+        self.by_lss.take_if(|(_, to)| id == NodeId::Canopen(*to))
+    }
+
+    /// Removes the change by UDS if its new node-ID is `id`; returns the previous node-ID.
+    pub(in crate::session) fn take_by_uds(&mut self, id: NodeId) -> Option<NodeId> {
+        self.by_uds.take_if(|(_, to)| *to == id).map(|(from, _)| from)
+    }
+
     /// New node-ID that a node accepted and that its present restart activates; at the boot sign of the node.
-    pub fn pending_node_id(&self, id: NodeId) -> Option<PendingNodeId> {
-        let node = self.node(id)?;
-        let changes = &self.node_id_changes;
+    pub(in crate::session) fn pending_change(&self, node: &Node) -> Option<PendingNodeId> {
         // CiA 305 §3.9.3: NMT reset communication activates the node-ID, other restarts load the stored one.
-        let is_activated = changes.is_lss_stored || node.restart == RestartType::Communication;
-        let by_lss = changes.by_lss.filter(|(from, _)| from.map(NodeId::Canopen) == Some(id) && is_activated);
-        let by_uds = changes.by_uds.filter(|(from, _)| *from == id);
+        let is_activated = self.is_lss_stored || node.restart == RestartType::Communication;
+        let by_lss =
+            self.by_lss.filter(|(from, _)| from.map(NodeId::Canopen) == Some(node.id) && is_activated);
+        let by_uds = self.by_uds.filter(|(from, _)| *from == node.id);
         let found = [
             by_lss.map(|(_, to)| (to, NodeIdSource::Lss)),
             by_uds.map(|(_, to)| (to.number(), NodeIdSource::Uds)),

@@ -5,15 +5,13 @@ use std::sync::Arc;
 
 use foldhash::fast::FixedState;
 
-use super::cadence::Cadence;
 use super::last_payload::LastPayload;
 use super::link::UdsLink;
 use super::plan::IdentifierPlan;
-use super::pulse::IdentifierIntervals;
-use super::skipped_times::SkippedTimes;
 use crate::event::{DecodedPdo, Event, EventKind};
 use crate::frame::{CanId, Frame};
 use crate::profile::{IdentifierOwner, PayloadLayout, PdoDirection, PdoName, connection_set};
+use crate::session::bus::time::{Cadence, IdentifierIntervals, SkippedTimes};
 use crate::session::limits::EXTENDED_ID_LIMIT;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
