@@ -2,7 +2,7 @@
 
 use super::behaviour::RunningProcedure;
 use super::node::Node;
-use super::set_point::GatedSetPoint;
+use super::reception::GatedSetPoint;
 use crate::profile::device::{DeviceCondition, DeviceFacts, DeviceProcedure, GateStatus, StateDefinition};
 use crate::profile::{DecidingNumber, ValueCarrier};
 use crate::wire::canopen::{NmtState, ObjectAddress};

@@ -1,7 +1,7 @@
 //! Gates: conditions under which a set point takes effect.
 
 use super::node::Node;
-use super::set_point::GatedSetPoint;
+use super::reception::GatedSetPoint;
 use crate::event::EffectiveState;
 use crate::frame::CanId;
 use crate::profile::ValueCarrier;

@@ -1,12 +1,25 @@
 //! Conditions of CiA 301 for the processing of an RPDO, which every device has: its COB-ID, its length, its SYNC.
 
 use super::node::Node;
-use super::set_point::GatedSetPoint;
 use crate::frame::CanId;
 use crate::profile::device::{DeviceCondition, GateStatus, PdoEffect};
 use crate::profile::{PdoName, ValueCarrier};
 use crate::session::bus::objects::{INVALID, OriginKind, nonzero_identifier};
 use crate::wire::canopen::ObjectAddress;
+
+/// Set point for which gates are evaluated.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::session) struct GatedSetPoint<'a> {
+    pub(in crate::session) object: ObjectAddress,
+    pub(in crate::session) channel: Option<u8>,
+    pub(in crate::session) carrier: &'a ValueCarrier,
+    /// Identifier on which its PDO arrives, and a frame with it.
+    pub(in crate::session) id: Option<(CanId, u64)>,
+    /// No SYNC came after its synchronous PDO.
+    pub(in crate::session) late: bool,
+    /// Its PDO has less data than the mapping.
+    pub(in crate::session) short: Option<ShortPayload>,
+}
 
 /// An RPDO with less data than its mapping.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,26 +3,11 @@
 use std::sync::Arc;
 
 use super::gates::GateVerdict;
-use super::reception::ShortPayload;
+use super::reception::{GatedSetPoint, ShortPayload};
 use crate::event::{EffectiveState, Quantity, SetPoint};
 use crate::frame::CanId;
 use crate::profile::{DecodedValue, ObjectMeaning, ValueCarrier};
 use crate::session::bus::time::FrameMoment;
-use crate::wire::canopen::ObjectAddress;
-
-/// Set point for which gates are evaluated.
-#[derive(Debug, Clone, Copy)]
-pub(in crate::session) struct GatedSetPoint<'a> {
-    pub(in crate::session) object: ObjectAddress,
-    pub(in crate::session) channel: Option<u8>,
-    pub(in crate::session) carrier: &'a ValueCarrier,
-    /// Identifier on which its PDO arrives, and a frame with it.
-    pub(in crate::session) id: Option<(CanId, u64)>,
-    /// No SYNC came after its synchronous PDO.
-    pub(in crate::session) late: bool,
-    /// Its PDO has less data than the mapping.
-    pub(in crate::session) short: Option<ShortPayload>,
-}
 
 /// State of one set point of a node.
 #[derive(Debug, Clone)]
