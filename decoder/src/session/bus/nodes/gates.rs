@@ -130,8 +130,10 @@ impl Node {
             match self.gate_status(gate, subject, now) {
                 GateStatus::Closed => closed.push(gate.name.clone()),
                 GateStatus::Unknown => unknown.push(gate.name.clone()),
-                GateStatus::Invisible => invisible.push(gate.name.clone()),
-                GateStatus::Open => {}
+                GateStatus::Invisible if gate.open.0.contains(&DeviceCondition::Invisible) => {
+                    invisible.push(gate.name.clone());
+                }
+                GateStatus::Invisible | GateStatus::Open => {}
             }
         }
         match (closed.is_empty(), unknown.is_empty() && any) {
