@@ -1,7 +1,7 @@
 //! Gates: conditions under which a set point takes effect.
 
 use super::node::Node;
-use super::reception::GatedSetPoint;
+use super::reception::{GatedSetPoint, ReceptionObstacle, SYNC_GATE, reception_obstacles};
 use crate::event::EffectiveState;
 use crate::frame::CanId;
 use crate::profile::ValueCarrier;
@@ -76,7 +76,8 @@ impl Node {
         let mut all: Vec<GateState> = Vec::new();
         for point in &self.behaviour.set_points {
             let subject = point.gated_subject();
-            for obstacle in self.reception_obstacles(subject) {
+            let gates = SetPointGates::new(self, subject, now);
+            for obstacle in gates.obstacles() {
                 let commands = obstacle.id.map(|id| format!(", commands arrive on {id}h, {}", consumers(id)));
                 all.push(GateState {
                     set_point: subject.object,
@@ -89,8 +90,8 @@ impl Node {
                     source: obstacle.source.to_owned(),
                 });
             }
-            for gate in self.gates_of(subject) {
-                let (status, detail) = self.status_with_detail(gate, subject, now);
+            for gate in gates.gates() {
+                let (status, detail) = gates.status_with_detail(gate);
                 all.push(GateState {
                     set_point: subject.object,
                     name: point.object_title().to_owned(),
@@ -106,28 +107,48 @@ impl Node {
         all.sort_by_key(|gate| (gate.set_point, gate.status != GateStatus::Closed));
         all
     }
+}
 
-    pub(in crate::session) fn gates_of<'a>(
-        &'a self,
-        subject: GatedSetPoint<'a>,
-    ) -> impl Iterator<Item = &'a Gate> {
-        self.device.gates.iter().filter(move |gate| {
+/// Gates of one set point of a node at one time.
+pub(in crate::session) struct SetPointGates<'a> {
+    node: &'a Node,
+    subject: GatedSetPoint<'a>,
+    now: i64,
+}
+
+impl<'a> SetPointGates<'a> {
+    /// Gates of a set point at the monotonic time `now`.
+    pub(in crate::session) fn new(node: &'a Node, subject: GatedSetPoint<'a>, now: i64) -> Self {
+        Self { node, subject, now }
+    }
+
+    /// Reasons for which the RPDO is not processed. A profile with a SYNC gate of its own decides about SYNC.
+    fn obstacles(&self) -> Vec<ReceptionObstacle> {
+        let mut conditions = self.gates().flat_map(|gate| gate.open.0.iter());
+        let has_sync_gate = conditions.any(|condition| matches!(condition, DeviceCondition::Sync));
+        let obstacles = reception_obstacles(self.node, self.subject);
+        obstacles.into_iter().filter(|it| !(has_sync_gate && it.gate == SYNC_GATE)).collect()
+    }
+
+    fn gates(&self) -> impl Iterator<Item = &'a Gate> + use<'a> {
+        let subject = self.subject;
+        self.node.device.gates.iter().filter(move |gate| {
             gate.is_for(subject.object, subject.channel)
                 && gate.pdo.is_none_or(|pdo| *subject.carrier == ValueCarrier::Pdo(pdo))
         })
     }
 
     /// Evaluates all gates of a set point.
-    pub(in crate::session) fn gate_verdict(&self, subject: GatedSetPoint<'_>, now: i64) -> GateVerdict {
+    pub(in crate::session) fn gate_verdict(&self) -> GateVerdict {
         let (mut closed, mut unknown, mut invisible) = (Vec::new(), Vec::new(), Vec::new());
         let mut any = false;
-        for obstacle in self.reception_obstacles(subject) {
+        for obstacle in self.obstacles() {
             let list = if obstacle.status == GateStatus::Closed { &mut closed } else { &mut unknown };
             list.push(obstacle.gate.to_owned());
         }
-        for gate in self.gates_of(subject) {
+        for gate in self.gates() {
             any = true;
-            match self.gate_status(gate, subject, now) {
+            match self.gate_status(gate) {
                 GateStatus::Closed => closed.push(gate.name.clone()),
                 GateStatus::Unknown => unknown.push(gate.name.clone()),
                 GateStatus::Invisible if gate.open.0.contains(&DeviceCondition::Invisible) => {
@@ -144,23 +165,24 @@ impl Node {
     }
 
     /// Evaluates one gate for a set point.
-    fn gate_status(&self, gate: &Gate, subject: GatedSetPoint<'_>, now: i64) -> GateStatus {
-        let facts = self.facts_of(subject, now);
-        let status =
-            |open: &DeviceCondition| with_otherwise(gate, open.evaluate_condition(&facts, subject.channel));
+    fn gate_status(&self, gate: &Gate) -> GateStatus {
+        let facts = self.node.facts_of(self.subject, self.now);
+        let status = |open: &DeviceCondition| {
+            with_otherwise(gate, open.evaluate_condition(&facts, self.subject.channel))
+        };
         gate.open.0.iter().map(status).fold(GateStatus::Open, GateStatus::and)
     }
 
     /// Evaluates one gate and returns the fact that decided.
-    fn status_with_detail(&self, gate: &Gate, subject: GatedSetPoint<'_>, now: i64) -> (GateStatus, String) {
-        let facts = self.facts_of(subject, now);
+    fn status_with_detail(&self, gate: &Gate) -> (GateStatus, String) {
+        let facts = self.node.facts_of(self.subject, self.now);
         let mut worst = (GateStatus::Open, String::new());
         for condition in &gate.open.0 {
-            let found = condition.evaluate_condition(&facts, subject.channel);
+            let found = condition.evaluate_condition(&facts, self.subject.channel);
             let status = with_otherwise(gate, found);
             let both = worst.0.and(status);
             if both != worst.0 || worst.1.is_empty() {
-                worst = (both, facts.deciding_fact(condition, subject.channel, found));
+                worst = (both, facts.deciding_fact(condition, self.subject.channel, found));
             }
         }
         worst
