@@ -1,7 +1,7 @@
 //! Facts about a node, on which the conditions of its profile are evaluated.
 
 use super::node::Node;
-use super::reception::GatedSetPoint;
+use super::set_point::GatedSetPoint;
 use crate::profile::device::{DeviceCondition, DeviceFacts, DeviceProcedure, GateStatus, StateDefinition};
 use crate::profile::{DecidingNumber, ValueCarrier};
 use crate::wire::canopen::{NmtState, ObjectAddress};

@@ -1,7 +1,8 @@
 //! Gates: conditions under which a set point takes effect.
 
 use super::node::Node;
-use super::reception::{GatedSetPoint, ReceptionObstacle, SYNC_GATE, reception_obstacles};
+use super::reception::{ReceptionObstacle, SYNC_GATE, reception_obstacles};
+use super::set_point::{GateVerdict, GatedSetPoint};
 use crate::event::EffectiveState;
 use crate::frame::CanId;
 use crate::profile::ValueCarrier;
@@ -41,15 +42,6 @@ impl GateState {
             (check, _) => check.to_owned(),
         }
     }
-}
-
-/// Result of all gates of a set point.
-pub(in crate::session) struct GateVerdict {
-    pub(in crate::session) effective: EffectiveState,
-    /// Names of the closed gates; if none is closed, of the unknown ones.
-    pub(in crate::session) gates: Vec<String>,
-    /// Names of the gates without evidence on the bus.
-    pub(in crate::session) invisible: Vec<String>,
 }
 
 impl Node {

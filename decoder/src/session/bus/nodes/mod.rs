@@ -30,10 +30,9 @@ pub(in crate::session) use node::DetectedByteOrder;
 pub use node::{NmtStatus, Node};
 pub(in crate::session) use node_id_changes::NodeIdChanges;
 pub use node_id_changes::PendingNodeId;
-pub(in crate::session) use reception::{GatedSetPoint, ShortPayload};
 pub(in crate::session) use restart::{RestartEvidence, RestartType};
 pub use set_point::EmittedSetPoint;
-pub(in crate::session) use set_point::SetPointState;
+pub(in crate::session) use set_point::{GatedSetPoint, SetPointState, ShortPayload};
 pub(in crate::session) use state_machine::{
     CommandStep, MachineState, is_triggered_by, leads_further, leads_to, leave_text,
 };

@@ -1,6 +1,7 @@
 //! Conditions of CiA 301 for the processing of an RPDO, which every device has: its COB-ID, its length, its SYNC.
 
 use super::node::Node;
+use super::set_point::{GatedSetPoint, ShortPayload};
 use crate::frame::CanId;
 use crate::profile::device::{GateStatus, PdoEffect};
 use crate::profile::{PdoName, ValueCarrier};
@@ -9,31 +10,6 @@ use crate::wire::canopen::ObjectAddress;
 
 /// Name of the gate of the SYNC after a synchronous RPDO.
 pub(in crate::session) const SYNC_GATE: &str = "SYNC";
-
-/// Set point for which gates are evaluated.
-#[derive(Debug, Clone, Copy)]
-pub(in crate::session) struct GatedSetPoint<'a> {
-    pub(in crate::session) object: ObjectAddress,
-    pub(in crate::session) channel: Option<u8>,
-    pub(in crate::session) carrier: &'a ValueCarrier,
-    /// Identifier on which its PDO arrives, and a frame with it.
-    pub(in crate::session) id: Option<(CanId, u64)>,
-    /// No SYNC came after its synchronous PDO.
-    pub(in crate::session) late: bool,
-    /// Its PDO has less data than the mapping.
-    pub(in crate::session) short: Option<ShortPayload>,
-}
-
-/// An RPDO with less data than its mapping.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::session) struct ShortPayload {
-    /// Bytes received.
-    pub(in crate::session) bytes: u8,
-    /// Bytes of the mapping.
-    pub(in crate::session) needed: u16,
-    /// The mapping is a default.
-    pub(in crate::session) assumed: bool,
-}
 
 /// Reason for which a device does not process the RPDO with a set point.
 #[derive(Debug)]

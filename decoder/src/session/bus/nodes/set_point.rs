@@ -2,12 +2,45 @@
 
 use std::sync::Arc;
 
-use super::gates::GateVerdict;
-use super::reception::{GatedSetPoint, ShortPayload};
 use crate::event::{EffectiveState, Quantity, SetPoint};
 use crate::frame::CanId;
 use crate::profile::{DecodedValue, ObjectMeaning, ValueCarrier};
 use crate::session::bus::time::FrameMoment;
+use crate::wire::canopen::ObjectAddress;
+
+/// Set point for which gates are evaluated.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::session) struct GatedSetPoint<'a> {
+    pub(in crate::session) object: ObjectAddress,
+    pub(in crate::session) channel: Option<u8>,
+    pub(in crate::session) carrier: &'a ValueCarrier,
+    /// Identifier on which its PDO arrives, and a frame with it.
+    pub(in crate::session) id: Option<(CanId, u64)>,
+    /// No SYNC came after its synchronous PDO.
+    pub(in crate::session) late: bool,
+    /// Its PDO has less data than the mapping.
+    pub(in crate::session) short: Option<ShortPayload>,
+}
+
+/// An RPDO with less data than its mapping.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::session) struct ShortPayload {
+    /// Bytes received.
+    pub(in crate::session) bytes: u8,
+    /// Bytes of the mapping.
+    pub(in crate::session) needed: u16,
+    /// The mapping is a default.
+    pub(in crate::session) assumed: bool,
+}
+
+/// Result of all gates of a set point.
+pub(in crate::session) struct GateVerdict {
+    pub(in crate::session) effective: EffectiveState,
+    /// Names of the closed gates; if none is closed, of the unknown ones.
+    pub(in crate::session) gates: Vec<String>,
+    /// Names of the gates without evidence on the bus.
+    pub(in crate::session) invisible: Vec<String>,
+}
 
 /// State of one set point of a node.
 #[derive(Debug, Clone)]
