@@ -202,7 +202,8 @@ pub enum RuleKind {
     Forbidden,
     /// The objects receive only `values`, or multiples of `step`; otherwise like `Forbidden`.
     Permitted,
-    /// `on` does not occur. Without `while` it counts as exercised if the device is present.
+    /// `on` does not occur. Exercised by what is compared with `on`: for a write any write, for a value one of its
+    /// object, for a message one of its kind.
     Never,
     /// `on` occurs at least `ms` after the previous `on`, or after the last `after`. Not checked for the
     /// first `on` after the start of the node or after a silent bus.
