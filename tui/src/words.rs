@@ -90,7 +90,7 @@ pub fn present_nodes(buses: Buses<'_>) -> String {
 
 /// Whether a node sent a frame, also under a later node-ID, or was present before the capture.
 fn has_sent(bus: &Bus, node: NodeId) -> bool {
-    bus.present_or_former(node).is_some_and(|node| node.last_seen().0 > 0 || node.was_present())
+    bus.node_table().present_or_former(node).is_some_and(|node| node.last_seen().0 > 0 || node.was_present())
 }
 
 fn node_list(nodes: impl Iterator<Item = NodeId>) -> String {

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::numbers::{seconds_after, to_seconds};
 use super::statistics::CaptureStatistics;
+use super::statistics::phrases::protocol_names;
 use super::stories::StoriesAnswer;
 use crate::event::Kind;
 use crate::finding::Severity;
@@ -186,15 +187,14 @@ impl<'a> OverviewAnswer<'a> {
 
 impl BusOverview {
     fn new(bus: &Bus, survey: &Survey, zero: Option<Timestamp>) -> Self {
-        let protocols = [(bus.is_canopen(), "CANopen"), (bus.is_j1939(), "J1939"), (bus.is_uds(), "UDS")];
         let load = survey.load.get(usize::from(bus.index().0));
         Self {
             bit_rate: bus.bit_rate(),
             bus: bus.index().0,
-            doubt: bus.detection_doubt(),
+            doubt: bus.protocols().detection_doubt(),
             load: load.map(|load| LoadCurve::new(load, zero)),
             name: bus.name().to_owned(),
-            protocols: protocols.into_iter().filter(|(is_on, _)| *is_on).map(|(_, name)| name).collect(),
+            protocols: protocol_names(bus),
             suggestions: suggest_profiles(bus, bus.catalogue(), None)
                 .into_iter()
                 .map(ProfileProposal::from)

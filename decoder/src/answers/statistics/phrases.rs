@@ -10,13 +10,20 @@ use crate::session::Bus;
 use crate::statistics::{BusStatistics, CaptureQuality, IntervalStatistics, format_span};
 use crate::words::count_noun;
 
+/// Protocols that the traffic of a bus confirms.
+pub fn protocol_names(bus: &Bus) -> Vec<&'static str> {
+    let protocols = bus.protocols();
+    let all =
+        [(protocols.is_canopen(), "CANopen"), (protocols.is_j1939(), "J1939"), (protocols.is_uds(), "UDS")];
+    all.into_iter().filter(|(is_confirmed, _)| *is_confirmed).map(|(_, name)| name).collect()
+}
+
 /// Protocols detected on a bus, or the reason why it is not detected as CANopen.
 pub fn protocols_text(bus: &Bus) -> String {
-    let seen = [(bus.is_canopen(), "CANopen"), (bus.is_j1939(), "J1939"), (bus.is_uds(), "UDS")];
-    let seen: Vec<_> = seen.iter().filter(|(is_seen, _)| *is_seen).map(|(_, name)| *name).collect();
-    match (seen.as_slice(), bus.detection_doubt()) {
+    let seen = protocol_names(bus);
+    match (seen.as_slice(), bus.protocols().detection_doubt()) {
         ([], Some(reason)) => format!("not detected as CANopen: {reason}"),
-        ([], None) if bus.is_canopen_presumed() => "CANopen presumed, not confirmed".to_owned(),
+        ([], None) if bus.protocols().is_canopen_presumed() => "CANopen presumed, not confirmed".to_owned(),
         ([], None) => "no CANopen, J1939 or UDS messages".to_owned(),
         (seen, _) => seen.join(" and "),
     }

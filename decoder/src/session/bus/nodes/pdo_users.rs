@@ -1,49 +1,29 @@
-//! Producers and consumers of PDO identifiers, as configured.
+//! COB-IDs of PDOs as written or read in 14xx:01 and 18xx:01, and the PDOs that share one.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::identifiers::{PdoUsers, Users};
-use super::nodes::Node;
-use super::objects::{nonzero_identifier, predefined_identifier};
-use super::state::Bus;
+use super::node::Node;
 use crate::frame::CanId;
 use crate::profile::PdoName;
+use crate::session::bus::objects::{OriginKind, nonzero_identifier, predefined_identifier};
 use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
 
-impl Bus {
-    /// Configured users of an identifier: TPDOs that send it and RPDOs that receive it.
-    pub fn pdo_users(&self, id: CanId) -> Vec<(PdoName, NodeId)> {
-        let of_node = |node: &Node| {
-            let names = node.configured_pdos().filter(|(_, cob_id)| nonzero_identifier(*cob_id) == Some(id));
-            names.map(|(name, _)| (name, node.id())).collect::<Vec<_>>()
-        };
-        self.nodes.iter().flat_map(of_node).collect()
-    }
+/// PDOs with an identifier.
+type Users = Vec<(PdoName, NodeId)>;
 
-    /// Other configured users of the identifier of a PDO. `None` if only its own node is known and the
-    /// configuration does not contradict that.
-    pub(crate) fn other_users(&self, id: CanId) -> Option<&[(PdoName, NodeId)]> {
-        if self.pdo_users.0.is_empty() {
-            return None;
-        }
-        self.pdo_users.0.get(&id).map(Vec::as_slice)
-    }
+/// Identifiers for which the predefined connection set does not name all users.
+#[derive(Debug, Clone, Default)]
+pub(in crate::session) struct PdoUsers(Arc<BTreeMap<CanId, Users>>);
 
-    /// Whether a TPDO is configured with a valid identifier other than the predefined one.
-    pub(in crate::session) fn is_sent_elsewhere(&self, name: PdoName, id: NodeId) -> bool {
-        let configured =
-            self.node(id).filter(|_| name.is_sent()).and_then(|node| node.configured_cob_id(name));
-        let configured = configured.and_then(nonzero_identifier);
-        configured.is_some_and(|configured| Some(configured) != predefined_identifier(name, id))
-    }
-
-    /// Updates the users of all identifiers after a COB-ID changed.
+impl PdoUsers {
+    /// Users of all identifiers by the configuration of the nodes.
     #[cold]
-    pub(in crate::session) fn refresh_pdo_users(&mut self) {
+    pub(super) fn of_nodes(nodes: &[Node]) -> Self {
         let mut users: BTreeMap<CanId, Users> = BTreeMap::new();
         let mut left = Vec::new();
-        for node in &self.nodes {
+        for node in nodes {
             for (name, cob_id) in node.configured_pdos() {
                 let configured = nonzero_identifier(cob_id);
                 if let Some(id) = configured {
@@ -58,18 +38,36 @@ impl Bus {
             users.entry(*id).or_default();
         }
         users.retain(|id, all| all.len() != 1 || left.contains(id));
-        self.pdo_users = PdoUsers(Arc::new(users));
+        Self(Arc::new(users))
     }
 
-    /// Text of the known consumers of an identifier: `received by RPDO1 of 7/07`, `no known consumer`.
-    pub(crate) fn consumers_text(&self, id: CanId) -> String {
-        let all = self.pdo_users(id).into_iter().filter(|(name, _)| !name.is_sent());
-        let names: Vec<_> = all.map(|(name, node)| format!("{name} of {}", node.label())).collect();
-        if names.is_empty() {
-            "no known consumer".to_owned()
-        } else {
-            format!("received by {}", names.join(", "))
+    /// Other configured users of the identifier of a PDO. `None` if only its own node is known and the
+    /// configuration does not contradict that.
+    pub(super) fn other_users(&self, id: CanId) -> Option<&[(PdoName, NodeId)]> {
+        if self.0.is_empty() {
+            return None;
         }
+        self.0.get(&id).map(Vec::as_slice)
+    }
+}
+
+impl Node {
+    /// Configured COB-ID of a PDO, written or read and not doubtful since; bit 31 marks it as not valid.
+    pub(crate) fn configured_cob_id(&self, name: PdoName) -> Option<u64> {
+        let object = ObjectAddress::new(name.communication_index(), 1);
+        let entry = self.store.seen_value(object)?;
+        let is_certain = !entry.stale && entry.origin.kind != OriginKind::Pdo;
+        is_certain.then(|| self.store.number(object)).flatten()
+    }
+
+    /// PDOs with a configured COB-ID.
+    pub(super) fn configured_pdos(&self) -> impl Iterator<Item = (PdoName, u64)> {
+        let objects = self.store.sorted().into_iter().map(|(object, _)| object);
+        objects.filter(|object| object.sub == 1).filter_map(|object| {
+            let name = PdoName::of_parameter(object.index)?;
+            let is_cob_id = name.communication_index() == object.index;
+            Some((name, is_cob_id.then(|| self.configured_cob_id(name)).flatten()?))
+        })
     }
 }
 
@@ -79,7 +77,7 @@ mod tests {
     use crate::event::{Event, EventKind};
     use crate::frame::{BusIndex, Frame, Timestamp};
     use crate::profile::Catalogue;
-    use crate::session::{AssignedBy, Assignment, BusDecoder, SessionOptions};
+    use crate::session::{AssignedBy, Assignment, Bus, BusDecoder, SessionOptions};
 
     const PROFILE: &str = r#"
         id = "acme-pump"
