@@ -129,7 +129,7 @@ impl<'a> CaptureJob<'a> {
         let mut batch = Batch::new();
         let mut has_frames = false;
         let mut failure = None;
-        let mut unreadable = None;
+        let (mut unreadable, mut cut_off) = (None, 0);
         let mut file = None;
         while !reading.is_done() {
             match frames.read(&mut batch) {
@@ -153,6 +153,7 @@ impl<'a> CaptureJob<'a> {
                 has_frames = true;
             }
             unreadable = unreadable.or_else(|| first_unreadable(batch.notices(), &frames));
+            cut_off += u64::from(batch.cut_off().is_some());
             if !reading.take(&batch, frames.buses()) {
                 break;
             }
@@ -172,7 +173,8 @@ impl<'a> CaptureJob<'a> {
             Some(failure) if !has_frames => Err(failure),
             None if !has_frames => anyhow::bail!("{name}: contains no frames"),
             failure => {
-                let count = reading.decoder().unreadable_count();
+                // The end of an incomplete capture is a failure.
+                let count = reading.decoder().unreadable_count().saturating_sub(cut_off);
                 Ok(ReadCapture {
                     summary: reading.finish(),
                     format: frames.format().title,
