@@ -17,6 +17,8 @@ pub const SHOWN_UNREADABLE: u64 = 10;
 pub struct Decoder {
     options: Arc<SessionOptions>,
     buses: Vec<BusDecoder>,
+    /// Bus of the events before the first frame, whose name and settings are not known yet.
+    unnamed: Option<Box<BusDecoder>>,
     unreadable: u64,
     last_time: Option<Timestamp>,
     last_frame: u64,
@@ -30,6 +32,7 @@ impl Decoder {
         Self {
             options: Arc::new(options),
             buses: Vec::new(),
+            unnamed: None,
             unreadable: 0,
             last_time: None,
             last_frame: 0,
@@ -119,6 +122,9 @@ impl Decoder {
 
     /// Handles the end of the capture: closes open transfers and emits totals.
     pub fn finish_capture(&mut self, names: &BusNames, out: &mut dyn Observer) {
+        if self.buses.is_empty() {
+            self.buses.extend(self.unnamed.take().map(|bus| *bus));
+        }
         for bus in &mut self.buses {
             bus.finish_bus(out);
         }
@@ -170,12 +176,15 @@ impl Decoder {
             kind,
         };
         let index = usize::from(bus.0);
-        if index >= self.buses.len() {
+        if index >= self.buses.len() && index < names.names().len() {
             self.add_buses(index, names);
         }
-        if let Some(bus) = self.buses.get(index) {
-            out.on_event(&event, bus.bus());
-        }
+        let unnamed = || Box::new(BusDecoder::new(BusIndex(0), "", Arc::clone(&self.options)));
+        let bus = match self.buses.get(index) {
+            Some(bus) => bus,
+            None => &**self.unnamed.get_or_insert_with(unnamed),
+        };
+        out.on_event(&event, bus.bus());
     }
 
     /// Number of the last frame decoded.

@@ -289,6 +289,15 @@ const SAMPLES: &[(&str, &str, usize)] = &[
     ("csv", "fuzz/csv/interpreter.csv", 2),
     ("csv", "fuzz/csv/zlg_gbk.csv", 4),
     ("excerpt", "fuzz/excerpt/sample.txt", 5),
+    ("lawicel", "fuzz/lawicel/sample.txt", 6),
+    ("elm327", "fuzz/elm327/sample.txt", 6),
+    ("n2k-ascii", "fuzz/n2k-ascii/sample.txt", 5),
+    ("canboat", "fuzz/canboat/sample.txt", 4),
+    ("ros-echo", "fuzz/ros-echo/sample.yaml", 2),
+    ("isotpdump", "fuzz/isotpdump/sample.txt", 5),
+    ("tshark", "fuzz/tshark/sample.txt", 2),
+    ("ctt", "fuzz/ctt/sample.txt", 3),
+    ("gvret", "fuzz/gvret/sample.bin", 22),
 ];
 
 fn sample(file: &str) -> Vec<u8> {

@@ -34,7 +34,7 @@ pub use decode::{DecodeArgs, McapCompression, PdoOption, PrintArgs, TimeColumnCh
 pub use diff::DiffArgs;
 pub use extcap::{ExtcapArgs, ExtcapCall, is_extcap_call};
 pub use formats::{Color, DiffFormat, ReportFormat};
-pub use input::{EdsArg, InputArgs, NodeArg, ProtocolOption, SelectArgs, StampStyle, node_choices};
+pub use input::{EdsArg, InputArgs, NodeArg, ProtocolOption, SelectArgs, StampStyle, TimeUnitOption, node_choices};
 use input::{NodeOption, filter_help, finding_filter_help, from_help};
 #[cfg(feature = "parquet")]
 pub use lake::{LakeAddArgs, LakeCommand};
