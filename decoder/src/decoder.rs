@@ -212,3 +212,43 @@ impl Decoder {
         size_of::<Self>() + self.buses.iter().map(BusDecoder::footprint).sum::<usize>()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::CanId;
+    use crate::session::Bus;
+
+    #[test]
+    fn a_bus_has_its_name_after_an_event_before_its_first_frame() {
+        let mut names = BusNames::default();
+        let mut events = Vec::new();
+        let mut decoder = Decoder::new(SessionOptions::default());
+        let mut take = |_: &Event, bus: &Bus| events.push(bus.name().to_owned());
+        let note = Notice::Assumption("x".into());
+        decoder.on_notice(&note, &names, &mut take);
+        names.index_of(b"can0");
+        decoder.push(
+            &Frame { number: 1, ..Frame::data_frame(CanId::from_standard(0x705), &[5]) },
+            &names,
+            &mut take,
+        );
+        decoder.on_notice(&note, &names, &mut take);
+        decoder.finish_capture(&names, &mut take);
+        assert_eq!(events.first().map(String::as_str), Some(""), "before the first frame");
+        assert_eq!(events.last().map(String::as_str), Some("can0"));
+        assert_eq!(decoder.buses().iter().map(Bus::name).collect::<Vec<_>>(), ["can0"]);
+    }
+
+    #[test]
+    fn a_capture_without_frames_has_a_bus_without_a_name() {
+        let mut decoder = Decoder::new(SessionOptions::default());
+        decoder.on_notice(
+            &Notice::Assumption("x".into()),
+            &BusNames::default(),
+            &mut |_: &Event, _: &Bus| {},
+        );
+        decoder.finish_capture(&BusNames::default(), &mut |_: &Event, _: &Bus| {});
+        assert_eq!(decoder.buses().iter().map(Bus::name).collect::<Vec<_>>(), [""]);
+    }
+}

@@ -12,9 +12,11 @@ use crate::support::{corpus, skip};
 const REPORT: &str = "canopen/CANopenDemo__ctt_3.0.3.10_report.md.txt";
 const LOG: &str = "canopen/CANopenDemo__ctt_3.0.3.10_run.log";
 
-/// Captures in pcap and pcapng that tshark exports, with their numbers of frames.
-const EXPORTED: &[&str] =
-    &["formats/mdf4-converters__multiple_CAN.pcap", "canopen/canopen-message-interpreter__pcan2.pcapng"];
+/// Captures that tshark exports, and whether the bytes alone are read: a cooked header needs the details.
+const EXPORTED: &[(&str, bool)] = &[
+    ("formats/mdf4-converters__multiple_CAN.pcap", false),
+    ("canopen/canopen-message-interpreter__pcan2.pcapng", true),
+];
 
 /// Packets of each export.
 const MOST_PACKETS: usize = 500;
@@ -49,10 +51,13 @@ fn exports_of_tshark_have_the_frames_of_their_capture() {
     if !has_corpus() {
         return;
     }
-    for name in EXPORTED {
+    for (name, has_bytes) in EXPORTED {
         let capture = read_file(&corpus().join(name));
         let expected = &capture.frames[..capture.frames.len().min(MOST_PACKETS)];
         for (options, has_times) in [(&["-V", "-x"][..], true), (&["-x"], false)] {
+            if !has_times && !has_bytes {
+                continue;
+            }
             let Some(text) = export(name, options) else { return };
             let found: Content = read(&text[..]).unwrap();
             assert_eq!((found.format, found.unreadable()), ("tshark", vec![]), "{name} {options:?}");

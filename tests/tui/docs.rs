@@ -65,7 +65,7 @@ fn the_formats_of_captures() {
     }
     let mut text = String::from(
         "# Formats of captures\n\nGenerated from the program's own tables. A capture is recognised by its content, \
-         whatever its name; plain, gzip or zstd. `cobscope convert IN OUT` writes the format of OUT's suffix, or `-f NAME`. \
+         whatever its name; plain, gzip or zstd, text also in UTF-16. `cobscope convert IN OUT` writes the format of OUT's suffix, or `-f NAME`. \
          Data that a format cannot store is reported when it is lost. [columns.md](columns.md) describes the columns of CSV \
          and Parquet.\n\n\
          | name | format | suffix when written | cannot store |\n| --- | --- | --- | --- |\n",
@@ -76,7 +76,13 @@ fn the_formats_of_captures() {
         let lacks = written.map_or(String::new(), |written| written.holds.missing_data().join("; "));
         writeln!(text, "| {} | {} | {suffix} | {lacks} |", format.name, format.title).unwrap();
     }
-    text.push_str(
+    text.push_str(&format_examples());
+    is_current("docs/formats.md", &text);
+}
+
+/// The first lines of a capture in each format of text.
+fn format_examples() -> String {
+    let mut text = String::from(
         "\n## Examples\n\nThe first lines of a capture in each text format; a test reads them. Lines that are not frames are \
          skipped and counted. Bytes above 7F are escaped.\n",
     );
@@ -87,7 +93,7 @@ fn the_formats_of_captures() {
         let lines: Vec<_> = lines.filter(|line| !line.is_empty()).take(EXAMPLE_LINES).collect();
         writeln!(text, "\n{}:\n\n```\n{}\n```", format.name, lines.join("\n")).unwrap();
     }
-    is_current("docs/formats.md", &text);
+    text
 }
 
 /// Maximum number of lines of an example.

@@ -31,7 +31,14 @@ const BINARY: &[(usize, &[u8], ForeignFile)] = &[
     (0, b"BZh", foreign("a file compressed with bzip2", UNPACK)),
     (0, b"\x04\x22\x4D\x18", foreign("a file compressed with LZ4", UNPACK)),
     (257, b"ustar", foreign("a tar archive", UNPACK)),
-    (0, b"PAR1", foreign("a Parquet table", "a capture cannot be made from it; pass the capture that it was made from")),
+    (
+        0,
+        b"PAR1",
+        foreign(
+            "a Parquet table",
+            "a capture cannot be made from it; pass the capture that it was made from",
+        ),
+    ),
     (0, b"%PDF-", foreign("a PDF document", RESULTS)),
     (0, b"\x89PNG", foreign("a picture", "copy the frames as text, or pass the capture")),
     (0, b"\xFF\xD8\xFF", foreign("a picture", "copy the frames as text, or pass the capture")),
@@ -46,17 +53,17 @@ const BINARY: &[(usize, &[u8], ForeignFile)] = &[
 const SUFFIXES: &[(&[&str], ForeignFile)] = &[
     (
         &["kme", "kme24", "kme25", "kme40", "kme50", "kme60"],
-        foreign("a log of Kvaser Memorator", "export it with Kvaser's converter as Vector ASC, BLF, MDF 4 or CSV"),
+        foreign(
+            "a log of Kvaser Memorator",
+            "export it with Kvaser's converter as Vector ASC, BLF, MDF 4 or CSV",
+        ),
     ),
+    (&["xmt", "xmtb"], foreign("a trace of PCAN-Explorer", "save it as PEAK TRC (.trc)")),
+    (&["cmtx", "ctrc", "csf"], foreign("a trace of canAnalyser", "export it as Vector ASC or CSV")),
     (
-        &["xmt", "xmtb"],
-        foreign("a trace of PCAN-Explorer", "save it as PEAK TRC (.trc)"),
+        &["ttl"],
+        foreign("a log of TTX loggers", "convert it with the program of the logger to ASC, BLF or MDF 4"),
     ),
-    (
-        &["cmtx", "ctrc", "csf"],
-        foreign("a trace of canAnalyser", "export it as Vector ASC or CSV"),
-    ),
-    (&["ttl"], foreign("a log of TTX loggers", "convert it with the program of the logger to ASC, BLF or MDF 4")),
     (&["vsb"], foreign("a log of Vehicle Spy", "save it as Vector ASC, BLF or MDF 4")),
 ];
 
@@ -196,7 +203,10 @@ mod tests {
             (b"# our machine\n[bus.can0]\nbitrate = 250000\n", "a bus file"),
             (b"<!DOCTYPE html><html><meta name=\"generator\" content=\"cobscope\">", "a report of cobscope"),
             (b"<!DOCTYPE html><html><body>", "a web page"),
-            (b"time,bus,frame,node,device,group,signal,id,value,unit,label,raw\n", "an export of decode -f csv"),
+            (
+                b"time,bus,frame,node,device,group,signal,id,value,unit,label,raw\n",
+                "an export of decode -f csv",
+            ),
             (b"{\"t\":0.5,\"bus\":\"can0\",\"kind\":\"nmt\"}\n", "an export of decode -f jsonl"),
         ] {
             assert_eq!(name(head, None), Some(expected), "{}", head.escape_ascii());

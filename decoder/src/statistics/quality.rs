@@ -339,7 +339,8 @@ mod tests {
     fn a_rate_above_every_bus_is_stated() {
         // 20 frames without data, each at least 47 µs at 1 Mbit/s: 21,276 frames/s.
         let fast = quality((0..20).map(|n| n * 3_600 + n % 2));
-        let text = "277773 frames/s at the start (max 21276/s on CAN with 1 Mbit/s): unit of the timestamps wrong?";
+        let text =
+            "277773 frames/s at the start (max 21276/s on CAN with 1 Mbit/s): unit of the timestamps wrong?";
         assert_eq!(fast.limit_texts(), [text]);
         let possible = quality((0..20).map(|n| n * 47_000 + n % 2));
         assert_eq!(possible.limit_texts(), [] as [&str; 0]);

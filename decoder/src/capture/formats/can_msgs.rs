@@ -55,6 +55,8 @@ struct RosMessages {
     message: RosMessage,
     /// Whether the data follow, one byte per line.
     in_data: bool,
+    /// Whether a line of the message was unreadable: the rest of the message is skipped.
+    is_broken: bool,
     bus: Vec<u8>,
 }
 
@@ -179,6 +181,18 @@ impl RosMessages {
         self.finish_message().map(Some)
     }
 
+    /// Takes a line; the frame if this completes the message.
+    fn take_line(&mut self, text: &[u8]) -> Result<Option<Frame>, &'static str> {
+        match (text.strip_prefix(b"- "), text.iter().position(|byte| *byte == b':')) {
+            (Some(byte), _) => self.take_byte(byte),
+            (None, Some(colon)) => {
+                let (key, value) = (text.get(..colon), text.get(colon + 1..));
+                self.take_key(key.unwrap_or_default(), value.unwrap_or_default().trim_ascii())
+            }
+            (None, None) => Err("expected a key such as id:, or ---"),
+        }
+    }
+
     fn finish_message(&mut self) -> Result<Frame, &'static str> {
         self.in_data = false;
         self.message.build_frame()
@@ -196,18 +210,20 @@ impl LineFormat for RosMessages {
         let text = text.trim_ascii();
         if text == b"---" {
             let is_open = std::mem::take(&mut self.in_data);
+            let is_broken = std::mem::take(&mut self.is_broken);
             self.message = RosMessage::default();
-            return if is_open { Err("message: ends before its data".into()) } else { Ok(None) };
+            return if is_open && !is_broken {
+                Err("message: ends before its data".into())
+            } else {
+                Ok(None)
+            };
         }
-        let frame = match (text.strip_prefix(b"- "), text.iter().position(|byte| *byte == b':')) {
-            (Some(byte), _) => self.take_byte(byte)?,
-            (None, Some(colon)) => {
-                let (key, value) = (text.get(..colon), text.get(colon + 1..));
-                self.take_key(key.unwrap_or_default(), value.unwrap_or_default().trim_ascii())?
-            }
-            (None, None) => return Err("expected a key such as id:, or ---".into()),
-        };
-        let Some(frame) = frame else { return Ok(None) };
+        if self.is_broken {
+            return Ok(None);
+        }
+        let taken = self.take_line(text);
+        self.is_broken = taken.is_err();
+        let Some(frame) = taken? else { return Ok(None) };
         let time = self.message.time();
         let bus = if self.bus.is_empty() { ONLY_BUS } else { &self.bus };
         Ok(Some(ParsedLine::new(time, bus, frame)))
@@ -273,13 +289,13 @@ mod tests {
             ROS_1.replace("dlc: 2", "dlc: 9"),
             ROS_1.replace("[1, 2", "1, 2"),
             ROS_2.replace("- 0\n", ""),
-            "hello\n".to_owned(),
+            "hello\n---\n".to_owned(),
         ];
         for text in &broken {
             let content = read_capture(format!("{text}{ROS_1}").as_bytes());
             let bad = content.items.iter().filter(|item| item.starts_with("line ")).count();
-            assert_eq!(content.frames.last().unwrap().data(), [1, 2], "{text}");
-            assert!(bad >= 1, "{text}: {:?}", content.items);
+            assert_eq!((content.frames.len(), bad), (1, 1), "{text}: {:?}", content.items);
+            assert_eq!(content.frames[0].data(), [1, 2], "{text}");
         }
         assert!(!(FORMAT.detect)(b"id: 5\ndata: 3\n"));
     }

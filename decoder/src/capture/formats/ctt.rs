@@ -11,10 +11,8 @@
 //! on the bus (a remark of the tool). Frame types: SD and XD are data frames with 11 and 29 bits, SR and XR remote frames.
 
 use crate::capture::text::columns::{ColumnWords, NumberBase, parse_identifier};
-use crate::capture::text::evidence::{LineClass, fits_lines};
-use crate::capture::text::line_format::{
-    CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine,
-};
+use crate::capture::text::evidence::{LineClass, is_proven};
+use crate::capture::text::line_format::{CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine};
 use crate::capture::text::lines::SkippedLines;
 use crate::capture::text::payload::{IDENTIFIER, LENGTH, SHORT, build_frame, by_length};
 use crate::capture::{Batch, CaptureFormat};
@@ -23,7 +21,8 @@ use crate::frame::FrameFlags;
 const NO_TIMES: &str = "run report of the CTT: frames have no times, and may be out of order";
 
 /// Kinds of lines.
-const KINDS: &[&[u8]] = &[b"General", b"Test Info", b"Test Notice", b"Test Warning", b"Test Error", b"Test CAN"];
+const KINDS: &[&[u8]] =
+    &[b"General", b"Test Info", b"Test Notice", b"Test Warning", b"Test Error", b"Test CAN"];
 
 /// Frame types: word, whether the identifier has 29 bits, and flags.
 const TYPES: &[(&[u8], bool, FrameFlags)] = &[
@@ -39,7 +38,7 @@ pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     is_text: true,
     is_packed: false,
     detect: |head| {
-        fits_lines(head, 1, |line| match split_kind(line) {
+        is_proven(head, |line| match split_kind(line) {
             Some((b"Test CAN", _)) => LineClass::Proof,
             Some(_) => LineClass::Related,
             None if line.starts_with(b"```") => LineClass::Related,
@@ -126,10 +125,18 @@ mod tests {
 
     #[test]
     fn broken_lines_say_what_was_expected() {
-        let rows = ["CAN1 704 Up SD 1 00", "CAN1 704 Rx XX 1 00", "CAN1 804 Rx SD 1 00", "CAN1 704 Rx SD 9 00", "CAN1 704 Rx SD 2 00"];
-        let text: String = rows.iter().map(|row| format!("Test CAN\t: {row}\n")).collect();
+        let rows = [
+            "CAN1 704 Up SD 1 00",
+            "CAN1 704 Rx XX 1 00",
+            "CAN1 804 Rx SD 1 00",
+            "CAN1 704 Rx SD 9 00",
+            "CAN1 704 Rx SD 2 00",
+        ];
+        let text = rows.map(|row| format!("Test CAN\t: {row}\n")).concat();
         let items = read_capture(text.as_bytes()).items;
-        for (item, expected) in items.iter().skip(1).zip(["direction", "frame type", "identifier", "length", "data"]) {
+        for (item, expected) in
+            items.iter().skip(1).zip(["direction", "frame type", "identifier", "length", "data"])
+        {
             assert!(item.contains(&format!(": {expected}:")), "{item}");
         }
         assert_eq!(items.len(), 6);

@@ -17,21 +17,19 @@
 //! are sent. The last digit of an odd number is the number of responses to wait for.
 
 use crate::capture::text::columns::{ColumnWords, NumberBase, parse_identifier};
-use crate::capture::text::evidence::{LineClass, fits_lines};
+use crate::capture::text::evidence::{LineClass, is_proven};
 use crate::capture::text::line_format::{
-    CaptureAssumptions, LineFault, LineFormat, LineParser, ONLY_BUS, ParsedLine, first_lines,
+    CaptureAssumptions, LineFault, LineFormat, LineParser, ONLY_BUS, ParsedLine,
 };
 use crate::capture::text::lines::SkippedLines;
 use crate::capture::{Batch, CaptureFormat};
 use crate::frame::{CanId, Frame, FrameFlags};
 
-const NO_TIMES: &str = "terminal of an ELM327 adapter: frames have no times; requests read as frames with a length byte";
+const NO_TIMES: &str =
+    "terminal of an ELM327 adapter: frames have no times; requests read as frames with a length byte";
 
 const WITHOUT_IDENTIFIER: &str = "with bytes without identifier (AT H1 prints it)";
 const RESPONSES: &str = "with commands or responses of the adapter";
-
-/// Number of lines at the start within which a sign of the program must occur.
-const DETECTING_LINES: usize = 200;
 
 /// Longest request in bytes; a longer one would need several frames.
 const LONGEST_REQUEST: usize = 7;
@@ -48,23 +46,17 @@ pub(super) const FORMAT: CaptureFormat = CaptureFormat {
 /// A prompt or a command of the adapter, and a frame; the frames alone have no sign of the program.
 fn detect_session(head: &[u8]) -> bool {
     let mut session = ElmSession::default();
-    let mut signs = 0_usize;
-    let fits = fits_lines(head, 1, |line| match session.classify(line) {
-        ElmLine::Frame(..) => LineClass::Proof,
-        ElmLine::Request(..) | ElmLine::Loss | ElmLine::Bytes => LineClass::Related,
-        ElmLine::Command => {
-            signs += 1;
-            LineClass::Related
+    let (mut has_sign, mut has_frame) = (false, false);
+    is_proven(head, |line| {
+        match session.classify(line) {
+            ElmLine::Frame(..) => has_frame = true,
+            ElmLine::Command => has_sign = true,
+            ElmLine::Response => has_sign |= is_banner(line),
+            ElmLine::Request(..) | ElmLine::Loss | ElmLine::Bytes => {}
+            ElmLine::Other => return LineClass::Misfit,
         }
-        ElmLine::Response => {
-            signs += usize::from(is_banner(line));
-            LineClass::Related
-        }
-        ElmLine::Other => LineClass::Misfit,
-    });
-    // A quote mark of a mail precedes each line.
-    let is_quoted = first_lines(head, DETECTING_LINES).all(|line| line.starts_with(b">"));
-    fits && signs > 0 && !is_quoted
+        if has_sign && has_frame { LineClass::Proof } else { LineClass::Related }
+    })
 }
 
 /// Starts of responses, in upper case.
@@ -181,8 +173,7 @@ impl ElmSession {
 
     /// Executes a command that begins with AT or ST.
     fn take_command(&mut self, text: &[u8]) -> bool {
-        let word: Vec<u8> =
-            text.iter().filter(|byte| **byte != b' ').map(u8::to_ascii_uppercase).collect();
+        let word: Vec<u8> = text.iter().filter(|byte| **byte != b' ').map(u8::to_ascii_uppercase).collect();
         let Some(command) = word.strip_prefix(b"AT").or(word.strip_prefix(b"ST")) else { return false };
         // `ST` and `AT` begin words too; commands are short.
         if command.len() > LONGEST_COMMAND || !command.iter().all(u8::is_ascii_graphic) {
@@ -221,10 +212,8 @@ impl ElmSession {
     /// The frame that the adapter sends for a request.
     fn request_frame(&self, bytes: &[u8]) -> Frame {
         let mut data = [0_u8; 8];
-        let frame = |data: &[u8]| Frame {
-            flags: FrameFlags::TRANSMITTED,
-            ..Frame::data_frame(self.header, data)
-        };
+        let frame =
+            |data: &[u8]| Frame { flags: FrameFlags::TRANSMITTED, ..Frame::data_frame(self.header, data) };
         if !self.has_formatting {
             return frame(bytes);
         }
@@ -316,7 +305,9 @@ fn pairs(words: &[&[u8]]) -> Option<Vec<u8>> {
     };
     match words {
         [word] if word.len() > 2 => bytes_of(word),
-        words => words.iter().map(|word| NumberBase::Hex.parse_byte(word).filter(|_| word.len() == 2)).collect(),
+        words => {
+            words.iter().map(|word| NumberBase::Hex.parse_byte(word).filter(|_| word.len() == 2)).collect()
+        }
     }
 }
 
@@ -405,7 +396,15 @@ mod tests {
             let found = format!("{frame:?}");
             assert!(found.contains(&format!("{expected} ")), "{line}: {found}");
         }
-        for line in ["41 00 BE 3E A8 13", "014", "0: 49 02 01", "800 01", "7E8 1", "7E8 01 02 03 04 05 06 07 08 09", "x"] {
+        for line in [
+            "41 00 BE 3E A8 13",
+            "014",
+            "0: 49 02 01",
+            "800 01",
+            "7E8 1",
+            "7E8 01 02 03 04 05 06 07 08 09",
+            "x",
+        ] {
             assert!(parse_frame(line.as_bytes()).is_none(), "{line}");
         }
     }

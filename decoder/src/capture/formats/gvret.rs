@@ -221,7 +221,7 @@ mod tests {
     use crate::capture::testing::{read_capture, read_in_pieces};
 
     fn record(time: u32, id: u32, bus: u8, data: &[u8]) -> Vec<u8> {
-        let shape = bus << 4 | data.len() as u8;
+        let shape = bus << 4 | u8::try_from(data.len()).unwrap();
         [&[MARK, 0][..], &time.to_le_bytes(), &id.to_le_bytes(), &[shape], data, &[0]].concat()
     }
 

@@ -15,10 +15,8 @@ use crate::capture::CaptureFormat;
 use crate::capture::formats::candump::line::without_colors;
 use crate::capture::formats::candump::stamp::leading_stamp;
 use crate::capture::text::columns::{ColumnWords, NumberBase, parse_identifier};
-use crate::capture::text::evidence::{LineClass, fits_lines};
-use crate::capture::text::line_format::{
-    CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine,
-};
+use crate::capture::text::evidence::{LineClass, is_proven};
+use crate::capture::text::line_format::{CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine};
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, is_fd_length};
 
 const FILLERS: &str = "bytes after a flow control are not printed by isotpdump, and are missing";
@@ -29,7 +27,7 @@ pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     is_text: true,
     is_packed: false,
     detect: |head| {
-        fits_lines(head, 1, |line| match parse_row(&without_colors(line)) {
+        is_proven(head, |line| match parse_row(&without_colors(line)) {
             Ok(_) => LineClass::Proof,
             Err(_) => LineClass::Misfit,
         })

@@ -14,7 +14,7 @@
 use crate::capture::adapter::slcan::{frame_of_line, report_of_line};
 use crate::capture::text::columns::ColumnWords;
 use crate::capture::text::day::TimesOfDay;
-use crate::capture::text::evidence::{LineClass, fits_lines};
+use crate::capture::text::evidence::{LineClass, is_proven};
 use crate::capture::text::line_format::{
     CaptureAssumptions, LineFault, LineFormat, LineParser, ONLY_BUS, ParsedLine,
 };
@@ -29,10 +29,8 @@ const MILLISECOND: i64 = 1_000_000;
 /// Milliseconds after which the timestamps restart, and in firmware that counts 16 bits.
 const PERIODS: [i64; 2] = [60_000, 65_536];
 
-/// Number of frames that prove the format; a single short one could be a word.
-const LEAST_FRAMES: usize = 2;
-
-const ADAPTER_TIMES: &str = "times of the adapter in milliseconds, which restart each minute: later minutes counted";
+const ADAPTER_TIMES: &str =
+    "times of the adapter in milliseconds, which restart each minute: later minutes counted";
 
 const LONGER: &str = "digits after the data that are not milliseconds ignored";
 
@@ -45,20 +43,15 @@ pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     parser: |_| Box::new(LineParser::new(Lawicel::default())),
 };
 
-/// Frames prove the format; a single one only with data.
+/// A frame with data proves the format; a shorter one could be a word.
 fn detect_lawicel(head: &[u8]) -> bool {
-    let mut has_data = false;
-    let mut frames = 0_usize;
-    let fits = fits_lines(head, 1, |line| match SlcanLine::parse(line).map(|line| line.content) {
-        Some(SlcanContent::Frame(frame, _) | SlcanContent::Longer(frame)) => {
-            has_data |= frame.length > 0;
-            frames += 1;
+    is_proven(head, |line| match SlcanLine::parse(line).map(|line| line.content) {
+        Some(SlcanContent::Frame(frame, _) | SlcanContent::Longer(frame)) if frame.length > 0 => {
             LineClass::Proof
         }
         Some(_) => LineClass::Related,
         None => LineClass::Misfit,
-    });
-    fits && (has_data || frames >= LEAST_FRAMES)
+    })
 }
 
 /// A line with an optional time of the logger.
@@ -305,10 +298,19 @@ mod tests {
 
     #[test]
     fn other_texts_are_not_slcan() {
-        for other in ["", "hello\n", "t12\n", "t1230\n", "S6\nO\n", "12 t701105\n", "t701105 x\nt701105 x\n", "123#11\n"] {
+        for other in [
+            "",
+            "hello\n",
+            "t12\n",
+            "t1230\nt1230\n",
+            "hello\nt701105\n",
+            "S6\nO\n",
+            "12 t701105\n",
+            "t701105 x\nt701105 x\n",
+            "123#11\n",
+        ] {
             assert!(!detect_lawicel(other.as_bytes()), "{other}");
         }
-        assert!(detect_lawicel(b"t1230\nt1230\n"));
-        assert!(detect_lawicel(b"t701105"));
+        assert!(detect_lawicel(b"S6\nt1230\nt701105"));
     }
 }

@@ -12,15 +12,16 @@
 //! 0000  00 00 07 01 01 00 00 00 05                        .........
 //! ```
 //!
-//! The bytes are in the layout of SocketCAN with a big-endian identifier (link type 227). Details without the bytes, of a
+//! The bytes are in the layout of SocketCAN with a big-endian identifier (link type 227), or follow a cooked header. Details without the bytes, of a
 //! protocol that Wireshark decodes, lack the data: such packets are counted.
 
+use crate::capture::link::frame_of_packet;
 use crate::capture::text::columns::{ColumnWords, NumberBase, parse_time};
+use crate::capture::text::evidence::{LineClass, is_proven};
 use crate::capture::text::line_format::{
     CaptureAssumptions, LineFault, LineFormat, LineParser, ONLY_BUS, ParsedLine, first_lines,
 };
 use crate::capture::text::lines::SkippedLines;
-use crate::capture::link::frame_of_packet;
 use crate::capture::{Batch, CaptureFormat};
 use crate::frame::Frame;
 
@@ -48,25 +49,17 @@ pub(super) const FORMAT: CaptureFormat = CaptureFormat {
 /// Whether the details of a CAN packet occur, after the line of a frame.
 fn has_details(head: &[u8]) -> bool {
     let mut lines = first_lines(head, DETECTING_LINES);
-    lines.any(|line| is_packet_start(line)) && lines.any(|line| line.starts_with(NETWORK))
+    lines.any(is_packet_start) && lines.any(|line| line.starts_with(NETWORK))
 }
 
-/// Whether the first lines are the bytes of CAN packets, and all of them.
+/// Whether the first lines are the bytes of a CAN packet.
 fn has_packets(head: &[u8]) -> bool {
-    let (mut text, mut packets) = (TsharkText::default(), 0_usize);
-    for line in first_lines(head, DETECTING_LINES) {
-        let Some((offset, _)) = split_dump(line) else { return false };
-        // The previous packet must be complete.
-        if offset == 0 && !text.bytes.is_empty() && !text.is_emitted {
-            return false;
-        }
-        match text.take_bytes(line) {
-            Ok(Some(_)) => packets += 1,
-            Ok(None) => {}
-            Err(_) => return false,
-        }
-    }
-    packets > 0
+    let mut text = TsharkText::default();
+    is_proven(head, |line| match text.take_bytes(line) {
+        Ok(Some(frame)) if text.is_exact(&frame) => LineClass::Proof,
+        Ok(None) => LineClass::Related,
+        Ok(Some(_)) | Err(_) => LineClass::Misfit,
+    })
 }
 
 /// Start of the line with the details of CAN.
@@ -76,9 +69,9 @@ const NETWORK: &[u8] = b"Controller Area Network";
 fn is_packet_start(line: &[u8]) -> bool {
     let mut words = ColumnWords::new(line);
     let number = words.next().filter(|word| *word == b"Frame").and_then(|_| words.next());
-    let is_number = number.and_then(|word| word.strip_suffix(b":")).is_some_and(|digits| {
-        !digits.is_empty() && digits.iter().all(u8::is_ascii_digit)
-    });
+    let is_number = number
+        .and_then(|word| word.strip_suffix(b":"))
+        .is_some_and(|digits| !digits.is_empty() && digits.iter().all(u8::is_ascii_digit));
     is_number && memchr::memmem::find(line, b"bytes on wire").is_some()
 }
 
@@ -98,6 +91,8 @@ struct TsharkText {
     /// Identifier with the flags of SocketCAN, from the details.
     identifier: Option<u32>,
     bytes: Vec<u8>,
+    /// Size of the link layer header before the frame.
+    header: usize,
     is_emitted: bool,
     /// Whether details of a packet occurred.
     has_details: bool,
@@ -125,6 +120,7 @@ impl TsharkText {
         self.time = None;
         self.identifier = None;
         self.bytes.clear();
+        self.header = 0;
         self.is_emitted = false;
         self.has_details = true;
     }
@@ -141,10 +137,12 @@ impl TsharkText {
         const BYTES: &str = "packet bytes: expected the bytes of a CAN packet";
         let (offset, pairs) = split_dump(line).ok_or(BYTES)?;
         if offset == 0 {
-            if !self.has_details {
-                self.is_emitted = false;
-            }
+            let is_cut = !self.has_details && !self.is_emitted && !self.bytes.is_empty();
+            self.is_emitted &= self.has_details;
             self.bytes.clear();
+            if is_cut {
+                return Err(BYTES);
+            }
         }
         if self.is_emitted {
             return Ok(None);
@@ -156,27 +154,56 @@ impl TsharkText {
             let byte = NumberBase::Hex.parse_byte(word).filter(|_| word.len() == 2).ok_or(BYTES)?;
             self.bytes.push(byte);
         }
-        let [.., length, _, 0, _] = *self.bytes.first_chunk::<8>().ok_or(BYTES)? else { return Err(BYTES) };
+        let Some(mut packet) = self.packet_bytes() else {
+            return if self.bytes.len() < self.header + 8 && self.header > 0 { Ok(None) } else { Err(BYTES) };
+        };
+        let [.., length, _, 0, _] = *packet.first_chunk::<8>().ok_or(BYTES)? else { return Err(BYTES) };
         let whole = 8 + usize::from(length);
-        if whole > LARGEST_PACKET || self.bytes.len() > whole.max(16) {
+        if whole > LARGEST_PACKET || packet.len() > whole.max(16) {
             return Err(BYTES);
         }
-        if self.bytes.len() < whole {
+        // A remote frame has no data.
+        let is_remote = packet.first().is_some_and(|byte| byte & 0xE0 == 0x40 || byte & 0xE0 == 0xC0);
+        if packet.len() < whole && !is_remote {
             return Ok(None);
         }
+        packet.resize(whole.max(packet.len()), 0);
         self.is_emitted = true;
-        frame_of_packet(&self.bytes).map(Some).map_err(|_| BYTES)
+        frame_of_packet(&packet).map(Some).map_err(|_| BYTES)
+    }
+
+    /// The frame of the packet, with a big-endian identifier. After a cooked header its order is that of the host, so that
+    /// of the details is used.
+    fn packet_bytes(&self) -> Option<Vec<u8>> {
+        let mut packet = self.bytes.get(self.header..).filter(|packet| packet.len() >= 8)?.to_vec();
+        if self.header > 0 {
+            packet.get_mut(..4)?.copy_from_slice(&self.identifier?.to_be_bytes());
+        }
+        Some(packet)
+    }
+
+    /// Whether the packet has no bytes but those of its frame, or the padding of the kernel.
+    fn is_exact(&self, frame: &Frame) -> bool {
+        let padding = self.bytes.get(8 + frame.data().len()..).unwrap_or_default();
+        padding.iter().all(|byte| *byte == 0) && self.bytes.get(5).is_some_and(|flags| *flags <= 7)
     }
 
     /// Takes a line of details; the frame if this completes it.
     fn take_detail(&mut self, line: &[u8]) -> Option<Frame> {
         if line.starts_with(NETWORK) {
+            // The line of a frame that cannot be read precedes it.
+            if self.open_line.is_some() {
+                self.begin_packet();
+            }
             self.identifier = memchr::memmem::find(line, b"(0x").and_then(|at| {
                 let digits = line.get(at + 3..)?.split(|byte| *byte == b')').next()?;
                 NumberBase::Hex.parse_number(digits)
             });
             self.open_line = Some(self.line);
             return None;
+        }
+        if let Some(version) = line.strip_prefix(b"Linux cooked capture") {
+            self.header = if version.starts_with(b" v2") { 20 } else { 16 };
         }
         if let Some(name) = line.strip_prefix(b"Interface name: ") {
             self.bus = name.to_vec();
@@ -323,10 +350,12 @@ mod tests {
     #[test]
     fn a_broken_line_of_bytes_costs_its_packet() {
         let packet = "0000  00 00 07 01 01 00 00 00 05   .........\n";
-        let text = format!("{}{packet}{}{packet}", packet.repeat(200), "0000  00 00 07 01 01 0x 00 00 05   .\n");
+        let text =
+            format!("{}{packet}{}{packet}", packet.repeat(200), "0000  00 00 07 01 01 0x 00 00 05   .\n");
         let content = read_capture(text.as_bytes());
         assert_eq!(content.frames.len(), 202);
-        let bad: Vec<_> = content.items.iter().filter(|item| item.starts_with("line 202: packet bytes")).collect();
+        let bad: Vec<_> =
+            content.items.iter().filter(|item| item.starts_with("line 202: packet bytes")).collect();
         assert_eq!(bad.len(), 1, "{:?}", content.items.last());
     }
 }

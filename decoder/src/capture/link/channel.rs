@@ -182,7 +182,8 @@ impl CaptureInterface {
         Some(Notice::Assumption(match self.link {
             LinkType::Other(number) => {
                 let system = OTHER_SYSTEMS.iter().find(|(known, _)| *known == number);
-                let system = system.map_or_else(|| "not CAN".to_owned(), |(_, name)| format!("{name}, not CAN"));
+                let system =
+                    system.map_or_else(|| "not CAN".to_owned(), |(_, name)| format!("{name}, not CAN"));
                 format!("interface {name} is {system} (link type {number}): {count} {packets} skipped")
             }
             _ => format!(

@@ -147,7 +147,10 @@ impl fmt::Display for InvalidFrame {
                  {length} bytes)"
             ),
             Self::FdLength(length) => {
-                write!(f, "CAN FD frame: found length {length}; expected 0 to 8, 12, 16, 20, 24, 32, 48 or 64")
+                write!(
+                    f,
+                    "CAN FD frame: found length {length}; expected 0 to 8, 12, 16, 20, 24, 32, 48 or 64"
+                )
             }
             Self::Length { length, limit } => {
                 write!(f, "CAN frame: found length {length}; expected at most {limit}")

@@ -40,7 +40,9 @@ pub fn join_files(files: &[CaptureFile], input: &InputArgs) -> Vec<CaptureSeries
     let all = relations.series();
     let is_single = |file: &&CaptureFile| files.len() == 1 && file.is_listed && !input.separate;
     let siblings = files.first().filter(is_single).and_then(|file| siblings_note(&file.path));
-    siblings.iter().for_each(|text| print_note(text));
+    if let Some(text) = &siblings {
+        print_note(text);
+    }
     let joined = all.iter().filter_map(CaptureSeries::parts_note);
     joined.chain(relations.separation_notes()).for_each(|text| print_note(&text));
     all

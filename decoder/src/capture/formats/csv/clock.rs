@@ -89,9 +89,8 @@ impl UnitEvidence {
     pub(super) fn other_unit(&self) -> Option<(TimeUnit, &'static str)> {
         let microsecond = TimeUnit::Microsecond.nanoseconds();
         let scale = |unit: TimeUnit| unit.nanoseconds().checked_div(microsecond).unwrap_or(1);
-        let fits = |(unit, _): &&(TimeUnit, &str)| {
-            self.rates.iter().all(|(_, rate)| rate.is_possible(scale(*unit)))
-        };
+        let fits =
+            |(unit, _): &&(TimeUnit, &str)| self.rates.iter().all(|(_, rate)| rate.is_possible(scale(*unit)));
         UNITS.iter().find(fits).filter(|(unit, _)| *unit != TimeUnit::Microsecond).copied()
     }
 }

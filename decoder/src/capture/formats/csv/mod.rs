@@ -156,8 +156,10 @@ impl CsvPreface {
     /// Sets the bases stated before the header, and the unit of times if it is known, in the layout of the header.
     fn apply_to(&self, mut layout: CsvLayout, unit: Option<TimeUnit>) -> CsvLayout {
         for meaning in &mut layout.columns {
-            if let (ColumnMeaning::Time(style @ (CsvTimeFormat::Unit(_) | CsvTimeFormat::Gvret)), Some(unit)) =
-                (&mut *meaning, unit)
+            if let (
+                ColumnMeaning::Time(style @ (CsvTimeFormat::Unit(_) | CsvTimeFormat::Gvret)),
+                Some(unit),
+            ) = (&mut *meaning, unit)
             {
                 *style = CsvTimeFormat::Unit(unit);
             }

@@ -180,18 +180,29 @@ mod tests {
             ("0.0000000019", 1),
             ("0e999", 0),
         ] {
-            assert_eq!(parse_timestamp(text.as_bytes(), CsvTimeFormat::Unit(TimeUnit::Second)), Some(expected), "{text}");
+            assert_eq!(
+                parse_timestamp(text.as_bytes(), CsvTimeFormat::Unit(TimeUnit::Second)),
+                Some(expected),
+                "{text}"
+            );
         }
         for text in
             ["", "-", "1.", ".5", "1e", "1e99", "nan", "inf", "1 2", "1e999999999999", "9999999999999"]
         {
-            assert_eq!(parse_timestamp(text.as_bytes(), CsvTimeFormat::Unit(TimeUnit::Second)), None, "{text}");
+            assert_eq!(
+                parse_timestamp(text.as_bytes(), CsvTimeFormat::Unit(TimeUnit::Second)),
+                None,
+                "{text}"
+            );
         }
     }
 
     #[test]
     fn other_stamps() {
-        assert_eq!(parse_timestamp(b"144,500", CsvTimeFormat::Unit(TimeUnit::Millisecond)), Some(144_500_000));
+        assert_eq!(
+            parse_timestamp(b"144,500", CsvTimeFormat::Unit(TimeUnit::Millisecond)),
+            Some(144_500_000)
+        );
         assert_eq!(parse_timestamp(b"166064000", CsvTimeFormat::Gvret), Some(166_064_000_000));
         assert_eq!(parse_timestamp(b"166.064", CsvTimeFormat::Gvret), Some(166_064_000_000));
         // Microseconds since 1970 exceed 64 bits if they are scaled as seconds first.

@@ -19,25 +19,23 @@ use crate::capture::CaptureFormat;
 use crate::capture::calendar::from_utc;
 use crate::capture::text::columns::{NumberBase, time_of_day};
 use crate::capture::text::day::TimesOfDay;
-use crate::capture::text::evidence::{LineClass, fits_lines};
+use crate::capture::text::evidence::{LineClass, is_proven};
 use crate::capture::text::line_format::{
     CaptureAssumptions, LineFault, LineFormat, LineParser, ONLY_BUS, ParsedLine,
 };
 use crate::frame::Frame;
 
-const BUILT: &str = "messages of more than 8 bytes: frames of the fast packet built again, with the time of the message";
+const BUILT: &str =
+    "messages of more than 8 bytes: frames of the fast packet built again, with the time of the message";
 const OF_DAY: &str = "times of day without a date: times count from the midnight before the first message";
 const ZONE: &str = "dates without time zone: read as UTC";
-
-/// Number of lines that prove canboat's form, whose words are only numbers.
-const LEAST_LINES: usize = 1;
 
 pub(super) const ACTISENSE: CaptureFormat = CaptureFormat {
     name: "n2k-ascii",
     title: "Actisense N2K ASCII",
     is_text: true,
     is_packed: false,
-    detect: |head| fits_lines(head, LEAST_LINES, |line| class_of(line, parse_actisense(line).is_ok())),
+    detect: |head| is_proven(head, |line| class_of(line, parse_actisense(line).is_ok())),
     parser: |_| Box::new(LineParser::new(MessageText::new(parse_actisense))),
 };
 
@@ -46,7 +44,7 @@ pub(super) const CANBOAT: CaptureFormat = CaptureFormat {
     title: "canboat text",
     is_text: true,
     is_packed: false,
-    detect: |head| fits_lines(head, LEAST_LINES, |line| class_of(line, parse_canboat(line).is_ok())),
+    detect: |head| is_proven(head, |line| class_of(line, parse_canboat(line).is_ok())),
     parser: |_| Box::new(LineParser::new(MessageText::new(parse_canboat))),
 };
 

@@ -7,7 +7,7 @@ use crate::capture::testing::{read_capture, read_in_pieces};
 #[test]
 fn messages_of_actisense() {
     // PGN 1F805h (129029), 43 bytes: 6 + 5 × 7 + 2.
-    let long: String = (0..43).map(|byte| format!("{byte:02X}")).collect();
+    let long = std::array::from_fn::<_, 43, _>(|byte| format!("{byte:02X}")).concat();
     let text = format!(
         "A173321.107 23FF7 1F112 012F3070002F30FF\r\nA173321.108 23FF3 1F805 {long}\r\nA000000.000 23056 0EA00 14F001\r\n"
     );
@@ -91,7 +91,9 @@ fn broken_lines_say_what_was_expected() {
 
 #[test]
 fn other_texts_are_not_messages() {
-    for other in ["", "hello\n", "2011-11-24-22:42:04.388,2,3\n", "time,bus,id\n", "A173321 is a part number\n"] {
+    for other in
+        ["", "hello\n", "2011-11-24-22:42:04.388,2,3\n", "time,bus,id\n", "A173321 is a part number\n"]
+    {
         assert!(!(ACTISENSE.detect)(other.as_bytes()) && !(CANBOAT.detect)(other.as_bytes()), "{other}");
     }
 }
