@@ -285,6 +285,10 @@ impl CaptureConversion<'_> {
             Notice::Unreadable { .. } => {
                 self.unreadable += 1;
                 self.unreadable_in.insert(capture);
+                // The output lacks a frame that the capture has.
+                if notice.is_unsupported_frame() {
+                    self.exit = ExitStatus::Capture;
+                }
                 if self.unreadable <= NAMED {
                     print_note(&format!("{name}: {notice}"));
                 }
