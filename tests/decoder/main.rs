@@ -21,6 +21,7 @@ mod examples;
 mod expectations;
 mod expected;
 mod findings_explained;
+mod formats_adapters;
 mod formats_blf;
 mod formats_candump;
 mod formats_foreign;
