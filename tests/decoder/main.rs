@@ -3,6 +3,7 @@
 #![expect(clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 #![expect(clippy::disallowed_methods, reason = "tests open files")]
 
+mod assumed_mapping;
 mod both_sides;
 mod corpus;
 mod corpus_conformance;
@@ -45,11 +46,14 @@ mod malformed;
 mod mutations;
 mod mutator;
 mod nmea2000;
+mod order_of_frames;
 mod pieces;
 mod profiles;
 mod properties;
 mod random_changes;
 mod replay;
+mod rule_grammars;
+mod rule_texts;
 mod rules;
 mod same_events;
 mod same_information;

@@ -1,4 +1,5 @@
-//! `[[expect]]`: user-defined rules. `rules/` parses their expressions, so each keeps its place in the file.
+//! `[[expect]]` of bus files and profiles: rules as expressions on events. `rules/` parses the expressions, so each keeps
+//! its place in the file.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -6,8 +7,9 @@ use std::sync::Arc;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::written::{NodeNumber, SpannedText, TextProblem, node_id};
-use crate::profile::device::Severity;
+use super::rule::Severity;
+use crate::profile::authored::TextProblem;
+use crate::profile::written::{NodeNumber, SpannedText, node_id};
 use crate::wire::NodeId;
 
 /// Max `[[expect]]` entries per file.
@@ -33,6 +35,8 @@ pub struct ExpectEntry {
     pub bus: Option<String>,
     /// Node it applies to; `None` for every node.
     pub node: Option<NodeId>,
+    /// Id of the profile that contains it; it applies to each node with that profile. `None` in a bus file.
+    pub profile: Option<Arc<str>>,
     /// Whether each node is checked separately (`per = "node"`).
     pub is_per_node: bool,
     /// Severity of the finding; error by default.
@@ -92,9 +96,9 @@ const KINDS: &[(&str, &[&str], &[&str])] = &[
 ];
 
 /// One `[[expect]]` table as parsed.
-#[derive(Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct ExpectTable {
+pub(crate) struct ExpectTable {
     id: Spanned<String>,
     kind: Spanned<String>,
     reason: Spanned<String>,
@@ -128,21 +132,25 @@ pub(super) struct ExpectTable {
     max_per_second: Option<Spanned<f64>>,
 }
 
-#[derive(Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(untagged, expecting = "expected a number of seconds, or a percentage such as \"10 %\"")]
 enum TextAmount {
     Seconds(f64),
     Text(String),
 }
 
-/// Checks all entries; returns the first problem.
-pub(super) fn check_entries(all: Vec<ExpectTable>) -> Result<Vec<ExpectEntry>, TextProblem> {
+/// Checks all entries of a bus file, or of the profile with this id; returns the first problem.
+pub(crate) fn check_entries(
+    all: Vec<ExpectTable>,
+    profile: Option<&str>,
+) -> Result<Vec<ExpectEntry>, TextProblem> {
+    let profile = profile.map(Arc::from);
     let mut known: Vec<ExpectEntry> = Vec::new();
     for one in all {
         if known.len() == EXPECTATION_LIMIT {
             return Err((one.id.span(), format!("more than {EXPECTATION_LIMIT} expectations in one file")));
         }
-        let one = one.check_entry()?;
+        let one = one.check_entry(profile.as_ref())?;
         if known.iter().any(|other| other.id.text == one.id.text) {
             return Err((one.id.span, format!("duplicate id '{}'", one.id.text)));
         }
@@ -152,7 +160,11 @@ pub(super) fn check_entries(all: Vec<ExpectTable>) -> Result<Vec<ExpectEntry>, T
 }
 
 impl ExpectTable {
-    fn check_entry(mut self) -> Result<ExpectEntry, TextProblem> {
+    fn check_entry(mut self, profile: Option<&Arc<str>>) -> Result<ExpectEntry, TextProblem> {
+        if profile.is_some() && (self.bus.is_some() || self.node.is_some() || self.per.is_some()) {
+            let message = "bus, node and per are valid in bus files only; each node with the profile is checked separately";
+            return Err((self.id.span(), message.into()));
+        }
         check_id(&self.id)?;
         if self.reason.get_ref().trim().is_empty() {
             return Err((self.reason.span(), "empty reason; expected a text".into()));
@@ -168,7 +180,7 @@ impl ExpectTable {
         };
         let node = self.node.as_ref().map(node_id).transpose()?;
         let is_per_node = match &self.per {
-            None => false,
+            None => profile.is_some(),
             Some(per) if per.get_ref() != "node" => {
                 return Err((per.span(), "unknown per; expected \"node\" or no per".into()));
             }
@@ -182,7 +194,17 @@ impl ExpectTable {
         };
         let (id, bus, reason) =
             (self.id.clone().into(), self.bus.take(), self.reason.get_ref().trim().into());
-        Ok(ExpectEntry { id, demand: self.parse_demand()?, bus, node, is_per_node, severity, reason })
+        let profile = profile.cloned();
+        Ok(ExpectEntry {
+            id,
+            demand: self.parse_demand()?,
+            bus,
+            node,
+            profile,
+            is_per_node,
+            severity,
+            reason,
+        })
     }
 
     /// Checks that all keys required by the kind are present and all others belong to it.

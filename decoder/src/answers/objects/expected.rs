@@ -1,35 +1,31 @@
-//! `cobscope objects --want`: comparison of a node's values with those of a DCF or XDC.
+//! Comparison of a node's values with those of a DCF or XDC.
 
 use std::fmt::Write as _;
-use std::path::Path;
 use std::sync::Arc;
 
-use cobscope_decoder::answers::format_line;
-use cobscope_decoder::answers::objects::ExpectedObject;
-use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::profile::device_file::{DescriptionKind, DeviceFile, DeviceObject, EntryAccess};
-use cobscope_decoder::profile::{DataType, DecodedValue};
-use cobscope_decoder::session::{Bus, Buses, Node, StoredObject};
-use cobscope_decoder::sink::escape;
-use cobscope_decoder::wire::NodeId;
-use cobscope_decoder::wire::canopen::ObjectAddress;
-
-use super::arguments::ObjectsArgs;
-use super::entry::{node_label, value_place};
-use crate::path_text::path_text;
-use crate::run::arguments::ReportFormat;
-use crate::run::input::device_files;
+use super::ExpectedObject;
+use super::text::{node_label, value_place};
+use crate::escape::escape;
+use crate::frame::Timestamp;
+use crate::profile::device_file::{DeviceFile, DeviceObject, EntryAccess};
+use crate::profile::{DataType, DecodedValue};
+use crate::session::{Bus, Buses, Node, StoredObject};
+use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
 
 /// Store and restore parameters: a read returns the capability of the device, not a configured value.
 const COMMANDS: [u16; 2] = [0x1010, 0x1011];
 
 /// Expected values of one node.
-pub(super) struct ExpectedValues {
-    file: Arc<DeviceFile>,
-    name: String,
-    bus: Option<String>,
-    node: NodeId,
-    format: ReportFormat,
+pub struct ExpectedValues {
+    /// DCF or XDC.
+    pub file: Arc<DeviceFile>,
+    /// Name of the file.
+    pub name: String,
+    /// Name of the bus; `None` for all.
+    pub bus: Option<String>,
+    /// The node.
+    pub node: NodeId,
 }
 
 /// Value of an object and expected value.
@@ -40,54 +36,31 @@ struct ValueComparison<'a> {
 }
 
 impl ExpectedValues {
-    /// # Errors
-    /// If the file is unreadable or contains no values, or if the node is unknown.
-    pub(super) fn new(path: &Path, arguments: &ObjectsArgs) -> anyhow::Result<Self> {
-        let shown = path_text(path);
-        let file = device_files::read_device_file(path)?;
-        let wants = file.objects.iter().any(|object| object.value.is_some());
-        let why = match file.kind {
-            DescriptionKind::Eds | DescriptionKind::Xdd => {
-                "EDS and XDD files have no values; use a DCF or XDC"
-            }
-            DescriptionKind::Dcf => "no ParameterValue",
-            DescriptionKind::Xdc => "no actualValue",
-        };
-        anyhow::ensure!(wants, "{shown}: no values to compare: {why}");
-        let chosen = arguments.input.node.iter().find(|node| node.profile.is_none());
-        let Some(node) = chosen.map(|node| node.id).or(file.node_id.map(NodeId::Canopen)) else {
-            anyhow::bail!("{shown}: no node-ID in the file; add --node");
-        };
-        Ok(Self {
-            name: device_files::file_name(path),
-            bus: chosen.and_then(|node| node.bus.clone()),
-            node,
-            format: arguments.format,
-            file,
-        })
-    }
-
     /// The node, and its bus if one is given.
-    pub(super) fn chosen_node(&self) -> (Option<&str>, NodeId) {
+    pub fn chosen_node(&self) -> (Option<&str>, NodeId) {
         (self.bus.as_deref(), self.node)
     }
 
-    /// Compares the node on all its buses.
-    pub(super) fn compare_nodes(
-        &self,
-        buses: Buses<'_>,
-        first: Option<Timestamp>,
-        capture: &str,
-        output: &mut String,
-    ) {
+    /// The node on all its buses.
+    fn places<'a>(&'a self, buses: Buses<'a>) -> impl Iterator<Item = (&'a Bus, &'a Node)> {
         let wanted = |bus: &&Bus| self.bus.as_deref().is_none_or(|name| name == bus.name());
-        for bus in buses.iter().filter(wanted) {
-            let Some(node) = bus.node(self.node) else { continue };
-            match self.format {
-                ReportFormat::Text => self.push_text(bus, node, first, output),
-                ReportFormat::Json => self.push_json(bus, node, capture, output),
-            }
-        }
+        buses.iter().filter(wanted).filter_map(|bus| Some((bus, bus.node(self.node)?)))
+    }
+
+    /// Writes the comparison on each bus; `first` is the time of the first frame.
+    pub fn write_text(&self, buses: Buses<'_>, first: Option<Timestamp>, output: &mut String) {
+        self.places(buses).for_each(|(bus, node)| self.push_text(bus, node, first, output));
+    }
+
+    /// The comparison of each object.
+    pub fn records<'a>(&'a self, buses: Buses<'a>, capture: &'a str) -> impl Iterator<Item = ExpectedObject> {
+        self.places(buses).flat_map(move |place| {
+            self.compared_values(place.1).map(move |compared| {
+                let object = (compared.object.address, compared.is);
+                let result = (compared.comparison_result().name(), compared.wanted.as_slice());
+                ExpectedObject::new(place, object, result, capture)
+            })
+        })
     }
 
     /// All objects of the file that can be compared.
@@ -122,14 +95,6 @@ impl ExpectedValues {
         );
         output.push_str(&differing);
         list_unknown(&unseen, output);
-    }
-
-    fn push_json(&self, bus: &Bus, node: &Node, capture: &str, output: &mut String) {
-        for compared in self.compared_values(node) {
-            let object = (compared.object.address, compared.is);
-            let result = (compared.comparison_result().name(), compared.wanted.as_slice());
-            output.push_str(&format_line(&ExpectedObject::new((bus, node), object, result, capture)));
-        }
     }
 }
 

@@ -17,7 +17,7 @@ use crate::widgets::draw;
 const SECOND: i64 = 1_000_000_000;
 
 /// Draws the header. Text without room is cut on the right; the time is always shown.
-pub(super) fn draw_header(core: &UiState, area: Rect, buf: &mut Buffer) {
+pub(in crate::app) fn draw_header(core: &UiState, area: Rect, buf: &mut Buffer) {
     let base = core.theme.role_style(TextRole::Header);
     buf.set_style(area.intersection(buf.area), base);
     let time = match core.time_words(core.cursor_time(), 3) {
@@ -98,7 +98,7 @@ fn header_parts(core: &UiState) -> Vec<(String, TextRole)> {
 
 /// Number of differences from the other capture.
 fn comparison_part(core: &UiState) -> Option<(String, TextRole)> {
-    let against = core.against.as_ref()?;
+    let against = core.against.0.as_ref()?;
     let name = &against.name;
     Some(match &against.result {
         None => (format!("AGAINST {name} …"), TextRole::Header),

@@ -2,44 +2,57 @@
 
 use std::fmt::Write as _;
 
-use cobscope_decoder::event::StateCertainty;
-use cobscope_decoder::profile;
-use cobscope_decoder::session::{Bus, Node};
-use cobscope_decoder::sink::escape;
-use cobscope_decoder::sink::table::{CellAlignment, TextTable};
-use cobscope_decoder::statistics::{
+use crate::escape::escape;
+use crate::event::StateCertainty;
+use crate::profile;
+use crate::session::{Bus, Buses, Node};
+use crate::sink::table::{CellAlignment, TextTable};
+use crate::statistics::{
     BusStatistics, CaptureBeginning, CaptureQuality, DurationDistribution, IntervalStatistics,
-    NodeStatistics, dtc_of_key,
+    NodeStatistics, Statistics, dtc_of_key,
 };
-use cobscope_decoder::suggestion::firm_suggestions;
-use cobscope_decoder::wire::NodeId;
-use cobscope_decoder::words::count_noun;
+use crate::suggestion::firm_suggestions;
+use crate::wire::NodeId;
+use crate::words::count_noun;
 
-use super::j1939;
-use super::report::StatisticsReport;
-use crate::figures::{format_millis, format_seconds};
-use crate::words::{
+use super::addresses::{dtc_words, push_table};
+use super::phrases::{
     capture_defects, command_texts, error_frames, format_since, granularity_text, period_text,
     protocols_text, rate_texts,
 };
+use crate::figures::{format_millis, format_seconds};
 
 /// Reason why CANopen is only presumed, and what confirms it.
 const UNCONFIRMED: &str = "no heartbeat, NMT command or SDO response; --protocol canopen, --node ID=PROFILE or a bus file \
                            with the nodes (convert --bus-file writes one) confirms CANopen";
 
+/// Statistics of a capture, and its buses after the last frame.
+pub struct StatisticsReport<'a> {
+    /// Name of the capture.
+    pub capture: &'a str,
+    /// Title of the capture format.
+    pub format: &'a str,
+    /// Figures of frames and events.
+    pub statistics: &'a Statistics,
+    /// Names, NMT states and active errors of nodes.
+    pub buses: Buses<'a>,
+    /// Bit rate of a bus.
+    pub bit_rate: &'a dyn Fn(&Bus) -> Option<u32>,
+}
+
 /// Writes the report of one capture.
-pub fn write_text(report: &StatisticsReport<'_>, output: &mut String) {
+pub fn write_report(report: &StatisticsReport<'_>, output: &mut String) {
     let mut text = String::new();
     let start = report.statistics.quality.first.unwrap_or(0);
-    let _ = writeln!(text, "== {} ({})", escape(&report.capture), report.format);
+    let _ = writeln!(text, "== {} ({})", escape(report.capture), report.format);
     push_quality(report, &mut text);
-    for (bus, statistics) in report.decoder.buses().iter().zip(&report.statistics.buses) {
+    for (bus, statistics) in report.buses.iter().zip(&report.statistics.buses) {
         let _ = writeln!(text);
         push_load(report, bus, statistics, start, &mut text);
         push_master(statistics, &report.statistics.quality, &mut text);
         let end = report.statistics.quality.last;
         push_nodes(bus, statistics, end, start, &mut text);
-        j1939::push_table(bus, statistics, &mut text);
+        push_table(bus, statistics, &mut text);
         push_sdo(statistics, &mut text);
         push_reactions(statistics, start, &mut text);
         push_codes(bus, statistics, &mut text);
@@ -86,7 +99,8 @@ fn push_load(
     let _ = writeln!(text, "bus {:<5} {}", bus.name(), protocols_text(bus));
     let quality = &report.statistics.quality;
     if quality.frames > 0 {
-        for line in rate_texts(statistics, quality.duration(), start, report.bit_rate(bus), "--bitrate 250k")
+        for line in
+            rate_texts(statistics, quality.duration(), start, (report.bit_rate)(bus), "--bitrate 250k")
         {
             let _ = writeln!(text, "          {line}");
         }
@@ -108,7 +122,7 @@ fn push_load(
         );
     }
     for suggestion in firm_suggestions(bus) {
-        let is_only = report.decoder.buses().len() == 1;
+        let is_only = report.buses.len() == 1;
         let _ = writeln!(text, "          {}", suggestion.text(bus, is_only));
     }
     for hint in bus.hints().sdo_dialogues() {
@@ -317,7 +331,7 @@ fn push_codes(bus: &Bus, statistics: &BusStatistics, text: &mut String) {
         }
         for (key, count) in node.dtcs.sort_by_count() {
             let (spn, fmi) = dtc_of_key(key);
-            let words = j1939::dtc_words(bus.node(id), spn, fmi);
+            let words = dtc_words(bus.node(id), spn, fmi);
             lines.push(format!("{:>6}   SPN {spn} FMI {fmi} {words}: {count}", id.label()));
         }
         let others = node.aborts.others + node.emcy.others + node.dtcs.others;

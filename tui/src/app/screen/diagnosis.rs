@@ -21,7 +21,7 @@ use crate::widgets::draw;
 const KEYS: [&str; 3] = ["} story  0 why", "0 why", ""];
 
 /// Draws the line. The title of the story is cut before counts, time and keys.
-pub(super) fn draw_diagnosis(core: &UiState, area: Rect, buf: &mut Buffer) {
+pub(in crate::app) fn draw_diagnosis(core: &UiState, area: Rect, buf: &mut Buffer) {
     if area.is_empty() {
         return;
     }

@@ -2,11 +2,6 @@
 
 use std::fmt::Write as _;
 
-use super::cadence::{MessageRhythm, StoppedMessage};
-use super::fault::{FaultGrade, FaultKind};
-use super::moment::WhyMoment;
-use super::state::{NodeState, PointState};
-use super::{ControllerReaction, FaultScope, Suggestion, WhyReport};
 use crate::diagnosis::{LineLabel, story_count};
 use crate::escape::escape;
 use crate::event::{EffectiveState, Event, SetPoint, StateCertainty};
@@ -14,6 +9,10 @@ use crate::frame::{BusIndex, Timestamp};
 use crate::session::{Bus, Buses, GateState, GateStatus, Node};
 use crate::sink::EventSink as _;
 use crate::sink::text::{PdoLines, TextOptions, TextSink};
+use crate::why::{
+    ControllerReaction, FaultGrade, FaultKind, FaultScope, MessageRhythm, NodeState, PointState,
+    StoppedMessage, Suggestion, WhyMoment, WhyReport,
+};
 use crate::wire::NodeId;
 use crate::words::count_noun;
 

@@ -3,18 +3,30 @@
 use cobscope_decoder::replay::EventPosition;
 use cobscope_decoder::sink::escape;
 
-use super::application::App;
 use crate::action::Action;
 use crate::panes::filtered_places;
-use crate::state::JumpPlace;
+use crate::state::{JumpPlace, UiState};
 
-impl App {
+/// Jumps between the results of the survey.
+#[derive(Debug, Default)]
+pub(super) struct ResultJumps {
+    /// The survey has reported its end.
+    pub(super) is_surveyed: bool,
+    /// The view opens at the first story: no position was requested and no key pressed.
+    pub(super) opens_at_story: bool,
+    /// Index of the story of the last jump; several stories can have the same frame.
+    pub(super) last_story: Option<usize>,
+    /// A jump whose target was not known when it was requested.
+    pub(super) awaited: Option<Action>,
+}
+
+impl ResultJumps {
     /// Goes to the next or previous finding.
-    pub(super) fn goto_finding(&mut self, is_forward: bool) {
-        let cursor = self.core.cursor.frame;
-        let survey = self.core.timeline.survey();
+    pub(super) fn goto_finding(&mut self, core: &mut UiState, is_forward: bool) {
+        let cursor = core.cursor.frame;
+        let survey = core.timeline.survey();
         let is_next = |frame: u64| if is_forward { frame > cursor } else { frame < cursor };
-        let inside = filtered_places(&self.core, &survey);
+        let inside = filtered_places(core, &survey);
         let listed = inside.as_deref().unwrap_or(&survey.places);
         let ahead = || listed.iter().filter(|place| is_next(place.frame));
         let next = if is_forward { ahead().next() } else { ahead().next_back() }.copied();
@@ -27,84 +39,61 @@ impl App {
         let skipped = survey.places.iter().filter(|place| is_between(place.frame)).count();
         drop(survey);
         // Until the end only the first occurrence of a finding is known: a later one may be nearer, backwards.
-        let is_known = is_forward || self.core.timeline.may_grow() || self.has_all_results();
+        let is_known = is_forward || core.timeline.may_grow() || has_all_results(core);
         if let Some(place) = next.filter(|_| is_known) {
-            self.core.jump_to(JumpPlace::Frame(place.frame));
-            let text = self.core.finding_text(place.id);
-            self.core.show_message(&format!("{}{text}", skipped_text(skipped)));
+            core.jump_to(JumpPlace::Frame(place.frame));
+            let text = core.finding_text(place.id);
+            core.show_message(&format!("{}{text}", skipped_text(skipped)));
         } else {
             let action = if is_forward { Action::NextFinding } else { Action::PreviousFinding };
-            self.nothing_further("finding", action, skipped);
+            self.nothing_further(core, "finding", action, skipped);
         }
-        self.refresh_panes();
     }
 
     /// Without a target in the results so far: waits for the remaining ones, or reports that none exists.
-    fn nothing_further(&mut self, what: &str, action: Action, skipped: usize) {
-        if self.has_all_results() {
-            return self.core.show_refusal(&match skipped {
+    fn nothing_further(&mut self, core: &mut UiState, what: &str, action: Action, skipped: usize) {
+        if has_all_results(core) {
+            return core.show_refusal(&match skipped {
                 0 => format!("no further {what} in this direction"),
                 _ => format!("no further {what}; the filter hides {skipped} (c clears it)"),
             });
         }
         // A growing capture may never have another one; a jump much later would surprise.
-        if self.core.timeline.may_grow() {
-            return self.core.show_refusal(&format!("no further {what} so far"));
+        if core.timeline.may_grow() {
+            return core.show_refusal(&format!("no further {what} so far"));
         }
-        self.awaited_jump = Some(action);
+        self.awaited = Some(action);
         let is_back =
             matches!(action, Action::PreviousFinding | Action::PreviousError | Action::PreviousStory);
         let which = if is_back { "previous" } else { "next" };
-        self.core.show_message(&format!("goes to the {which} {what} when it is known; any key stops this"));
-    }
-
-    /// Whether the rules and the search for the shown events have reached the end.
-    fn has_all_results(&self) -> bool {
-        let is_searched = self.core.timeline.search_matches().is_none_or(|matches| matches.is_complete());
-        is_searched && self.core.timeline.survey().is_complete
-    }
-
-    /// Tries a jump again that was requested before its target was known.
-    pub(super) fn jump_if_known(&mut self) {
-        if let Some(action) = self.awaited_jump.take() {
-            self.perform_action(action);
-        }
+        core.show_message(&format!("goes to the {which} {what} when it is known; any key stops this"));
     }
 
     /// Goes to the story after or before the one at the cursor; without one at the cursor, to the first.
-    pub(super) fn step_story(&mut self, is_forward: bool) {
-        let survey = self.core.timeline.survey();
+    pub(super) fn step_story(&mut self, core: &mut UiState, is_forward: bool) {
+        let survey = core.timeline.survey();
         let stories = survey.diagnosis.iter().flat_map(|diagnosis| &diagnosis.stories);
         let frames: Vec<u64> = stories.map(|story| story.began.frames.last).collect();
         drop(survey);
-        let Some(next) = next_story(&frames, self.core.cursor.frame, self.last_story, is_forward) else {
+        let Some(next) = next_story(&frames, core.cursor.frame, self.last_story, is_forward) else {
             let action = if is_forward { Action::NextStory } else { Action::PreviousStory };
-            return self.nothing_further("story", action, 0);
+            return self.nothing_further(core, "story", action, 0);
         };
-        let Some((frame, title)) = self.story_target(next) else { return };
+        let Some((frame, title)) = story_target(core, next) else { return };
         self.last_story = Some(next);
-        self.core.jump_to(JumpPlace::Frame(frame));
-        self.core.show_message(&format!("story {} of {}: {title}", next.saturating_add(1), frames.len()));
-        self.refresh_panes();
-    }
-
-    /// First frame and title of a story.
-    pub(super) fn story_target(&self, index: usize) -> Option<(u64, String)> {
-        let survey = self.core.timeline.survey();
-        let story = survey.diagnosis.as_ref()?.stories.get(index)?;
-        let frame = Some(story.began.frames.last).filter(|frame| *frame > 0)?;
-        Some((frame, escape(&story.title).into_owned()))
+        core.jump_to(JumpPlace::Frame(frame));
+        core.show_message(&format!("story {} of {}: {title}", next.saturating_add(1), frames.len()));
     }
 
     /// Goes to the next or previous error.
-    pub(super) fn goto_error(&mut self, is_forward: bool) {
-        let cursor = self.core.cursor;
-        let matches = self.core.timeline.search_matches().filter(|_| self.core.matcher.filter.is_some());
+    pub(super) fn goto_error(&mut self, core: &mut UiState, is_forward: bool) {
+        let cursor = core.cursor;
+        let matches = core.timeline.search_matches().filter(|_| core.matcher.filter.is_some());
         // Beyond the frames searched so far it is unknown what the filter hides.
         let known =
             matches.as_ref().filter(|matches| !matches.is_complete()).map(|matches| matches.scanned_frames());
         let is_shown = |spot: &EventPosition| matches.as_ref().is_none_or(|matches| matches.has_match(*spot));
-        let survey = self.core.timeline.survey();
+        let survey = core.timeline.survey();
         let at = survey.overview.errors.partition_point(|spot| *spot <= cursor);
         let before = survey.overview.errors.partition_point(|spot| *spot < cursor);
         let ahead: Box<dyn Iterator<Item = &EventPosition>> = if is_forward {
@@ -120,15 +109,29 @@ impl App {
         let next = next.copied().filter(|spot| known.is_none_or(|frames| spot.frame <= frames));
         drop(survey);
         if let Some(spot) = next {
-            self.core.jump_to(JumpPlace::Event(spot));
+            core.jump_to(JumpPlace::Event(spot));
             if skipped > 0 {
-                self.core.show_message(skipped_text(skipped).trim_end_matches("; "));
+                core.show_message(skipped_text(skipped).trim_end_matches("; "));
             }
         } else {
             let action = if is_forward { Action::NextError } else { Action::PreviousError };
-            self.nothing_further("error", action, skipped);
+            self.nothing_further(core, "error", action, skipped);
         }
     }
+}
+
+/// Whether the rules and the search for the shown events have reached the end.
+fn has_all_results(core: &UiState) -> bool {
+    let is_searched = core.timeline.search_matches().is_none_or(|matches| matches.is_complete());
+    is_searched && core.timeline.survey().is_complete
+}
+
+/// First frame and title of a story.
+pub(super) fn story_target(core: &UiState, index: usize) -> Option<(u64, String)> {
+    let survey = core.timeline.survey();
+    let story = survey.diagnosis.as_ref()?.stories.get(index)?;
+    let frame = Some(story.began.frames.last).filter(|frame| *frame > 0)?;
+    Some((frame, escape(&story.title).into_owned()))
 }
 
 /// Index of the story after or before the one at the cursor; without one at the cursor, of the first. Stories

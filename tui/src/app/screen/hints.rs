@@ -21,14 +21,14 @@ const SYMBOLS: [(&str, &str); 4] = [("left", "←"), ("right", "→"), ("up", "�
 
 /// A key, or keys with the same effect, and what they do.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) struct KeyHint {
+pub(in crate::app) struct KeyHint {
     key: String,
     does: String,
 }
 
 impl KeyHint {
     /// `j/k scroll`.
-    pub(super) fn new(key: &str, does: &str) -> Self {
+    pub(in crate::app) fn new(key: &str, does: &str) -> Self {
         Self { key: key.to_owned(), does: does.to_owned() }
     }
 
@@ -38,7 +38,12 @@ impl KeyHint {
 }
 
 /// Hints of a pane with these actions.
-pub(super) fn of_pane(keymap: &Keymap, actions: &[Action], is_why: bool, theme: &Theme) -> Vec<KeyHint> {
+pub(in crate::app) fn of_pane(
+    keymap: &Keymap,
+    actions: &[Action],
+    is_why: bool,
+    theme: &Theme,
+) -> Vec<KeyHint> {
     let first = FIRST.into_iter().filter(|action| !(is_why && *action == Action::Pane(0)));
     let own = actions.iter().copied().filter(|action| !FIRST.contains(action) && !LAST.contains(action));
     let mut hints: Vec<KeyHint> = Vec::new();
@@ -59,7 +64,7 @@ pub(super) fn of_pane(keymap: &Keymap, actions: &[Action], is_why: bool, theme: 
 }
 
 /// Draws the hints that fit completely; an ellipsis replaces the others.
-pub(super) fn draw_hints(theme: &Theme, hints: &[KeyHint], area: Rect, buf: &mut Buffer) {
+pub(in crate::app) fn draw_hints(theme: &Theme, hints: &[KeyHint], area: Rect, buf: &mut Buffer) {
     let ellipsis = theme.glyph(Glyph::Ellipsis);
     let mut x = area.x;
     for (index, hint) in hints.iter().enumerate() {

@@ -1,11 +1,11 @@
 //! J1939 devices in statistics: addresses, names and faults.
 
-use cobscope_decoder::profile;
-use cobscope_decoder::session::{Bus, Node};
-use cobscope_decoder::sink::table::{CellAlignment, TextTable};
-use cobscope_decoder::statistics::BusStatistics;
-use cobscope_decoder::wire::NodeId;
-use cobscope_decoder::wire::j1939::J1939Name;
+use crate::profile;
+use crate::session::{Bus, Node};
+use crate::sink::table::{CellAlignment, TextTable};
+use crate::statistics::BusStatistics;
+use crate::wire::NodeId;
+use crate::wire::j1939::J1939Name;
 
 /// Writes one row per source address, with the state at the end of the capture.
 pub(super) fn push_table(bus: &Bus, statistics: &BusStatistics, text: &mut String) {

@@ -85,13 +85,13 @@ impl StripAxis {
 }
 
 /// Time of a screen column of the strip.
-pub(super) fn time_at(core: &UiState, area: Rect, x: u16) -> Option<Timestamp> {
+pub(in crate::app) fn time_at(core: &UiState, area: Rect, x: u16) -> Option<Timestamp> {
     let axis = StripAxis::new(core, area)?;
     Some(axis.time(x.saturating_sub(axis.columns.x).min(axis.columns.width.saturating_sub(1))))
 }
 
 /// Draws the strip: load and marks, or only the marks if the area has one line.
-pub(super) fn draw_strip(core: &UiState, area: Rect, buf: &mut Buffer) {
+pub(in crate::app) fn draw_strip(core: &UiState, area: Rect, buf: &mut Buffer) {
     if area.is_empty() {
         return;
     }
@@ -103,7 +103,7 @@ pub(super) fn draw_strip(core: &UiState, area: Rect, buf: &mut Buffer) {
     };
     let survey = core.timeline.survey();
     let marks = area.bottom().saturating_sub(1);
-    let length = [format!("{} s", crate::figures::short_seconds(axis.length)), "0 to".to_owned()];
+    let length = [format!("{} s", cobscope_decoder::figures::short_seconds(axis.length)), "0 to".to_owned()];
     for (y, text) in (area.y..area.bottom()).rev().zip(length) {
         draw::put_text(buf, axis.columns.right() + 1, y, LENGTH - 1, &text, quiet);
     }
