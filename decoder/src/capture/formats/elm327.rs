@@ -221,17 +221,18 @@ impl ElmSession {
 
 /// Commands of the ELM327 after AT; hex digits may follow.
 const ELM_COMMANDS: &[&[u8]] = &[
-    b"@", b"AL", b"AMC", b"AMT", b"AR", b"AT", b"BD", b"BI", b"BRD", b"BRT", b"CAF", b"CEA", b"CER", b"CF", b"CFC", b"CM",
-    b"CP", b"CRA", b"CS", b"CSM", b"CTM", b"CV", b"D", b"DM", b"DP", b"DPN", b"E", b"FC", b"FCSD", b"FCSH", b"FCSM", b"FE",
-    b"FI", b"FT", b"H", b"I", b"IB", b"IFR", b"IGN", b"IIA", b"JE", b"JHF", b"JS", b"JTM", b"KW", b"L", b"LP", b"M", b"MA",
-    b"MP", b"MR", b"MT", b"NL", b"PB", b"PC", b"PP", b"PPS", b"R", b"RA", b"RD", b"RTR", b"RV", b"S", b"SD", b"SH", b"SI",
-    b"SP", b"SPA", b"SR", b"SS", b"ST", b"SW", b"TA", b"TP", b"TPA", b"V", b"WM", b"WS", b"Z",
+    b"@", b"AL", b"AMC", b"AMT", b"AR", b"AT", b"BD", b"BI", b"BRD", b"BRT", b"CAF", b"CEA", b"CER", b"CF",
+    b"CFC", b"CM", b"CP", b"CRA", b"CS", b"CSM", b"CTM", b"CV", b"D", b"DM", b"DP", b"DPN", b"E", b"FC",
+    b"FCSD", b"FCSH", b"FCSM", b"FE", b"FI", b"FT", b"H", b"I", b"IB", b"IFR", b"IGN", b"IIA", b"JE", b"JHF",
+    b"JS", b"JTM", b"KW", b"L", b"LP", b"M", b"MA", b"MP", b"MR", b"MT", b"NL", b"PB", b"PC", b"PP", b"PPS",
+    b"R", b"RA", b"RD", b"RTR", b"RV", b"S", b"SD", b"SH", b"SI", b"SP", b"SPA", b"SR", b"SS", b"ST", b"SW",
+    b"TA", b"TP", b"TPA", b"V", b"WM", b"WS", b"Z",
 ];
 
 /// Commands of STN adapters after ST (OBD Solutions, "STN1100 family reference manual"); parameters may follow after digits.
 const STN_COMMANDS: &[&[u8]] = &[
-    b"I", b"DI", b"SN", b"M", b"MA", b"P", b"PTO", b"PC", b"PR", b"PX", b"FA", b"FAC", b"FAP", b"FB", b"FBA", b"FP", b"FFCA",
-    b"CSWM", b"CMM", b"CAFCP", b"BR", b"SLCS", b"VR", b"WBR",
+    b"I", b"DI", b"SN", b"M", b"MA", b"P", b"PTO", b"PC", b"PR", b"PX", b"FA", b"FAC", b"FAP", b"FB", b"FBA",
+    b"FP", b"FFCA", b"CSWM", b"CMM", b"CAFCP", b"BR", b"SLCS", b"VR", b"WBR",
 ];
 
 /// The command after AT or ST, if it is known: its letters, then digits.
@@ -239,7 +240,9 @@ fn command_of(word: &[u8]) -> Option<&[u8]> {
     let is_known = |names: &[&[u8]], command: &[u8]| {
         names.iter().any(|name| {
             let digits = command.strip_prefix(*name);
-            digits.is_some_and(|digits| digits.iter().all(|byte| byte.is_ascii_hexdigit() || matches!(byte, b',' | b':')))
+            digits.is_some_and(|digits| {
+                digits.iter().all(|byte| byte.is_ascii_hexdigit() || matches!(byte, b',' | b':'))
+            })
         })
     };
     if let Some(command) = word.strip_prefix(b"AT") {
