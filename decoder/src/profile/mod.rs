@@ -41,6 +41,7 @@ pub use connection_set::{ConnectionSet, IdentifierOwner, connection_set};
 pub(crate) use cut::IntegerPosition;
 pub(crate) use data_type::little_endian;
 pub use data_type::{DataType, DecodedValue};
+pub(crate) use dbc::{fraction_digits, shown_digits};
 pub use device::DeviceProfile;
 pub use dictionary::{Dictionary, ResolvedObject};
 pub use entry::{ObjectEntry, SubEntry};

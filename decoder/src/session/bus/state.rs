@@ -10,12 +10,13 @@ use super::open_transfers::OpenTransfers;
 use super::time::{AmbiguousGap, BusClock, Cadence};
 use crate::event::FrameRange;
 use crate::frame::{BusIndex, CanId, Timestamp};
-use crate::profile::dbc::{Database, SuspectParameter};
+use crate::profile::dbc::Database;
 use crate::profile::{
     Catalogue, EntryResolver, IdentifierOwner, NoValues, ObjectMeaning, is_fast_packet, plain_device,
 };
 use crate::session::detection::{CanopenDetection, J1939Detection, ProtocolStatus};
 use crate::session::options::{ProtocolChoice, SessionOptions};
+use crate::standard_tables::{NamedParameter, RvCEvidence, is_fast_group, standard_parameter};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::SdoSide;
 use crate::wire::j1939::{J1939Name, Pgn};
@@ -58,6 +59,8 @@ pub struct Bus {
     pub(in crate::session) has_given_states: bool,
     /// A group of NMEA 2000 was received.
     pub(in crate::session) is_nmea2000: bool,
+    /// Groups of RV-C that were received.
+    pub(in crate::session) rv_c: RvCEvidence,
     /// Index of the identifier whose PDO or message is being sent to the observer.
     pub(in crate::session) current_identifier: Option<usize>,
     /// UDS traffic between identifiers missing from the bus file.
@@ -103,6 +106,7 @@ impl Bus {
             is_uds: false,
             has_given_states: false,
             is_nmea2000: false,
+            rv_c: RvCEvidence::default(),
             current_identifier: None,
             unnamed: UdsSuspects::default(),
             dialogues: SdoDialogues::default(),
@@ -251,9 +255,11 @@ impl Bus {
         self.open_transfers.contains(source, pgn)
     }
 
-    /// Name and unit of a suspect parameter, from the user's databases.
-    pub fn suspect_parameter(&self, spn: u32) -> Option<&SuspectParameter> {
-        self.database.parameter_by_spn(spn)
+    /// Name and unit of a suspect parameter, from the user's databases, otherwise from the table of J1939.
+    pub fn suspect_parameter(&self, spn: u32) -> Option<NamedParameter<'_>> {
+        let given = self.database.parameter_by_spn(spn);
+        let given = given.map(|known| NamedParameter { name: &known.name, unit: &known.unit });
+        given.or_else(|| standard_parameter(spn))
     }
 
     /// Node with this node-ID or address; a plain number is a CANopen node-ID.
@@ -319,7 +325,8 @@ impl Bus {
     pub(in crate::session) fn sends_fast_packets(&self, pgn: Pgn) -> bool {
         /// Last group of data page 0; no fast packet is on it.
         const LAST_OF_PAGE_0: u32 = 0xFFFF;
-        pgn.number() > LAST_OF_PAGE_0 && is_fast_packet(pgn, self.is_nmea2000)
+        let is_fast = || is_fast_packet(pgn, self.is_nmea2000) || self.is_nmea2000 && is_fast_group(pgn);
+        pgn.number() > LAST_OF_PAGE_0 && is_fast()
     }
 
     /// Pairs of identifiers that look like UDS and are missing from the bus file.
