@@ -19,6 +19,7 @@ mod embedded;
 mod explain;
 mod exports;
 mod extcap;
+mod faults;
 mod filter;
 mod journeys;
 #[cfg(feature = "parquet")]

@@ -19,11 +19,15 @@ const LISTED: usize = 20;
 
 /// Protocols detected on a bus, or the reason why it is not detected as CANopen.
 pub fn protocols_text(bus: &Bus) -> String {
-    let seen = [(bus.is_canopen(), "CANopen"), (bus.is_j1939(), "J1939"), (bus.is_uds(), "UDS")];
+    let seen = [
+        (bus.protocols().is_canopen(), "CANopen"),
+        (bus.protocols().is_j1939(), "J1939"),
+        (bus.protocols().is_uds(), "UDS"),
+    ];
     let seen: Vec<_> = seen.iter().filter(|(is_seen, _)| *is_seen).map(|(_, name)| *name).collect();
-    match (seen.as_slice(), bus.detection_doubt()) {
+    match (seen.as_slice(), bus.protocols().detection_doubt()) {
         ([], Some(reason)) => format!("not detected as CANopen: {reason}"),
-        ([], None) if bus.is_canopen_presumed() => "CANopen presumed, not confirmed".to_owned(),
+        ([], None) if bus.protocols().is_canopen_presumed() => "CANopen presumed, not confirmed".to_owned(),
         ([], None) => "no CANopen, J1939 or UDS messages".to_owned(),
         (seen, _) => seen.join(" and "),
     }
@@ -143,7 +147,7 @@ pub fn present_nodes(buses: Buses<'_>) -> String {
 
 /// Whether a node sent a frame, also under a later node-ID, or was present before the capture.
 fn has_sent(bus: &Bus, node: NodeId) -> bool {
-    bus.present_or_former(node).is_some_and(|node| node.last_seen().0 > 0 || node.was_present())
+    bus.node_table().present_or_former(node).is_some_and(|node| node.last_seen().0 > 0 || node.was_present())
 }
 
 fn node_list(nodes: impl Iterator<Item = NodeId>) -> String {

@@ -96,14 +96,18 @@ fn bus_facts(survey: &CaptureSurvey, bus: &Bus) -> Value {
         "name": bus.name(),
         "bit_rate": bus.bit_rate(),
         "protocols": protocol_names(bus),
-        "doubt": bus.detection_doubt(),
+        "doubt": bus.protocols().detection_doubt(),
         "load": load,
         "suggestions": proposals.collect::<Vec<_>>(),
     })
 }
 
 fn protocol_names(bus: &Bus) -> Vec<&'static str> {
-    let all = [(bus.is_canopen(), "CANopen"), (bus.is_j1939(), "J1939"), (bus.is_uds(), "UDS")];
+    let all = [
+        (bus.protocols().is_canopen(), "CANopen"),
+        (bus.protocols().is_j1939(), "J1939"),
+        (bus.protocols().is_uds(), "UDS"),
+    ];
     all.into_iter().filter(|(is_on, _)| *is_on).map(|(_, name)| name).collect()
 }
 

@@ -175,7 +175,7 @@ fn parameters_of_j1939() {
     let found = values(Standard::J1939, 65_262, &[0x7D, 0xFF, 0x00, 0x2D, 0xFF, 0xFF, 0xFF, 0xFF]);
     assert_eq!(
         (found[0].as_str(), found[2].as_str()),
-        ("Engine Coolant Temp = 85 °C", "Engine Oil Temp 1 = 87.00000 °C")
+        ("Engine Coolant Temp = 85 °C", "Engine Oil Temp 1 = 87.0000 °C")
     );
 }
 

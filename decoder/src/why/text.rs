@@ -109,7 +109,7 @@ impl WhyPage<'_> {
 
     /// `node 32/20 boom (PVEA, danfoss-pve-ci)`.
     fn node_text(&self, index: BusIndex, id: NodeId) -> String {
-        let node = self.find_bus(index).and_then(|bus| bus.present_or_former(id));
+        let node = self.find_bus(index).and_then(|bus| bus.node_table().present_or_former(id));
         let mut text = id.sentence_label();
         if let Some(now) = node.map(Node::id).filter(|now| *now != id) {
             let _ = write!(text, ", later {}", now.label());
@@ -297,7 +297,8 @@ impl WhyPage<'_> {
             };
             self.write_line(0, &format!("set points and gates {when}{of}"));
             self.write_line(1, &state_text(state));
-            let node = self.find_bus(state.bus).and_then(|bus| bus.present_or_former(state.node));
+            let node =
+                self.find_bus(state.bus).and_then(|bus| bus.node_table().present_or_former(state.node));
             let has_profile = node.is_some_and(|node| node.assigned_by().is_some());
             if !has_profile {
                 self.write_line(1, "set points unknown: no profile assigned (--node ID=PROFILE)");

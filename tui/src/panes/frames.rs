@@ -120,7 +120,7 @@ fn describe_row(world: &ReplayState, row: &IdentifierRow) -> String {
 /// PGN and source address of a J1939 identifier.
 fn j1939_group(world: &ReplayState, row: &IdentifierRow) -> Option<J1939Id> {
     let CanId::Extended(id) = row.id else { return None };
-    let is_j1939 = world.buses().get(usize::from(row.bus.0)).is_some_and(Bus::is_j1939);
+    let is_j1939 = world.buses().get(usize::from(row.bus.0)).is_some_and(|bus| bus.protocols().is_j1939());
     J1939Id::from_identifier(id).filter(|_| is_j1939)
 }
 

@@ -101,7 +101,7 @@ impl<'a> RuleContext<'a> {
         frames: FrameRange,
     ) -> FindingAlarm<'b, 'a> {
         let time = self.timestamp_of(at);
-        let is_presumed = !self.bus.is_settled(node);
+        let is_presumed = !self.bus.protocols().is_settled(node);
         FindingAlarm::new(self, node, build_occurrence(time, frames), is_presumed)
     }
 
@@ -140,7 +140,7 @@ impl<'a> RuleContext<'a> {
 
     /// Statistics of the PDOs with an identifier; `None` before the first one.
     pub fn pdos_of(&self, id: CanId) -> Option<&'a PdoSlot> {
-        self.traffic.slot_of(self.bus.identifier_index(id)?)
+        self.traffic.slot_of(self.bus.identifiers().find_slot(id)?)
     }
 
     /// Node of the event.

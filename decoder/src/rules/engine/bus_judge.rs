@@ -208,7 +208,7 @@ impl BusJudge {
     /// Hot path: only a PDO request can change whether a rule wants PDOs.
     #[inline]
     fn on_pdo(&mut self, pdo: &DecodedPdo, event: &Event, bus: &Bus, ledger: &mut FindingLedger) {
-        let identifier = bus.identifier_of_event(pdo.cob_id).unwrap_or(usize::MAX);
+        let identifier = bus.identifiers().identifier_of_event(pdo.cob_id).unwrap_or(usize::MAX);
         if self.needs.counted_entry(identifier).is_some() {
             self.pass_on_skipped(identifier, bus, ledger);
         }
@@ -229,7 +229,11 @@ impl BusJudge {
         }
         if pdo.is_request || self.has_turned {
             self.ask_for_pdos();
-        } else if self.needs.is_unknown(identifier, bus.version_of(identifier), usize::from(pdo.length)) {
+        } else if self.needs.is_unknown(
+            identifier,
+            bus.identifiers().version_of(identifier),
+            usize::from(pdo.length),
+        ) {
             self.ask_for_needs(identifier, event, bus, ledger);
         }
     }
@@ -239,7 +243,7 @@ impl BusJudge {
             EventKind::Sync { .. } => self.shared.traffic.saw_sync(),
             EventKind::TestCase(_) => self.shared.is_tested = true,
             EventKind::J1939Message(message) => {
-                if let Some(identifier) = bus.identifier_of_event(message.can_id) {
+                if let Some(identifier) = bus.identifiers().identifier_of_event(message.can_id) {
                     self.pass_on_skipped(identifier, bus, ledger);
                 }
             }
@@ -265,8 +269,12 @@ impl BusJudge {
         if self.has_turned {
             self.ask_for_pdos();
         } else if let EventKind::J1939Message(message) = &event.kind
-            && let Some(identifier) = bus.identifier_of_event(message.can_id)
-            && self.needs.is_unknown(identifier, bus.version_of(identifier), message.payload().len())
+            && let Some(identifier) = bus.identifiers().identifier_of_event(message.can_id)
+            && self.needs.is_unknown(
+                identifier,
+                bus.identifiers().version_of(identifier),
+                message.payload().len(),
+            )
         {
             self.ask_for_needs(identifier, event, bus, ledger);
         }

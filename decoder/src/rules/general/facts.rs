@@ -106,7 +106,11 @@ pub(super) fn mapped_bytes(pdo: &DecodedPdo) -> Option<u16> {
 /// Whether a TPDO is sent on change only: event-driven without an event timer (CiA 301 §7.5.2.37), and never
 /// repeated with unchanged content.
 pub(super) fn is_sent_on_change(slot: &PdoSlot, context: &RuleContext<'_>) -> bool {
-    let sent = context.bus.pdo_on(slot.id).and_then(|(name, node)| Some((name, context.bus.node(node)?)));
+    let sent = context
+        .bus
+        .identifiers()
+        .pdo_on(slot.id)
+        .and_then(|(name, node)| Some((name, context.bus.node(node)?)));
     let is_configured = sent.is_some_and(|(name, node)| {
         let parameter = |sub| confirmed_number(node, name.communication_index(), sub);
         matches!(parameter(2), Some(254 | 255)) && parameter(5) == Some(0)

@@ -453,7 +453,7 @@ impl FindingLedger {
 
     /// Closes all open groups of a bus at the end of the capture.
     pub(super) fn close_all(&mut self, bus: &Bus) {
-        if bus.is_canopen_rejected() {
+        if bus.protocols().is_canopen_rejected() {
             self.doubted.push(bus.index());
         }
         let at = build_occurrence(bus.stamp_of(bus.now()), FrameRange::one(bus.last_frame()));

@@ -2,31 +2,15 @@
 
 use std::sync::Arc;
 
-use super::nodes::layout_of_profile;
+use super::nodes::{ConcernedDevice, layout_of_profile};
 use super::state::Bus;
 use crate::frame::CanId;
-use crate::profile::device::{MessageDirection, MessageSpec};
-use crate::profile::{DeviceProfile, EntryResolver, LayoutOrigin, NoValues, PayloadLayout, isobus, pgn_name};
-use crate::standard_tables::{Standard, standard_group};
-use crate::wire::NodeId;
+use crate::profile::{EntryResolver, LayoutOrigin, NoValues, PayloadLayout, isobus, pgn_name};
+use crate::standard_tables::standard_group;
 use crate::wire::j1939::{ALL, J1939Id, Pgn};
 
 /// Max message size without transport protocol, in bytes.
 const FRAME_BYTES: usize = 8;
-
-/// Sender or receiver of a message whose profile describes the message.
-pub(in crate::session) struct ConcernedDevice {
-    pub(in crate::session) node: NodeId,
-    pub(in crate::session) device: Arc<DeviceProfile>,
-    /// Index in the message list of the profile.
-    pub(in crate::session) place: usize,
-}
-
-impl ConcernedDevice {
-    pub(in crate::session) fn message_spec(&self) -> Option<&MessageSpec> {
-        self.device.messages.get(self.place)
-    }
-}
 
 /// Name and layout of a parameter group for one sender.
 pub(in crate::session) struct SenderGroup {
@@ -43,29 +27,9 @@ impl SenderGroup {
 }
 
 impl Bus {
-    /// Device whose profile describes a message: the sender, otherwise a receiver.
-    pub(in crate::session) fn concerned_device(&self, id: J1939Id) -> Option<ConcernedDevice> {
-        let find = |node: NodeId, direction: MessageDirection| {
-            let address = node.j1939()?;
-            let known = self.node(node).filter(|known| known.assigned.is_some())?;
-            let mut messages = known.device.messages.iter();
-            let place =
-                messages.position(|spec| spec.direction == direction && spec.is_for(id.pgn, address))?;
-            Some(ConcernedDevice { node, device: Arc::clone(&known.device), place })
-        };
-        if let Some(sender) = find(NodeId::J1939(id.source), MessageDirection::Transmit) {
-            return Some(sender);
-        }
-        if id.destination != ALL {
-            return find(NodeId::J1939(id.destination), MessageDirection::Receive);
-        }
-        let assigned = self.nodes.iter().filter(|node| node.assigned.is_some());
-        assigned.map(|node| node.id).find_map(|node| find(node, MessageDirection::Receive))
-    }
-
     /// Name and layout of a parameter group for a payload.
     pub(in crate::session) fn sender_group(&self, id: J1939Id, payload: &[u8]) -> SenderGroup {
-        self.group_with(id, payload, self.concerned_device(id).as_ref())
+        self.group_with(id, payload, self.nodes.concerned_device(id).as_ref())
     }
 
     pub(in crate::session) fn group_with(
@@ -95,10 +59,10 @@ impl Bus {
     }
 
     /// Name and layout of a group in the tables of public standards. Our own names precede those of the tables,
-    /// except for messages of manufacturers, which the number of the group does not identify.
+    /// except for messages of manufacturers and groups of RV-C, which the number of the group does not identify.
     fn table_group(&self, pgn: Pgn, payload: &[u8]) -> SenderGroup {
         let own = pgn_name(pgn).map(Arc::from);
-        let Some(found) = standard_group(self.standards(), pgn, payload) else {
+        let Some(found) = standard_group(self.protocols.standards(), pgn, payload) else {
             return SenderGroup::new(own, None);
         };
         let is_named = !found.name.is_empty();
@@ -108,15 +72,6 @@ impl Bus {
             _ => is_named.then_some(found.name),
         };
         SenderGroup { deciding: found.deciding, ..SenderGroup::new(name, Some(found.layout)) }
-    }
-
-    /// Standards whose tables describe the groups of this bus, in order of precedence.
-    fn standards(&self) -> &'static [Standard] {
-        match (self.rv_c.is_established(), self.is_nmea2000) {
-            (true, _) => &[Standard::RvC, Standard::J1939],
-            (false, true) => &[Standard::Nmea2000, Standard::J1939],
-            (false, false) => &[Standard::J1939],
-        }
     }
 
     /// Name and layout of a group from the user's databases. The layout of a message longer than one frame is
@@ -147,7 +102,7 @@ impl Bus {
     /// Name of a group, for any sender.
     pub(in crate::session) fn group_name(&self, pgn: Pgn) -> Option<Arc<str>> {
         let own = self.database.message_by_pgn(pgn).map(|message| message.name.as_str().into());
-        own.or_else(|| pgn_name(pgn).map(Into::into))
+        own.or_else(|| self.table_group(pgn, &[u8::MAX; FRAME_BYTES]).name)
     }
 }
 

@@ -50,7 +50,7 @@ pub(in crate::session) fn on_values(
         if plan.commands {
             assign_control_slot(&mut cx.bus, id, &device, watched.object, slot);
         }
-        let Some(node) = cx.bus.node_mut(id) else { return };
+        let Some(node) = cx.bus.nodes.node_mut(id) else { return };
         let before = node.behaviour.note_value(watched.object, raw);
         if before == Some(raw) {
             continue;
@@ -94,7 +94,7 @@ fn field_changed(changed: &FieldChange<'_>, frame: &Frame, cx: &mut MachineConte
 fn store_sample(bus: &mut Bus, changed: &FieldChange<'_>, frame: &Frame) {
     let length = usize::from(changed.field.bits.div_ceil(8));
     let bytes = changed.raw.to_le_bytes();
-    let Some(node) = bus.node_mut(changed.id) else { return };
+    let Some(node) = bus.nodes.node_mut(changed.id) else { return };
     let origin = StoredOrigin { kind: OriginKind::Pdo, frame: frame.number, time: frame.time };
     let bytes = bytes.get(..length).unwrap_or(&bytes);
     if Arc::make_mut(&mut node.store).set(changed.object, bytes, origin).is_ok() {
@@ -124,7 +124,7 @@ fn repeated_bits(
 /// Applies an EMCY: it may be the cause of a state, or change the effect of set points.
 pub(in crate::session) fn on_emcy_code(id: NodeId, code: u16, frame: &Frame, cx: &mut MachineContext<'_>) {
     let time = cx.bus.clock.now();
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     if code != 0 {
         node.behaviour.emcy = Some(FrameMoment { what: code, frame: frame.number, time });
     }
@@ -140,7 +140,7 @@ pub(in crate::session) fn on_trouble_code(
     cx: &mut MachineContext<'_>,
 ) {
     let time = cx.bus.clock.now();
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     node.behaviour.dtc = Some(FrameMoment { what: code, frame: frame.number, time });
     advance_procedures(id, &TriggerEvent::Dtc(code.0, code.1), frame, cx);
     reassess_set_points(id, frame, cx);
@@ -154,7 +154,7 @@ pub(in crate::session) fn on_nmt_service(
     cx: &mut MachineContext<'_>,
 ) {
     let time = cx.bus.clock.now();
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     let [first, second, _] = node.behaviour.nmt;
     node.behaviour.nmt = [Some(FrameMoment { what: service, frame: frame.number, time }), first, second];
     advance_procedures(id, &TriggerEvent::Nmt(service.name()), frame, cx);
@@ -163,7 +163,7 @@ pub(in crate::session) fn on_nmt_service(
 /// Resets the device state at a boot: procedures end, set points are removed.
 pub(in crate::session) fn on_device_restart(bus: &mut Bus, id: NodeId, frame: &Frame) {
     let time = bus.clock.now();
-    let Some(node) = bus.node_mut(id) else { return };
+    let Some(node) = bus.nodes.node_mut(id) else { return };
     node.behaviour.boot = Some(FrameMoment { what: (), frame: frame.number, time });
     node.behaviour.interrupt_procedures(frame.number);
     node.behaviour.set_points.clear();

@@ -6,7 +6,7 @@ use crate::event::{EventKind, FrameRange};
 use crate::frame::Frame;
 use crate::profile::device::SYNC_AGE;
 use crate::profile::{DecodedValue, ObjectMeaning, ObjectRole, PayloadLayout, PdoName, ValueCarrier};
-use crate::session::bus::{Bus, FrameMoment, SetPointState, WatchPlan, nonzero_identifier};
+use crate::session::bus::{Bus, FrameMoment, SetPointGates, SetPointState, WatchPlan, nonzero_identifier};
 use crate::session::context::MachineContext;
 use crate::session::machine::{ProtocolMachine, TimedMachine};
 use crate::session::timers::DeadlineSubject;
@@ -70,7 +70,7 @@ pub(in crate::session) fn confirm_identifier(
     if is_received_elsewhere(id, &carrier, frame, &cx.bus) {
         return;
     }
-    let Some(node) = cx.bus.known_node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.known_node_mut(id) else { return };
     let mut is_any = false;
     for point in node.behaviour.set_points.iter_mut().filter(|point| point.carrier == carrier) {
         (point.id, point.arrived) = (Some(frame.id), frame.number);
@@ -83,14 +83,14 @@ pub(in crate::session) fn confirm_identifier(
 
 /// Queues a SYNC deadline, unless one is queued already.
 fn await_sync(cx: &mut MachineContext<'_>, id: NodeId, deadline: i64) {
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     if !std::mem::replace(&mut node.behaviour.sync_queued, true) {
         cx.timers.add_deadline(deadline, DeadlineSubject::SetPoint(id));
     }
 }
 
 fn set_point_mut(bus: &mut Bus, id: NodeId, place: usize) -> Option<&mut SetPointState> {
-    bus.node_mut(id)?.behaviour.set_points.get_mut(place)
+    bus.nodes.node_mut(id)?.behaviour.set_points.get_mut(place)
 }
 
 /// Index of a set point, created or updated with its present meaning.
@@ -100,7 +100,7 @@ fn set_point(
     carrier: &ValueCarrier,
     meaning: &Arc<ObjectMeaning>,
 ) -> Option<usize> {
-    let points = &mut bus.node_mut(id)?.behaviour.set_points;
+    let points = &mut bus.nodes.node_mut(id)?.behaviour.set_points;
     let known = points.iter().position(|it| it.meaning.object == meaning.object && it.carrier == *carrier);
     if let Some(place) = known {
         points.get_mut(place)?.meaning = Arc::clone(meaning);
@@ -132,8 +132,8 @@ impl ProtocolMachine for DeviceMachine {
     /// A SYNC makes the waiting set points effective.
     fn on_frame(&mut self, (): (), frame: &Frame, cx: &mut MachineContext<'_>) {
         let moment = FrameMoment { what: (), frame: frame.number, time: cx.bus.clock.now() };
-        for place in 0..cx.bus.nodes.len() {
-            let Some(node) = cx.bus.nodes.get_mut(place) else { return };
+        for place in 0..cx.bus.nodes.all().len() {
+            let Some(node) = cx.bus.nodes.all_mut().get_mut(place) else { return };
             if node.assigned.is_none() || node.sync != frame.id {
                 continue;
             }
@@ -145,7 +145,7 @@ impl ProtocolMachine for DeviceMachine {
                     emit_set_point(id, place, value, incoming, frame, cx);
                 }
             }
-            let Some(node) = cx.bus.node_mut(id) else { return };
+            let Some(node) = cx.bus.nodes.node_mut(id) else { return };
             let late = node.behaviour.set_points.iter_mut().map(|point| std::mem::take(&mut point.late));
             if late.fold(false, |any, late| any | late) {
                 reassess_set_points(id, frame, cx);
@@ -154,7 +154,7 @@ impl ProtocolMachine for DeviceMachine {
     }
 
     fn on_silence(&mut self, delay: i64, bus: &mut Bus) {
-        for node in &mut bus.nodes {
+        for node in bus.nodes.all_mut() {
             node.behaviour.postpone_deadlines(delay);
         }
     }
@@ -166,7 +166,7 @@ impl TimedMachine for DeviceMachine {
 
     /// Emits set points that waited too long as not effective.
     fn on_deadline(&mut self, id: NodeId, now: i64, cx: &mut MachineContext<'_>) {
-        let Some(node) = cx.bus.node_mut(id) else { return };
+        let Some(node) = cx.bus.nodes.node_mut(id) else { return };
         node.behaviour.sync_queued = false;
         for place in 0..node.behaviour.set_points.len() {
             let Some(point) = set_point_mut(&mut cx.bus, id, place) else { return };
@@ -200,7 +200,7 @@ fn emit_set_point(
     let runs = cx.bus.clock.has_timestamps();
     let Some(node) = cx.bus.node(id) else { return };
     let Some(point) = node.behaviour.set_points.get(place) else { return };
-    let verdict = node.gate_verdict(point.gated_subject(), now);
+    let verdict = SetPointGates::new(node, point.gated_subject(), now).gate_verdict();
     let waited = incoming.frame != frame.number
         && runs
         && node.behaviour.sync.is_some_and(|it| it.frame == frame.number);
@@ -224,7 +224,7 @@ pub(in crate::session) fn reassess_set_points(id: NodeId, frame: &Frame, cx: &mu
     let mut changes = Vec::new();
     for (place, point) in node.behaviour.set_points.iter().enumerate() {
         let Some((value, _)) = &point.reported else { continue };
-        let verdict = node.gate_verdict(point.gated_subject(), now);
+        let verdict = SetPointGates::new(node, point.gated_subject(), now).gate_verdict();
         if point.effective != Some(verdict.effective) {
             changes.push((place, point.set_point_event(value, verdict.effective, &verdict.gates), verdict));
         }

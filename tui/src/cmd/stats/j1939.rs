@@ -10,7 +10,7 @@ use cobscope_decoder::wire::j1939::{J1939Name, NameFields};
 
 /// Writes one row per source address, with the state at the end of the capture.
 pub(super) fn push_table(bus: &Bus, statistics: &BusStatistics, text: &mut String) {
-    if !bus.is_j1939() {
+    if !bus.protocols().is_j1939() {
         return;
     }
     let mut table = TextTable::new(&[

@@ -94,12 +94,12 @@ fn push_load(
             let _ = writeln!(text, "          {}", beginning_text(&beginning));
         }
     }
-    if bus.is_canopen_presumed() {
+    if bus.protocols().is_canopen_presumed() {
         let _ = writeln!(text, "          {UNCONFIRMED}");
     }
     if statistics.undecoded + statistics.malformed > 0 {
         // Services other than SYNC, TIME and PDO are decoded only on a confirmed bus.
-        let known = if bus.is_canopen_presumed() { "known or confirmed" } else { "known" };
+        let known = if bus.protocols().is_canopen_presumed() { "known or confirmed" } else { "known" };
         let _ = writeln!(
             text,
             "          {} of no {known} service, {} malformed",
@@ -111,13 +111,13 @@ fn push_load(
         let is_only = report.decoder.buses().len() == 1;
         let _ = writeln!(text, "          {}", suggestion.text(bus, is_only));
     }
-    for hint in bus.sdo_dialogues() {
+    for hint in bus.hints().sdo_dialogues() {
         let _ = writeln!(text, "          {hint}");
         for line in hint.bus_file().lines() {
             let _ = writeln!(text, "          {line}");
         }
     }
-    for hint in bus.unnamed_uds() {
+    for hint in bus.hints().unnamed_uds() {
         let _ = writeln!(text, "          {hint}");
     }
 }

@@ -232,7 +232,9 @@ impl Pane for NodesPane {
         let row = |index: usize| {
             lines.get(index).map_or_else(TableRow::default, |line| Self::table_row(core, line, room))
         };
-        let doubt = core.bus_state().and_then(|world| world.buses().iter().find_map(Bus::detection_doubt));
+        let doubt = core
+            .bus_state()
+            .and_then(|world| world.buses().iter().find_map(|bus| bus.protocols().detection_doubt()));
         let empty = match (core.bus_state(), doubt) {
             (None, _) => "reading …".to_owned(),
             (Some(_), Some(doubt)) => format!("no nodes: {doubt}"),

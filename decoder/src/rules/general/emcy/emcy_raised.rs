@@ -141,9 +141,10 @@ impl EmcyRaised {
             ShownEvent::Operational(shown) => {
                 (shown.presumed, "; reported before the node was operational, not cleared since")
             }
-            ShownEvent::Late => {
-                (!context.bus.is_settled(Some(node)), "; reported at power-on, not cleared within 5 s")
-            }
+            ShownEvent::Late => (
+                !context.bus.protocols().is_settled(Some(node)),
+                "; reported at power-on, not cleared within 5 s",
+            ),
         };
         let alarm = context
             .start_finding(event)

@@ -78,7 +78,8 @@ impl Node {
         let mut all: Vec<GateState> = Vec::new();
         for point in &self.behaviour.set_points {
             let subject = point.gated_subject();
-            if let Some((detail, id)) = self.find_contradiction(subject) {
+            let gates = SetPointGates::new(self, subject, now);
+            if let Some((detail, id)) = gates.find_contradiction() {
                 let detail = format!("{detail}, commands arrive on {id}h, {}", consumers(id));
                 all.push(GateState {
                     set_point: subject.object,
@@ -92,8 +93,8 @@ impl Node {
                     source: "CiA 301 §7.5.2.35".to_owned(),
                 });
             }
-            for gate in self.gates_of(subject) {
-                let (status, detail) = self.status_with_detail(gate, subject, now);
+            for gate in gates.gates() {
+                let (status, detail) = gates.status_with_detail(gate);
                 all.push(GateState {
                     set_point: subject.object,
                     name: point.object_title().to_owned(),
@@ -109,39 +110,56 @@ impl Node {
         all.sort_by_key(|gate| (gate.set_point, gate.status != GateStatus::Closed));
         all
     }
+}
+
+/// Gates of one set point of a node at one time.
+pub(in crate::session) struct SetPointGates<'a> {
+    node: &'a Node,
+    subject: GatedSetPoint<'a>,
+    now: i64,
+}
+
+impl<'a> SetPointGates<'a> {
+    /// Gates of a set point at the monotonic time `now`.
+    pub(in crate::session) fn new(node: &'a Node, subject: GatedSetPoint<'a>, now: i64) -> Self {
+        Self { node, subject, now }
+    }
 
     /// Contradiction between the configured COB-ID of an RPDO and the identifier on which it arrives
     /// (CiA 301 §7.5.2.35: bit 31 marks a PDO that is not valid). A set point received before the COB-ID was
     /// written remains in force.
-    fn find_contradiction(&self, subject: GatedSetPoint<'_>) -> Option<(String, CanId)> {
-        let (ValueCarrier::Pdo(name), Some((id, frame))) = (subject.carrier, subject.id) else { return None };
-        let cob_id = self.configured_cob_id(*name)?;
+    fn find_contradiction(&self) -> Option<(String, CanId)> {
+        let (ValueCarrier::Pdo(name), Some((id, frame))) = (self.subject.carrier, self.subject.id) else {
+            return None;
+        };
+        let cob_id = self.node.configured_cob_id(*name)?;
         let object = ObjectAddress::new(name.communication_index(), 1);
         if cob_id & INVALID != 0 {
             return Some((format!("{object} = {cob_id:X}h (bit 31: not valid)"), id));
         }
-        let origin = self.store.seen_value(object)?.origin;
+        let origin = self.node.store.seen_value(object)?.origin;
         let is_later = origin.kind != OriginKind::Download || frame > origin.frame;
         let is_other = is_later && nonzero_identifier(cob_id) != Some(id);
         is_other.then(|| (format!("{object} = {cob_id:X}h"), id))
     }
 
-    fn gates_of<'a>(&'a self, subject: GatedSetPoint<'a>) -> impl Iterator<Item = &'a Gate> {
-        self.device.gates.iter().filter(move |gate| {
+    fn gates(&self) -> impl Iterator<Item = &'a Gate> + use<'a> {
+        let subject = self.subject;
+        self.node.device.gates.iter().filter(move |gate| {
             gate.is_for(subject.object, subject.channel)
                 && gate.pdo.is_none_or(|pdo| *subject.carrier == ValueCarrier::Pdo(pdo))
         })
     }
 
     /// Evaluates all gates of a set point.
-    pub(in crate::session) fn gate_verdict(&self, subject: GatedSetPoint<'_>, now: i64) -> GateVerdict {
+    pub(in crate::session) fn gate_verdict(&self) -> GateVerdict {
         let (mut closed, mut unknown, mut any) = (Vec::new(), Vec::new(), false);
-        if self.find_contradiction(subject).is_some() {
+        if self.find_contradiction().is_some() {
             closed.push(COB_ID.to_owned());
         }
-        for gate in self.gates_of(subject) {
+        for gate in self.gates() {
             any = true;
-            match self.gate_status(gate, subject, now) {
+            match self.gate_status(gate) {
                 GateStatus::Closed => closed.push(gate.name.clone()),
                 GateStatus::Unknown => unknown.push(gate.name.clone()),
                 GateStatus::Open | GateStatus::Invisible => {}
@@ -155,23 +173,24 @@ impl Node {
     }
 
     /// Evaluates one gate for a set point.
-    fn gate_status(&self, gate: &Gate, subject: GatedSetPoint<'_>, now: i64) -> GateStatus {
-        let facts = self.facts_of(subject, now);
-        let status =
-            |open: &DeviceCondition| with_otherwise(gate, open.evaluate_condition(&facts, subject.channel));
+    fn gate_status(&self, gate: &Gate) -> GateStatus {
+        let facts = self.node.facts_of(self.subject, self.now);
+        let status = |open: &DeviceCondition| {
+            with_otherwise(gate, open.evaluate_condition(&facts, self.subject.channel))
+        };
         gate.open.0.iter().map(status).fold(GateStatus::Open, GateStatus::and)
     }
 
     /// Evaluates one gate and returns the fact that decided.
-    fn status_with_detail(&self, gate: &Gate, subject: GatedSetPoint<'_>, now: i64) -> (GateStatus, String) {
-        let facts = self.facts_of(subject, now);
+    fn status_with_detail(&self, gate: &Gate) -> (GateStatus, String) {
+        let facts = self.node.facts_of(self.subject, self.now);
         let mut worst = (GateStatus::Open, String::new());
         for condition in &gate.open.0 {
-            let found = condition.evaluate_condition(&facts, subject.channel);
+            let found = condition.evaluate_condition(&facts, self.subject.channel);
             let status = with_otherwise(gate, found);
             let both = worst.0.and(status);
             if both != worst.0 || worst.1.is_empty() {
-                worst = (both, facts.deciding_fact(condition, subject.channel, found));
+                worst = (both, facts.deciding_fact(condition, self.subject.channel, found));
             }
         }
         worst
