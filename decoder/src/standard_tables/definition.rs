@@ -1,15 +1,15 @@
 //! Definitions of groups: name, variants and fields, as their lines state them.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, Mutex};
 
 use foldhash::fast::FixedState;
 
+use super::field::{FieldDefinition, ValueTables};
 use super::kind::{FieldKind, KindColumn};
-use super::placement::FieldPlace;
-use super::table::{TableIndex, ValueTable};
+use super::place::FieldPlace;
 use crate::frame::low_bits;
-use crate::profile::{ObjectMeaning, PayloadLayout, little_endian};
+use crate::profile::{PayloadLayout, little_endian};
 
 /// Layouts of one definition; more lengths of a hostile sender are not stored.
 pub(super) const MOST_LAYOUTS: usize = 64;
@@ -20,6 +20,8 @@ pub(super) struct GroupDefinition {
     pub(super) is_fast: bool,
     pub(super) lines: Vec<DefinitionLine>,
     matches: Vec<RequiredNumber>,
+    /// Value tables of the file.
+    pub(super) tables: &'static ValueTables,
     /// Total length in bits, if it does not depend on the payload.
     pub(super) fixed_bits: Option<u16>,
     /// Layouts by the places of the fields.
@@ -40,20 +42,6 @@ pub(super) enum DefinitionLine {
     },
 }
 
-/// A field of a group.
-#[derive(Debug)]
-pub(super) struct FieldDefinition {
-    pub(super) name: &'static str,
-    pub(super) column: KindColumn,
-    pub(super) factor: f64,
-    pub(super) offset: f64,
-    pub(super) unit: &'static str,
-    /// Texts of the numbers, bits or keys.
-    pub(super) table: Option<&'static ValueTable>,
-    /// Meaning of the field outside repetitions.
-    pub(super) meaning: OnceLock<Arc<ObjectMeaning>>,
-}
-
 /// Number that selects a definition.
 #[derive(Debug, Clone, Copy)]
 struct RequiredNumber {
@@ -71,32 +59,16 @@ impl RequiredNumber {
     }
 }
 
-impl FieldDefinition {
-    /// A field with the columns name, kind, factor, offset, unit, table; `None` for a gap without a kind.
-    pub(super) fn parse_columns(
-        mut columns: impl Iterator<Item = &'static str>,
-        index: &'static TableIndex,
-    ) -> Option<Self> {
-        let name = columns.next()?;
-        let column = KindColumn::parse_column(columns.next()?)?;
-        let mut number = |default: f64| columns.next().and_then(|text| text.parse().ok()).unwrap_or(default);
-        let (factor, offset) = (number(1.0), number(0.0));
-        let unit = columns.next().unwrap_or_default();
-        let table = columns.next().and_then(|name| index.values(name));
-        Some(Self { name, column, factor, offset, unit, table, meaning: OnceLock::new() })
-    }
-}
-
 /// Definitions in the lines of one group.
-pub(super) fn parse_groups(lines: &'static str, index: &'static TableIndex) -> Vec<GroupDefinition> {
+pub(super) fn parse_groups(lines: &'static str, tables: &'static ValueTables) -> Vec<GroupDefinition> {
     let mut groups: Vec<GroupDefinition> = Vec::new();
     for line in lines.lines() {
         let mut columns = line.split('\t');
         let Some(first) = columns.next() else { continue };
         match (first, groups.last_mut()) {
-            ("%G" | "%R", _) => groups.extend(GroupDefinition::parse_head(columns)),
+            ("%G" | "%R", _) => groups.extend(GroupDefinition::parse_head(columns, tables)),
             ("%L" | "%B" | "%K", _) | (_, None) => {}
-            (_, Some(group)) => group.lines.extend(DefinitionLine::parse_line(line, index)),
+            (_, Some(group)) => group.lines.extend(DefinitionLine::parse_line(line, tables)),
         }
     }
     groups.iter_mut().for_each(GroupDefinition::locate_numbers);
@@ -104,24 +76,25 @@ pub(super) fn parse_groups(lines: &'static str, index: &'static TableIndex) -> V
 }
 
 impl DefinitionLine {
-    fn parse_line(line: &'static str, index: &'static TableIndex) -> Option<Self> {
+    fn parse_line(line: &'static str, tables: &'static ValueTables) -> Option<Self> {
         let mut columns = line.split('\t');
         if columns.next() == Some("%*") {
             let count = columns.next().and_then(|line| line.parse().ok());
             return Some(Self::Repeat { count, fields: columns.next()?.parse().ok()? });
         }
-        FieldDefinition::parse_columns(line.split('\t'), index).map(|field| Self::Field(Box::new(field)))
+        FieldDefinition::parse_columns(line.split('\t'), tables).map(|field| Self::Field(Box::new(field)))
     }
 }
 
 impl GroupDefinition {
-    fn parse_head(mut columns: std::str::Split<'static, char>) -> Option<Self> {
+    fn parse_head(mut columns: std::str::Split<'static, char>, tables: &'static ValueTables) -> Option<Self> {
         Some(Self {
             // The number is the key of the index.
             is_fast: columns.nth(1)? == "F",
             name: columns.next().unwrap_or_default().into(),
             lines: Vec::new(),
             matches: Vec::new(),
+            tables,
             fixed_bits: None,
             layouts: LayoutCache::default(),
         })

@@ -1,6 +1,6 @@
 //! Evidence of RV-C: groups that only this standard defines, in frames of eight bytes.
 
-use super::group::Standard;
+use super::standard::Standard;
 use crate::wire::j1939::Pgn;
 
 /// Different groups of RV-C that are enough.

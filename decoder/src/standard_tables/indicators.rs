@@ -1,6 +1,6 @@
 //! Codes of a field without a value, by the rules of its standard.
 
-use super::definition::FieldDefinition;
+use super::field::FieldDefinition;
 use super::kind::FieldKind;
 use crate::frame::low_bits;
 use crate::profile::{IndicatorCoding, LayoutOrigin, ParameterIndicators};

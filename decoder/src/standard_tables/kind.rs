@@ -2,9 +2,6 @@
 //!
 //! `decoder/standards/README.md` lists the letters.
 
-use super::definition::FieldDefinition;
-use super::table::TableIndex;
-
 /// How the bits of a field are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum FieldKind {
@@ -41,6 +38,13 @@ pub(super) enum FieldKind {
     KeyedValue,
     /// Value of a field of another group: the group of the last `Group` field, the field of the last number.
     Referenced,
+}
+
+impl FieldKind {
+    /// Whether a field contains characters.
+    pub(super) const fn is_text(self) -> bool {
+        matches!(self, Self::Text | Self::EncodedText | Self::CountedText | Self::DelimitedText)
+    }
 }
 
 /// Parsed second column: `u16=419@190`.
@@ -104,20 +108,6 @@ fn kind_of(letter: char) -> Option<FieldKind> {
         'w' => FieldKind::Referenced,
         _ => return None,
     })
-}
-
-/// Field that a key selects, as in `DC Voltage:u16:0.01::V`.
-#[derive(Debug)]
-pub(super) struct KeyEntry(FieldDefinition);
-
-impl KeyEntry {
-    pub(super) fn parse_entry(text: &'static str, index: &'static TableIndex) -> Option<Self> {
-        FieldDefinition::parse_columns(text.split(':'), index).map(Self)
-    }
-
-    pub(super) const fn field(&self) -> &FieldDefinition {
-        &self.0
-    }
 }
 
 #[cfg(test)]

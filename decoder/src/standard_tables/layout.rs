@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use super::definition::{FieldDefinition, GroupDefinition};
-use super::group::referenced_field;
+use super::definition::GroupDefinition;
+use super::field::FieldDefinition;
 use super::indicators::indicator_codes;
 use super::kind::FieldKind;
-use super::placement::{FieldOrigin, FieldPlace, is_text};
-use super::table::TableIndex;
+use super::place::{FieldOrigin, FieldPlace};
+use super::standard::referenced_field;
 use crate::profile::object::NumberFormat;
 use crate::profile::{
     BitOrder, DataType, LayoutOrigin, ObjectMeaning, PayloadLayout, RawConversion, SignalField, SignalId,
@@ -20,7 +20,6 @@ const FLOAT_DIGITS: u8 = 6;
 /// Layout of the placed fields; never longer than the last field.
 pub(super) fn layout_of(
     definition: &GroupDefinition,
-    index: &'static TableIndex,
     places: &[FieldPlace],
     origin: LayoutOrigin,
 ) -> PayloadLayout {
@@ -28,7 +27,7 @@ pub(super) fn layout_of(
         let field = match place.origin {
             FieldOrigin::Line => definition.field(usize::from(place.line))?,
             FieldOrigin::Key { line, key } => {
-                definition.field(usize::from(line))?.table?.key_entry(key, index)?.field()
+                definition.field(usize::from(line))?.table?.key_entry(key, definition.tables)?
             }
             FieldOrigin::Group { number, field } => referenced_field(number, field)?,
         };
@@ -64,8 +63,8 @@ fn data_type_of(field: &FieldDefinition, place: &FieldPlace) -> DataType {
         FieldKind::Signed if place.bits <= 64 => DataType::signed_of(place.bits),
         FieldKind::Real if place.bits == 32 => DataType::Real32,
         FieldKind::Real if place.bits == 64 => DataType::Real64,
-        kind if is_text(kind) && place.is_wide => DataType::UnicodeString,
-        kind if is_text(kind) => DataType::VisibleString,
+        kind if kind.is_text() && place.is_wide => DataType::UnicodeString,
+        kind if kind.is_text() => DataType::VisibleString,
         FieldKind::Bytes | FieldKind::Digits | FieldKind::KeyedValue | FieldKind::Referenced
             if is_aligned =>
         {

@@ -12,19 +12,23 @@
 
 mod definition;
 mod evidence;
+mod field;
 mod group;
 mod indicators;
 mod kind;
 mod layout;
 mod name;
+mod place;
 mod placement;
 mod source;
+mod standard;
 mod table;
 #[cfg(test)]
 mod tests;
 
 pub(crate) use evidence::RvCEvidence;
-pub(crate) use group::{Standard, is_fast_group, standard_group, standard_parameter};
+pub(crate) use group::standard_group;
 pub use name::{describe_name, function_name, manufacturer_name};
 pub use source::{TableSource, table_sources};
+pub(crate) use standard::{Standard, is_fast_group, standard_parameter};
 pub use table::NamedParameter;

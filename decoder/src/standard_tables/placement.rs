@@ -1,43 +1,19 @@
 //! Places of the fields in one payload: lengths of texts, repetitions, keyed values.
 
-use super::definition::{DefinitionLine, FieldDefinition, GroupDefinition};
-use super::group::referenced_field;
+use super::definition::{DefinitionLine, GroupDefinition};
+use super::field::FieldDefinition;
 use super::kind::{FieldKind, KindColumn};
-use super::table::TableIndex;
+use super::place::{FieldOrigin, FieldPlace};
+use super::standard::referenced_field;
 use crate::frame::low_bits;
 use crate::profile::little_endian;
 
 /// Max fields of a payload: those of a full message of J1939-21 with one byte each.
 const MOST_FIELDS: usize = 1785;
 
-/// Place of one field. Equal places have equal layouts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) struct FieldPlace {
-    pub(super) line: u16,
-    /// Number of the repetition, from 1; 0 outside repetitions.
-    pub(super) repetition: u16,
-    pub(super) bit: u16,
-    pub(super) bits: u16,
-    /// Whether a text has two bytes per character.
-    pub(super) is_wide: bool,
-    pub(super) origin: FieldOrigin,
-}
-
-/// Definition of a placed field.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) enum FieldOrigin {
-    /// That of the line.
-    Line,
-    /// That of a key in the table of the key field.
-    Key { line: u16, key: u64 },
-    /// That of a numbered field of another group.
-    Group { number: u32, field: u8 },
-}
-
 /// Position in a payload while its fields are placed.
 pub(super) struct PlacementWalk<'a> {
     definition: &'a GroupDefinition,
-    index: &'static TableIndex,
     payload: &'a [u8],
     bit: usize,
     places: Vec<FieldPlace>,
@@ -68,15 +44,10 @@ impl FieldExtent {
 
 impl<'a> PlacementWalk<'a> {
     /// Places of all fields that the payload contains.
-    pub(super) fn place_fields(
-        definition: &'a GroupDefinition,
-        index: &'static TableIndex,
-        payload: &'a [u8],
-    ) -> Vec<FieldPlace> {
+    pub(super) fn place_fields(definition: &'a GroupDefinition, payload: &'a [u8]) -> Vec<FieldPlace> {
         let numbers = vec![0; definition.lines.len()];
         let (places, key, length) = (Vec::new(), None, None);
-        let mut walk =
-            Self { definition, index, payload, bit: 0, places, numbers, key, length, reference: (0, 0) };
+        let mut walk = Self { definition, payload, bit: 0, places, numbers, key, length, reference: (0, 0) };
         // An incomplete field ends the walk; the fields before it are valid.
         let _ = walk.place_all();
         walk.places
@@ -142,7 +113,7 @@ impl<'a> PlacementWalk<'a> {
         if end > self.payload.len().checked_mul(8)? || self.places.len() >= MOST_FIELDS {
             return None;
         }
-        if matches!(field.column.kind, FieldKind::Gap) || extent.bits == 0 && !is_text(field.column.kind) {
+        if matches!(field.column.kind, FieldKind::Gap) || extent.bits == 0 && !field.column.kind.is_text() {
             self.bit = end.checked_add(extent.after)?;
             return Some(());
         }
@@ -165,7 +136,7 @@ impl<'a> PlacementWalk<'a> {
             FieldKind::KeyedValue => {
                 let found = self.key.and_then(|(line, key)| {
                     let table = self.definition.field(usize::from(line))?.table?;
-                    Some((FieldOrigin::Key { line, key }, table.key_entry(key, self.index)?.field()))
+                    Some((FieldOrigin::Key { line, key }, table.key_entry(key, self.definition.tables)?))
                 });
                 found.unwrap_or((FieldOrigin::Line, field))
             }
@@ -242,7 +213,7 @@ impl<'a> PlacementWalk<'a> {
 
     /// Stores a number that later fields depend on.
     fn note_number(&mut self, line: usize, column: KindColumn, bit: usize, bits: usize) {
-        let is_number = (1..=64).contains(&bits) && !is_text(column.kind);
+        let is_number = (1..=64).contains(&bits) && !column.kind.is_text();
         let first = bit / 8;
         let end = bit.saturating_add(bits).div_ceil(8);
         // Numbers that other fields depend on have at most 24 bits, within eight bytes.
@@ -264,12 +235,4 @@ impl<'a> PlacementWalk<'a> {
             _ => {}
         }
     }
-}
-
-/// Whether a field contains characters or bytes.
-pub(super) const fn is_text(kind: FieldKind) -> bool {
-    matches!(
-        kind,
-        FieldKind::Text | FieldKind::EncodedText | FieldKind::CountedText | FieldKind::DelimitedText
-    )
 }

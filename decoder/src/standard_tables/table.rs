@@ -1,13 +1,11 @@
 //! Lines of the table files, indexed at the first question.
 
-use std::collections::{BTreeMap, HashMap};
-use std::sync::{Arc, OnceLock};
-
-use foldhash::fast::FixedState;
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 use super::definition::{GroupDefinition, parse_groups};
-use super::kind::{KeyEntry, KindColumn};
-use crate::profile::{BitName, BitNames, ValueNames};
+use super::field::{ValueTable, ValueTables};
+use super::kind::KindColumn;
 
 /// A file of `decoder/standards/`.
 pub(super) struct TableFile {
@@ -30,7 +28,7 @@ pub(super) struct TableIndex {
     groups: BTreeMap<u32, GroupEntry>,
     /// Ranges of proprietary groups: first and last group.
     ranges: Vec<(u32, u32, GroupEntry)>,
-    values: HashMap<&'static str, ValueTable, FixedState>,
+    values: ValueTables,
     text: &'static str,
     parameters: OnceLock<BTreeMap<u32, NamedParameter<'static>>>,
 }
@@ -50,15 +48,6 @@ struct GroupEntry {
     variants: OnceLock<Vec<GroupDefinition>>,
 }
 
-/// A line with the texts of numbers, bits or keys, and its content after its first use.
-#[derive(Debug)]
-pub(super) struct ValueTable {
-    line: &'static str,
-    names: OnceLock<Arc<ValueNames>>,
-    bits: OnceLock<Arc<BitNames>>,
-    keys: OnceLock<BTreeMap<u64, KeyEntry>>,
-}
-
 impl TableFile {
     const fn new(name: &'static str, text: &'static str) -> Self {
         Self { name, text, index: OnceLock::new() }
@@ -74,8 +63,8 @@ impl GroupEntry {
         Self { lines, variants: OnceLock::new() }
     }
 
-    fn variants(&'static self, index: &'static TableIndex) -> &'static [GroupDefinition] {
-        self.variants.get_or_init(|| parse_groups(self.lines, index))
+    fn variants(&'static self, tables: &'static ValueTables) -> &'static [GroupDefinition] {
+        self.variants.get_or_init(|| parse_groups(self.lines, tables))
     }
 }
 
@@ -122,13 +111,13 @@ impl TableIndex {
 
     /// Variants of a group in order of precedence; empty for an unknown group.
     pub(super) fn variants_of(&'static self, number: u32) -> &'static [GroupDefinition] {
-        self.groups.get(&number).map_or(&[], |entry| entry.variants(self))
+        self.groups.get(&number).map_or(&[], |entry| entry.variants(&self.values))
     }
 
     /// Definition of the range that contains a group.
     pub(super) fn range_of(&'static self, number: u32) -> Option<&'static GroupDefinition> {
         let mut ranges = self.ranges.iter().filter(|(first, last, _)| (*first..=*last).contains(&number));
-        ranges.next()?.2.variants(self).first()
+        ranges.next()?.2.variants(&self.values).first()
     }
 
     /// Suspect parameter with this number.
@@ -157,80 +146,6 @@ impl TableIndex {
     }
 }
 
-impl ValueTable {
-    const fn new(line: &'static str) -> Self {
-        Self { line, names: OnceLock::new(), bits: OnceLock::new(), keys: OnceLock::new() }
-    }
-
-    /// Number and text of each entry.
-    fn entries(&self) -> impl Iterator<Item = (u64, &'static str)> {
-        let entries = self.line.split('\t').skip(2).filter_map(|entry| entry.split_once('='));
-        entries.filter_map(|(number, text)| Some((number.parse().ok()?, text)))
-    }
-
-    /// Texts by number; of a key, the name of its field.
-    pub(super) fn names(&self) -> &Arc<ValueNames> {
-        let is_of_keys = self.line.starts_with("%K");
-        self.names.get_or_init(|| {
-            let named = self.entries().filter_map(|(number, text)| {
-                let name = text.split_once(':').filter(|_| is_of_keys).map_or(text, |(name, _)| name);
-                Some((i64::try_from(number).ok()?, name.to_owned()))
-            });
-            Arc::new(ValueNames(named.collect()))
-        })
-    }
-
-    /// Text of one number, without reading the whole table.
-    pub(super) fn find_text(&self, number: u64) -> Option<&'static str> {
-        self.entries().find(|(known, _)| *known == number).map(|(_, text)| text)
-    }
-
-    /// Names by bit.
-    pub(super) fn bits(&self) -> &Arc<BitNames> {
-        self.bits.get_or_init(|| {
-            let named = self.entries().filter_map(|(bit, text)| {
-                Some(BitName {
-                    bit: u8::try_from(bit).ok()?,
-                    width: 1,
-                    name: to_kebab_case(text),
-                    text: Some(text.to_owned()),
-                    off: None,
-                    values: None,
-                    reserved: false,
-                })
-            });
-            Arc::new(BitNames { list: named.collect() })
-        })
-    }
-
-    /// Field that a key selects.
-    pub(super) fn key_entry(
-        &'static self,
-        key: u64,
-        index: &'static TableIndex,
-    ) -> Option<&'static KeyEntry> {
-        let keys = self.keys.get_or_init(|| {
-            self.entries()
-                .filter_map(|(key, text)| Some((key, KeyEntry::parse_entry(text, index)?)))
-                .collect()
-        });
-        keys.get(&key)
-    }
-}
-
-/// Name in JSON: `Check Engine` becomes `check-engine`.
-fn to_kebab_case(text: &str) -> String {
-    let mut name = String::new();
-    for letter in text.chars() {
-        if letter.is_ascii_alphanumeric() {
-            name.push(letter.to_ascii_lowercase());
-        } else if !name.is_empty() && !name.ends_with('-') {
-            name.push('-');
-        }
-    }
-    name.trim_end_matches('-').to_owned()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -244,7 +159,8 @@ mod tests {
                 lines.clone().filter(|line| line.starts_with("%G\t") || line.starts_with("%R\t")).count();
             let values =
                 lines.filter(|line| matches!(line.split('\t').next(), Some("%L" | "%B" | "%K"))).count();
-            let ranges: usize = index.ranges.iter().map(|(.., entry)| entry.variants(index).len()).sum();
+            let ranges: usize =
+                index.ranges.iter().map(|(.., entry)| entry.variants(&index.values).len()).sum();
             let variants: usize = index.numbers().map(|number| index.variants_of(number).len()).sum();
             assert_eq!(variants + ranges, groups, "{}", file.name);
             assert_eq!(index.values.len(), values, "{}", file.name);
@@ -261,11 +177,5 @@ mod tests {
                 assert!(file.index().values(name).is_some(), "{}: {line}", file.name);
             }
         }
-    }
-
-    #[test]
-    fn names_of_bits_are_kebab_case() {
-        assert_eq!(to_kebab_case("Check Engine"), "check-engine");
-        assert_eq!(to_kebab_case("Over-temp (oil)"), "over-temp-oil");
     }
 }

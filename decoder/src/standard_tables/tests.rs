@@ -2,7 +2,8 @@
 
 use proptest::prelude::*;
 
-use super::group::{Standard, standard_group};
+use super::group::standard_group;
+use super::standard::Standard;
 use super::table::FILES;
 use crate::profile::PayloadLayout;
 use crate::wire::j1939::Pgn;

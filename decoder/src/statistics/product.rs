@@ -1,11 +1,18 @@
 //! Product data that a J1939 device sends about itself.
 
 use crate::event::{Event, EventKind};
-use crate::profile::DecodedValue;
+use crate::profile::{DecodedValue, SignalId};
 use crate::wire::j1939::Pgn;
 
 /// Longest text that is stored, in bytes; a message of NMEA 2000 has 32.
 const LONGEST: usize = 128;
+
+/// Suspect parameters of component, software and vehicle identification (J1939-71).
+const MAKE: u32 = 586;
+const MODEL: u32 = 587;
+const SERIAL_NUMBER: u32 = 588;
+const SOFTWARE: u32 = 234;
+const VEHICLE: u32 = 237;
 
 /// Product data of a device; the last message of each kind.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -36,20 +43,28 @@ impl DeviceProduct {
         if !is_identification(pgn) {
             return;
         }
-        for signal in event.decode_signals() {
-            let (Some(name), DecodedValue::Text(text)) = (signal.name(), &signal.value) else { continue };
-            let place = match name {
-                "Make" => &mut self.make,
-                "Model" | "Model ID" => &mut self.model,
-                "Software Version Code" | "Software Identification" => &mut self.software,
-                "Serial Number" | "Model Serial Code" => &mut self.serial_number,
-                "Vehicle Identification Number" => &mut self.vehicle,
-                _ => continue,
-            };
+        let texts = event.decode_signals().filter_map(|signal| match signal.value {
+            DecodedValue::Text(text) => Some((signal.field.id, text)),
+            _ => None,
+        });
+        for (number, (id, text)) in texts.enumerate() {
+            let Some(place) = self.place_of(id, number) else { continue };
             let text = text.trim();
             if !text.is_empty() && text.len() <= LONGEST {
                 *place = Some(text.to_owned());
             }
+        }
+    }
+
+    /// Place of a text: by its SPN, or by its number in the product information of NMEA 2000.
+    fn place_of(&mut self, id: SignalId, number: usize) -> Option<&mut Option<String>> {
+        match (id, number) {
+            (SignalId::Spn(MAKE), _) => Some(&mut self.make),
+            (SignalId::Spn(MODEL), _) | (SignalId::Name, 0) => Some(&mut self.model),
+            (SignalId::Spn(SOFTWARE), _) | (SignalId::Name, 1) => Some(&mut self.software),
+            (SignalId::Spn(SERIAL_NUMBER), _) | (SignalId::Name, 3) => Some(&mut self.serial_number),
+            (SignalId::Spn(VEHICLE), _) => Some(&mut self.vehicle),
+            _ => None,
         }
     }
 
