@@ -25,7 +25,7 @@ pub use life::{LifeSign, LifeWatch};
 pub use nodes::{BusNodes, EmittedSetPoint, GateState, NmtStatus, Node, PendingNodeId};
 pub(in crate::session) use nodes::{
     CommandStep, ConcernedDevice, DetectedByteOrder, DtcChange, GatedSetPoint, MachineState, ProcedureResult,
-    RestartType, RunningProcedure, SetPointGates, SetPointState, UNANSWERED, is_triggered_by,
+    RestartType, RunningProcedure, SetPointGates, SetPointState, ShortPayload, UNANSWERED, is_triggered_by,
     layout_of_profile, leads_further, leads_to, leave_text, pdo_layout,
 };
 pub use objects::{ObjectStore, OriginKind, PendingValue, StoredObject, StoredOrigin};

@@ -66,7 +66,9 @@ impl ProtocolMachine for PdoMachine {
         copy_payload(&mut pdo.bytes, frame);
         let mut matters = false;
         if let Some(planned) = &mut entry.plan {
-            matters = planned.plan.triggers || change.is_some_and(|change| change & planned.plan.mask != 0);
+            matters = planned.plan.triggers
+                || is_resized
+                || change.is_some_and(|change| change & planned.plan.mask != 0);
             if planned.plan.commands {
                 planned.recent.push(frame.number, bus.clock.now());
             }

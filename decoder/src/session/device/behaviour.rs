@@ -19,7 +19,7 @@ use crate::event::{DecodedPdo, EventKind, J1939Message};
 use crate::frame::Frame;
 use crate::profile::device::TriggerEvent;
 use crate::profile::{ObjectRole, PayloadLayout, PdoDirection, ValueCarrier};
-use crate::session::bus::{Bus, FrameMoment, OriginKind, StoredOrigin, WatchPlan};
+use crate::session::bus::{Bus, FrameMoment, OriginKind, ShortPayload, StoredOrigin, WatchPlan};
 use crate::session::context::MachineContext;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
@@ -42,8 +42,16 @@ pub(in crate::session) fn on_values(
         | EventKind::J1939Message(J1939Message { layout: Some(layout), .. }) => Arc::clone(layout),
         _ => return,
     };
-    let Some(device) = cx.bus.node(id).map(|node| Arc::clone(&node.device)) else { return };
-    let (mut set_points, mut gates) = (false, false);
+    let short = missing_bytes((carrier, direction), &layout, frame);
+    if short.is_some_and(|it| !it.assumed) {
+        // The device does not process it (CiA 301 §7.2.2.3).
+        set_points_changed(id, carrier, (&layout, short), &plan, frame, cx);
+        return;
+    }
+    let Some(node) = cx.bus.node(id) else { return };
+    let device = Arc::clone(&node.device);
+    let mut set_points = node.behaviour.has_short_payload(carrier);
+    let mut gates = false;
     for watched in &plan.fields {
         let Some(field) = layout.fields.get(watched.place) else { continue };
         let (Some(meaning), Some(raw)) = (&field.meaning, field.extract_bits(frame.data())) else { continue };
@@ -67,7 +75,7 @@ pub(in crate::session) fn on_values(
         field_changed(&changed, frame, cx);
     }
     if set_points {
-        set_points_changed(id, carrier, &layout, &plan, frame, cx);
+        set_points_changed(id, carrier, (&layout, short), &plan, frame, cx);
     }
     if gates {
         reassess_set_points(id, frame, cx);
@@ -76,6 +84,17 @@ pub(in crate::session) fn on_values(
         advance_procedures_by_message(id, carrier, frame, cx);
         repeated_bits(id, &layout, &plan, frame, cx);
     }
+}
+
+/// Length of an RPDO with less data than its mapping.
+fn missing_bytes(
+    (carrier, direction): (&ValueCarrier, PdoDirection),
+    layout: &PayloadLayout,
+    frame: &Frame,
+) -> Option<ShortPayload> {
+    let (ValueCarrier::Pdo(_), PdoDirection::Receive) = (carrier, direction) else { return None };
+    let (bytes, needed) = (u8::try_from(frame.data().len()).ok()?, layout.bits.div_ceil(8));
+    (u16::from(bytes) < needed).then_some(ShortPayload { bytes, needed, assumed: layout.assumed })
 }
 
 fn field_changed(changed: &FieldChange<'_>, frame: &Frame, cx: &mut MachineContext<'_>) {

@@ -80,7 +80,14 @@ pub(in crate::session) fn advance_procedures_by_message(
 ) {
     let Some(device) = cx.bus.node(id).map(|node| Arc::clone(&node.device)) else { return };
     let now = cx.bus.clock.now();
-    let subject = GatedSetPoint { object: ObjectAddress::default(), channel: None, carrier, id: None };
+    let subject = GatedSetPoint {
+        object: ObjectAddress::default(),
+        channel: None,
+        carrier,
+        id: None,
+        late: false,
+        short: None,
+    };
     let event = carrier.into();
     for (place, procedure) in device.procedures.iter().enumerate() {
         let Some(node) = cx.bus.node(id) else { return };

@@ -69,6 +69,8 @@ impl<'a> NodeFacts<'a> {
                 Some(DecidingNumber { raw, assumed }) => {
                     format!("{object} = {raw}{}", if assumed { "?" } else { "" })
                 }
+                // Its gate is named after the object.
+                None if matches!(condition, DeviceCondition::Known(_)) => String::new(),
                 None => format!("{object} not seen"),
             };
         }

@@ -1,16 +1,13 @@
 //! Gates: conditions under which a set point takes effect.
 
 use super::node::Node;
-use super::set_point::GatedSetPoint;
+use super::reception::{ReceptionObstacle, SYNC_GATE, reception_obstacles};
+use super::set_point::{GateVerdict, GatedSetPoint};
 use crate::event::EffectiveState;
 use crate::frame::CanId;
 use crate::profile::ValueCarrier;
 use crate::profile::device::{DeviceCondition, Gate, GateFallback, GateStatus, PdoEffect};
-use crate::session::bus::objects::{INVALID, OriginKind, nonzero_identifier};
 use crate::wire::canopen::ObjectAddress;
-
-/// Name of the gate of the COB-ID of an RPDO, which every device has.
-const COB_ID: &str = "RPDO COB-ID";
 
 /// Highest transmission type that waits for SYNC (CiA 301 §7.5.2.35).
 const LAST_SYNCHRONOUS: u64 = 240;
@@ -47,13 +44,6 @@ impl GateState {
     }
 }
 
-/// Result of all gates of a set point.
-pub(in crate::session) struct GateVerdict {
-    pub(in crate::session) effective: EffectiveState,
-    /// Names of the closed gates; if none is closed, of the unknown ones.
-    pub(in crate::session) gates: Vec<String>,
-}
-
 impl Node {
     /// Whether an RPDO takes effect at the next SYNC; the profile overrides the transmission type.
     pub(in crate::session) fn waits_for_sync(&self, carrier: &ValueCarrier) -> bool {
@@ -79,18 +69,17 @@ impl Node {
         for point in &self.behaviour.set_points {
             let subject = point.gated_subject();
             let gates = SetPointGates::new(self, subject, now);
-            if let Some((detail, id)) = gates.find_contradiction() {
-                let detail = format!("{detail}, commands arrive on {id}h, {}", consumers(id));
+            for obstacle in gates.obstacles() {
+                let commands = obstacle.id.map(|id| format!(", commands arrive on {id}h, {}", consumers(id)));
                 all.push(GateState {
                     set_point: subject.object,
                     name: point.object_title().to_owned(),
-                    gate: COB_ID.to_owned(),
-                    status: GateStatus::Closed,
-                    detail,
+                    gate: obstacle.gate.to_owned(),
+                    status: obstacle.status,
+                    detail: obstacle.detail + &commands.unwrap_or_default(),
                     text: String::new(),
-                    check: "send the commands on the configured COB-ID, or configure the one that is sent"
-                        .to_owned(),
-                    source: "CiA 301 §7.5.2.35".to_owned(),
+                    check: obstacle.check.to_owned(),
+                    source: obstacle.source.to_owned(),
                 });
             }
             for gate in gates.gates() {
@@ -125,22 +114,12 @@ impl<'a> SetPointGates<'a> {
         Self { node, subject, now }
     }
 
-    /// Contradiction between the configured COB-ID of an RPDO and the identifier on which it arrives
-    /// (CiA 301 §7.5.2.35: bit 31 marks a PDO that is not valid). A set point received before the COB-ID was
-    /// written remains in force.
-    fn find_contradiction(&self) -> Option<(String, CanId)> {
-        let (ValueCarrier::Pdo(name), Some((id, frame))) = (self.subject.carrier, self.subject.id) else {
-            return None;
-        };
-        let cob_id = self.node.configured_cob_id(*name)?;
-        let object = ObjectAddress::new(name.communication_index(), 1);
-        if cob_id & INVALID != 0 {
-            return Some((format!("{object} = {cob_id:X}h (bit 31: not valid)"), id));
-        }
-        let origin = self.node.store.seen_value(object)?.origin;
-        let is_later = origin.kind != OriginKind::Download || frame > origin.frame;
-        let is_other = is_later && nonzero_identifier(cob_id) != Some(id);
-        is_other.then(|| (format!("{object} = {cob_id:X}h"), id))
+    /// Reasons for which the RPDO is not processed. A profile with a SYNC gate of its own decides about SYNC.
+    fn obstacles(&self) -> Vec<ReceptionObstacle> {
+        let mut conditions = self.gates().flat_map(|gate| gate.open.0.iter());
+        let has_sync_gate = conditions.any(|condition| matches!(condition, DeviceCondition::Sync));
+        let obstacles = reception_obstacles(self.node, self.subject);
+        obstacles.into_iter().filter(|it| !(has_sync_gate && it.gate == SYNC_GATE)).collect()
     }
 
     fn gates(&self) -> impl Iterator<Item = &'a Gate> + use<'a> {
@@ -153,22 +132,27 @@ impl<'a> SetPointGates<'a> {
 
     /// Evaluates all gates of a set point.
     pub(in crate::session) fn gate_verdict(&self) -> GateVerdict {
-        let (mut closed, mut unknown, mut any) = (Vec::new(), Vec::new(), false);
-        if self.find_contradiction().is_some() {
-            closed.push(COB_ID.to_owned());
+        let (mut closed, mut unknown, mut invisible) = (Vec::new(), Vec::new(), Vec::new());
+        let mut any = false;
+        for obstacle in self.obstacles() {
+            let list = if obstacle.status == GateStatus::Closed { &mut closed } else { &mut unknown };
+            list.push(obstacle.gate.to_owned());
         }
         for gate in self.gates() {
             any = true;
             match self.gate_status(gate) {
                 GateStatus::Closed => closed.push(gate.name.clone()),
                 GateStatus::Unknown => unknown.push(gate.name.clone()),
-                GateStatus::Open | GateStatus::Invisible => {}
+                GateStatus::Invisible if gate.open.0.contains(&DeviceCondition::Invisible) => {
+                    invisible.push(gate.name.clone());
+                }
+                GateStatus::Invisible | GateStatus::Open => {}
             }
         }
         match (closed.is_empty(), unknown.is_empty() && any) {
-            (false, _) => GateVerdict { effective: EffectiveState::No, gates: closed },
-            (true, true) => GateVerdict { effective: EffectiveState::Yes, gates: Vec::new() },
-            (true, false) => GateVerdict { effective: EffectiveState::Unknown, gates: unknown },
+            (false, _) => GateVerdict { effective: EffectiveState::No, gates: closed, invisible },
+            (true, true) => GateVerdict { effective: EffectiveState::Yes, gates: Vec::new(), invisible },
+            (true, false) => GateVerdict { effective: EffectiveState::Unknown, gates: unknown, invisible },
         }
     }
 

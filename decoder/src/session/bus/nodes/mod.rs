@@ -13,6 +13,7 @@ mod monitoring;
 mod node;
 mod node_id_changes;
 mod pdo_users;
+mod reception;
 mod restart;
 mod set_point;
 mod state_machine;
@@ -31,7 +32,7 @@ pub(in crate::session) use node_id_changes::NodeIdChanges;
 pub use node_id_changes::PendingNodeId;
 pub(in crate::session) use restart::{RestartEvidence, RestartType};
 pub use set_point::EmittedSetPoint;
-pub(in crate::session) use set_point::{GatedSetPoint, SetPointState};
+pub(in crate::session) use set_point::{GatedSetPoint, SetPointState, ShortPayload};
 pub(in crate::session) use state_machine::{
     CommandStep, MachineState, is_triggered_by, leads_further, leads_to, leave_text,
 };
