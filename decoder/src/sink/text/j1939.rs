@@ -200,7 +200,7 @@ pub(super) fn acknowledgement_line(answer: &J1939Acknowledgement, bus: &Bus) -> 
     EventWords { who: pair_text(answer.source, answer.destination, bus), kind, what, tone }
 }
 
-/// `NAME A322810A07212345 (manufacturer 57 Twin Disc, function 129, agriculture, number 74565)`.
+/// `NAME A322810A07212345 (manufacturer 57 Danfoss, function 129 section control, agriculture, number 74565)`.
 fn name_words(name: J1939Name) -> String {
     let parts = name.fields();
     let industry = profile::industry_groups().text_of(u32::from(parts.industry_group));
