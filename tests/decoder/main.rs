@@ -63,6 +63,7 @@ mod sdo_dialogues;
 mod sdo_gaps;
 mod sdo_in_flight;
 mod short_path;
+mod standard_tables;
 mod statements;
 mod stories;
 #[path = "../support/mod.rs"]
