@@ -48,6 +48,7 @@ pub use compression::{decompress, is_compressed};
 pub use error::CaptureError;
 #[cfg(feature = "mcap")]
 pub(crate) use formats::mcap::{McapWriter, WrittenTopic};
+pub use formats::inferred::ColumnList;
 pub use formats::{FORMATS, WRITABLE, detect_format};
 pub use holds::{DirectionSupport, ErrorFrames, FormatCapabilities, LossCounter};
 pub use link::kernel_frame;

@@ -3,6 +3,7 @@
 use super::batch::Batch;
 use super::bus_names::BusNames;
 use super::error::CaptureError;
+use super::formats::inferred::ColumnList;
 
 /// Default of [`FormatParser::largest_input`] in bytes: a parser must use input of this size. Longer lines and records
 /// are skipped in pieces.
@@ -22,6 +23,8 @@ pub enum TimeStyle {
 pub struct ReadOptions {
     /// Meaning of candump's relative times; `None` determines it from the first 1,000 lines.
     pub time_style: Option<TimeStyle>,
+    /// Columns of text captures; `None` infers them if the format is unknown.
+    pub columns: Option<ColumnList>,
 }
 
 /// Parser of one format: bytes to frames. It owns no source, so it can be cloned.
