@@ -273,9 +273,9 @@ fn only_the_pass_runs_rules_and_combines_observers() {
 /// Files of the program and the page that parse JSON of others: requests, the index of a lake, schemas of tools.
 const READERS_OF_JSON: &[&str] = &[
     "bindings/web/src/session.rs",
-    "tui/src/cmd/lake_index.rs",
     "tui/src/cmd/mcp/arguments.rs",
     "tui/src/cmd/mcp/rpc.rs",
+    "tui/src/run/lake_index.rs",
 ];
 
 /// An answer is typed: it is not printed and parsed again.

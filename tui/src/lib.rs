@@ -5,7 +5,6 @@ pub mod action;
 pub mod app;
 pub mod ascii;
 mod bucket;
-mod cli;
 mod cmd;
 mod config;
 mod device_name;
@@ -17,6 +16,7 @@ mod output_file;
 pub mod panes;
 mod path_text;
 mod record;
+mod run;
 mod select;
 mod source;
 mod state;
@@ -52,14 +52,14 @@ pub fn run_embedded(arguments: Vec<OsString>) -> ExitStatus {
 }
 
 fn run_with(arguments: Vec<OsString>) -> ExitStatus {
-    if cli::is_extcap_call(&arguments) {
-        return match cli::ExtcapCall::try_parse_from(arguments) {
+    if cmd::is_extcap_call(&arguments) {
+        return match cmd::ExtcapCall::try_parse_from(arguments) {
             Ok(call) => cmd::answer_call(&call),
             Err(error) => cmd::print_refusal(&error),
         };
     }
-    let arguments = cli::with_default_command(arguments.into_iter(), std::io::stdout().is_terminal());
-    match cli::Cli::try_parse_from(arguments) {
+    let arguments = cmd::with_default_command(arguments.into_iter(), std::io::stdout().is_terminal());
+    match cmd::Cli::try_parse_from(arguments) {
         Ok(cli) => cmd::run(cli),
         Err(error) => cmd::print_refusal(&error),
     }
@@ -80,7 +80,7 @@ fn process_arguments() -> Vec<OsString> {
 /// If the command is not `view`, or for the errors of `view` itself.
 pub fn open_view(arguments: &[String]) -> anyhow::Result<(App, Receiver<TimelineNews>)> {
     let words = std::iter::once("cobscope").chain(arguments.iter().map(String::as_str));
-    let cli::CliCommand::View(view) = cli::Cli::try_parse_from(words)?.command else {
+    let cmd::CliCommand::View(view) = cmd::Cli::try_parse_from(words)?.command else {
         anyhow::bail!("{}: expected the command view", arguments.join(" "));
     };
     cmd::open_view(&view, arguments)
@@ -94,7 +94,7 @@ pub fn open_view(arguments: &[String]) -> anyhow::Result<(App, Receiver<Timeline
 #[cfg(all(target_os = "linux", feature = "socketcan"))]
 pub fn live_over_datagrams(arguments: &[String], socket: std::net::UdpSocket) -> anyhow::Result<()> {
     let words = std::iter::once("cobscope").chain(arguments.iter().map(String::as_str));
-    let cli::CliCommand::Live(live) = cli::Cli::try_parse_from(words)?.command else {
+    let cmd::CliCommand::Live(live) = cmd::Cli::try_parse_from(words)?.command else {
         anyhow::bail!("{}: expected the command live", arguments.join(" "));
     };
     cmd::over_datagrams(&live, socket)

@@ -89,7 +89,13 @@ fn joined(literal: &str) -> String {
 
 /// Doc comments of the files that define the command line, which clap prints as help.
 pub fn help_lines() -> Vec<Passage> {
-    let is_help = |line: &Passage| line.file == "tui/src/cli.rs" || line.file.starts_with("tui/src/cli/");
+    let defining: Vec<_> = files("tui/src", "rs")
+        .into_iter()
+        .filter(|(_, text)| ["Args)]", "Parser)]", "Subcommand)]"].iter().any(|derive| text.contains(derive)))
+        .map(|(file, _)| file)
+        .collect();
+    assert!(defining.len() > 20, "{defining:?}");
+    let is_help = |line: &Passage| defining.contains(&line.file);
     comment_lines("tui/src")
         .into_iter()
         .filter(|line| is_help(line) && line.text.starts_with("///"))

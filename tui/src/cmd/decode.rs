@@ -2,17 +2,41 @@
 
 use std::sync::Arc;
 
+use clap::Args;
 use cobscope_decoder::reading::{Borrowed, ReadingPart as _};
 use cobscope_decoder::session::Buses;
 
-use super::decoding::CaptureJob;
-use super::input::{build_setup, capture_series, check_rules_of, session_options};
-use super::messages::{print_error, print_note, print_warning};
-use super::output::{files_read, write_result};
-use super::print::{EventPrinter, prints_findings};
-use super::remarks;
-use crate::cli::DecodeArgs;
 use crate::exit_code::ExitStatus;
+use crate::run::arguments::{InputArgs, SelectArgs, examples};
+use crate::run::capture_job::CaptureJob;
+use crate::run::input::{build_setup, capture_series, check_rules_of, session_options};
+use crate::run::messages::{print_error, print_note, print_warning};
+use crate::run::output::{files_read, write_result};
+use crate::run::print::{EventPrinter, PrintArgs, prints_findings};
+use crate::run::remarks;
+
+/// Examples in the help.
+const EXAMPLES: &str = examples![
+    "cobscope decode customer.log",
+    "cobscope decode --filter 'kind == emcy && node == 5' --from 10 --to 60 customer.log",
+    "cobscope decode -f csv -o values.csv --node 2=rexroth-sydfec customer.log",
+];
+
+/// Print events, one line per event
+///
+/// Columns: seconds from the first frame, node (or source → destination), kind, description, {frames}. A
+/// ? marks presumed values. Lines of further buses start with the bus name. Repeated events (heartbeat,
+/// SYNC, unchanged PDOs) are omitted; --all prints them.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub struct DecodeArgs {
+    #[command(flatten)]
+    pub input: InputArgs,
+    #[command(flatten)]
+    pub select: SelectArgs,
+    #[command(flatten)]
+    pub print: PrintArgs,
+}
 
 /// Runs the command.
 pub fn run(arguments: &DecodeArgs) -> ExitStatus {

@@ -1,40 +1,21 @@
-//! The subcommands, one module each.
+//! The subcommands, one file or folder each: arguments, help, examples, reading, answer and exit status.
 
-mod against;
-mod captures;
 mod check;
+mod command_line;
 mod convert;
-mod cut;
 mod decode;
-mod decoding;
-mod describe;
 mod diff;
 pub mod embedded;
 mod explain;
 mod extcap;
-mod facts;
-mod frame_comment;
-mod input;
 #[cfg(feature = "parquet")]
 mod lake;
-#[cfg(feature = "parquet")]
-mod lake_index;
 mod live;
 mod mcp;
-mod messages;
 mod objects;
-mod output;
-mod page_writer;
-mod print;
 mod profiles;
-mod reassign;
-mod remarks;
-mod replaced;
 mod report;
-mod results;
 mod rules;
-mod screen_settings;
-mod selected_findings;
 mod shell;
 mod stats;
 mod view;
@@ -43,15 +24,16 @@ mod why;
 use std::borrow::Cow;
 use std::io::{IsTerminal as _, Write as _};
 
+use clap::CommandFactory as _;
 use cobscope_decoder::sink::escape;
 
-use crate::cli::{Cli, CliCommand};
 use crate::exit_code::ExitStatus;
 use crate::path_text;
-pub use extcap::{answer_call, set_program};
+use crate::run::messages::print_error;
+pub use command_line::{Cli, CliCommand, with_default_command};
+pub use extcap::{ExtcapCall, answer_call, is_extcap_call, set_program};
 #[cfg(all(target_os = "linux", feature = "socketcan"))]
 pub use live::over_datagrams;
-use messages::print_error;
 pub use view::open_view;
 
 /// Prints help, or an error of the command line; file names in it may contain control characters.
@@ -69,7 +51,7 @@ pub fn print_refusal(error: &clap::Error) -> ExitStatus {
 
 /// Runs the command.
 pub fn run(cli: Cli) -> ExitStatus {
-    if cli.command.captures().is_some_and(<[_]>::is_empty) && std::io::stdin().is_terminal() {
+    if cli.command.reads_stdin() && std::io::stdin().is_terminal() {
         print_error(&anyhow::anyhow!("no capture; give a file, or - for stdin"));
         return ExitStatus::Usage;
     }
@@ -93,15 +75,13 @@ pub fn run(cli: Cli) -> ExitStatus {
         CliCommand::Why(arguments) => why::run(&arguments),
         CliCommand::Diff(arguments) => diff::run(&arguments),
         CliCommand::Report(arguments) => report::run(&arguments),
-        CliCommand::Explain { thing, device, profiles } => explain::run(&thing, device.as_deref(), &profiles),
-        CliCommand::Profiles { command, profiles } => {
-            profiles::run(&command, &input::load_catalogue(&profiles))
-        }
+        CliCommand::Explain(arguments) => explain::run(&arguments),
+        CliCommand::Profiles(arguments) => profiles::run(&arguments),
         CliCommand::Extcap(arguments) => extcap::run(&arguments),
         CliCommand::Mcp(arguments) => mcp::run(&arguments),
         #[cfg(feature = "parquet")]
-        CliCommand::Lake { command } => lake::run(&command),
-        CliCommand::Completions { shell } => shell::print_completions(shell),
-        CliCommand::Man { of } => shell::print_manual(of.as_deref()),
+        CliCommand::Lake(arguments) => lake::run(&arguments),
+        CliCommand::Completions(arguments) => shell::print_completions(&arguments, Cli::command()),
+        CliCommand::Man(arguments) => shell::print_manual(&arguments, Cli::command()),
     }
 }

@@ -1,16 +1,30 @@
 //! Completions and manual pages, generated from the definition of the command line.
 
-use clap::{Command, CommandFactory as _, ValueHint};
+use clap::{Args, Command, ValueHint};
 
-use super::messages::print_error;
-use super::output::print_text;
-use crate::cli::Cli;
 use crate::exit_code::ExitStatus;
+use crate::run::messages::print_error;
+use crate::run::output::print_text;
 
-/// Prints completions for `shell`.
-pub fn print_completions(shell: clap_complete::Shell) -> ExitStatus {
+/// Print shell completions
+#[derive(Debug, Args)]
+pub struct CompletionsArgs {
+    /// Shell
+    pub shell: clap_complete::Shell,
+}
+
+/// Print a manual page (`cobscope man | man -l -`)
+#[derive(Debug, Args)]
+pub struct ManArgs {
+    /// Command, such as check or profiles-import (default: the whole program)
+    #[arg(value_name = "COMMAND")]
+    pub of: Option<String>,
+}
+
+/// Prints completions for a shell; `program` is the definition of the command line.
+pub fn print_completions(arguments: &CompletionsArgs, program: Command) -> ExitStatus {
     let mut script = Vec::new();
-    clap_complete::generate(shell, &mut without_file_names(Cli::command()), "cobscope", &mut script);
+    clap_complete::generate(arguments.shell, &mut without_file_names(program), "cobscope", &mut script);
     print_text(&script)
 }
 
@@ -30,8 +44,9 @@ fn without_help(command: Command) -> Command {
 }
 
 /// Prints the manual page of a command, such as `check` or `profiles-import`, or of the program.
-pub fn print_manual(of: Option<&str>) -> ExitStatus {
-    let mut program = without_help(Cli::command());
+pub fn print_manual(arguments: &ManArgs, program: Command) -> ExitStatus {
+    let of = arguments.of.as_deref();
+    let mut program = without_help(program);
     // `build` prefixes command names with the program name and adds global options to each command.
     program.build();
     let mut command = &program;

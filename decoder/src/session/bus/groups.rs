@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::layout::of_profile;
+use super::nodes::layout_of_profile;
 use super::state::Bus;
 use crate::frame::CanId;
 use crate::profile::device::{MessageDirection, MessageSpec};
@@ -69,7 +69,7 @@ impl Bus {
             let spec = concerned.message_spec()?;
             let node = self.node(concerned.node)?;
             let mut resolver = node.resolver();
-            let mut layout = of_profile(&spec.fields, LayoutOrigin::Profile, false, &mut resolver)?;
+            let mut layout = layout_of_profile(&spec.fields, LayoutOrigin::Profile, false, &mut resolver)?;
             layout.depends = resolver.looked_at;
             Some((spec.title_of(id.pgn), layout))
         });
@@ -120,6 +120,6 @@ pub(in crate::session) fn of_standard(pgn: Pgn) -> Option<(String, PayloadLayout
     let standard = isobus();
     let spec = standard.messages.iter().find(|spec| spec.number_of(pgn).is_some())?;
     let mut resolver = EntryResolver::new(&standard.dictionary, &NoValues);
-    let layout = of_profile(&spec.fields, LayoutOrigin::Standard, false, &mut resolver)?;
+    let layout = layout_of_profile(&spec.fields, LayoutOrigin::Standard, false, &mut resolver)?;
     Some((spec.title_of(pgn), layout))
 }

@@ -2,10 +2,9 @@
 
 use std::sync::Arc;
 
-use super::cadence::Cadence;
-use super::node::Node;
-use super::set_point::{EmittedSetPoint, SetPointState};
+use super::nodes::{EmittedSetPoint, Node, SetPointState};
 use super::state::Bus;
+use super::time::Cadence;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -64,11 +63,6 @@ impl Node {
     /// Whether an NMT master sends guarding requests to it.
     pub fn is_guarded(&self) -> bool {
         self.guarding.seen
-    }
-
-    /// Last raw value of a watched object in a PDO.
-    pub fn word_of(&self, object: ObjectAddress) -> Option<u64> {
-        self.behaviour.last_word(object)
     }
 }
 

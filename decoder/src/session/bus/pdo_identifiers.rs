@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::cob_id::{nonzero_identifier, predefined_identifier};
-use super::node::Node;
-use super::pdo_users::{PdoUsers, Users};
+use super::identifiers::{PdoUsers, Users};
+use super::nodes::Node;
+use super::objects::{nonzero_identifier, predefined_identifier};
 use super::state::Bus;
 use crate::frame::CanId;
 use crate::profile::PdoName;

@@ -2,22 +2,12 @@
 
 use std::sync::Arc;
 
-use super::cadence::Cadence;
-use super::channels::SdoChannels;
-use super::clock::{AmbiguousGap, BusClock};
-use super::gates::GateState;
-use super::link::UdsPairs;
-use super::named::NamedNodes;
-use super::node::Node;
-use super::node_id_changes::NodeIdChanges;
+use super::hints::{SdoDialogues, SdoPairHint, UdsPairHint, UdsSuspects};
+use super::identifiers::{IdentifierRoutes, IdentifierService, PdoUsers, SdoChannels, UdsPairs, shared_gap};
+use super::nodes::{GateState, NamedNodes, Node, NodeIdChanges, PendingNodeId, RestartEvidence};
 use super::omissions::OmittedFrames;
 use super::open_transfers::OpenTransfers;
-use super::pdo_users::PdoUsers;
-use super::restart::RestartEvidence;
-use super::routes::{IdentifierRoutes, IdentifierService};
-use super::sdo_dialogues::{SdoDialogues, SdoPairHint};
-use super::shared_gap::shared_gap;
-use super::unnamed_uds::{UdsPairHint, UdsSuspects};
+use super::time::{AmbiguousGap, BusClock, Cadence};
 use crate::event::FrameRange;
 use crate::frame::{BusIndex, CanId, Timestamp};
 use crate::profile::dbc::{Database, SuspectParameter};
@@ -457,5 +447,10 @@ impl Bus {
     /// Address of the device with a NAME.
     pub(in crate::session) fn address_of(&self, name: J1939Name) -> Option<u8> {
         self.nodes.iter().find(|node| node.j1939_name() == Some(name)).and_then(|node| node.id().j1939())
+    }
+
+    /// New node-ID that a node accepted and that its present restart activates; at the boot sign of the node.
+    pub fn pending_node_id(&self, id: NodeId) -> Option<PendingNodeId> {
+        self.node_id_changes.pending_change(self.node(id)?)
     }
 }

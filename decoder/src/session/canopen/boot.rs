@@ -23,7 +23,8 @@ pub(in crate::session) fn on_boot_up(id: NodeId, frame: &Frame, cx: &mut Machine
     let lost = count_lost_settings(&cx.bus, id);
     let Some(node) = cx.bus.node_mut(id) else { return };
     node.active_errors.clear();
-    node.restart_monitoring();
+    node.guarding.restart_series();
+    node.heartbeat.restart_series();
     cx.emit_event(frame, id, false, EventKind::BootUp { cause, lost });
     on_restart(id, cause, frame, cx);
 }

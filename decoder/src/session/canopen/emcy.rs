@@ -49,7 +49,8 @@ impl ProtocolMachine for EmcyMachine {
         let Some(node) = cx.bus.node_mut(id) else { return };
         if starts {
             node.active_errors.clear();
-            node.restart_monitoring();
+            node.guarding.restart_series();
+            node.heartbeat.restart_series();
         }
         let ((code, register, vendor, vendor_length), action, fits) = apply_message(message, node);
         let alternative = code.and_then(|code| swapped_code(&node.device, code));

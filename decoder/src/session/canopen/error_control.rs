@@ -143,7 +143,7 @@ fn on_guard_reply(id: NodeId, message: Message, frame: &Frame, cx: &mut MachineC
     mark_alive(id, frame, cx);
     let now = cx.bus.clock.now();
     let Some(node) = cx.bus.node_mut(id) else { return };
-    let is_renewed = node.guarding.missed >= UNANSWERED || node.has_outlived_guarding(now);
+    let is_renewed = node.guarding.missed >= UNANSWERED || node.guarding.has_outlived(&node.store, now);
     let guarding = &mut node.guarding;
     let last = guarding.last_reply.replace(now);
     let first = last.is_none();

@@ -14,11 +14,12 @@ use cobscope_decoder::session::{Buses, SessionOptions};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::sink::findings::{CapturePart, CaptureResult};
 
-use crate::cli::{CheckArgs, InputArgs, node_choices};
-use crate::cmd::captures::{SourceSeries, is_no_capture, passed_over};
-use crate::cmd::decoding::{CaptureJob, ReadCapture};
-use crate::cmd::input::read_options;
-use crate::cmd::selected_findings::SelectedFindings;
+use super::arguments::CheckArgs;
+use crate::run::arguments::{InputArgs, node_choices};
+use crate::run::capture_job::{CaptureJob, ReadCapture};
+use crate::run::captures::{SourceSeries, is_no_capture, passed_over};
+use crate::run::input::read_options;
+use crate::run::selected_findings::SelectedFindings;
 use crate::source::{self, CaptureSeries};
 use crate::words::absent_choices;
 

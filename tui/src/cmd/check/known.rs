@@ -9,13 +9,14 @@ use cobscope_decoder::sink::findings::FindingsReport;
 use cobscope_decoder::sink::findings::baseline::{Baseline, BaselineComparison};
 use cobscope_decoder::words::count_noun;
 
-use crate::cli::{CheckArgs, NodeArg, SelectArgs};
-use crate::cmd::input::limited;
-use crate::cmd::messages::{Refusal, print_note};
-use crate::cmd::output::ensure_folder;
+use super::arguments::CheckArgs;
 use crate::exit_code::ExitStatus;
 use crate::output_file::{self, ExistingFile};
 use crate::path_text::path_text;
+use crate::run::arguments::{NodeArg, SelectArgs};
+use crate::run::input::limited;
+use crate::run::messages::{Refusal, print_note};
+use crate::run::output::ensure_folder;
 
 /// Use of the file of `--baseline`.
 pub(super) enum KnownFindings<'a> {

@@ -1,5 +1,6 @@
 //! `cobscope check`: checks captures against rules.
 
+mod arguments;
 mod judge;
 mod known;
 mod pages;
@@ -15,17 +16,17 @@ use cobscope_decoder::sink::findings::{FindingTextOptions, FindingsReport};
 use cobscope_decoder::words::count_noun;
 use serde_json::Value;
 
-use super::captures::{self, InputFile, SourceSeries};
-use super::input::{
-    build_setup, check_rules_of, common_catalogue, load_catalogue, options_of, with_user_folder,
-};
-use super::messages::{Refusal, print_error, print_note, print_warning};
-use super::output::{ensure_not_read, files_read, is_colored, write_result};
-use super::replaced::{OwnFile, open_replacing};
 use super::report;
-use crate::cli::CheckArgs;
 use crate::exit_code::ExitStatus;
 use crate::path_text::path_text;
+use crate::run::captures::{self, InputFile, SourceSeries};
+use crate::run::input::{
+    build_setup, check_rules_of, common_catalogue, load_catalogue, options_of, with_user_folder,
+};
+use crate::run::messages::{Refusal, print_error, print_note, print_warning};
+use crate::run::output::{ensure_not_read, files_read, is_colored, write_result};
+use crate::run::replaced::{OwnFile, open_replacing};
+pub use arguments::CheckArgs;
 #[cfg(feature = "parquet")]
 pub(super) use judge::{line_numbers, parts};
 use known::KnownFindings;

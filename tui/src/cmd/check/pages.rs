@@ -9,12 +9,13 @@ use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::findings::{CaptureOutcome, FindingsReport};
 use cobscope_decoder::why::WhyScope;
 
-use crate::cli::{CheckArgs, PageStyle};
-use crate::cmd::captures::SourceSeries;
-use crate::cmd::messages::{Refusal, print_error};
-use crate::cmd::output::files_read;
+use super::arguments::CheckArgs;
+use crate::cmd::report::PageStyle;
 use crate::cmd::report::{FolderCapture, PageFolder, ReportScope, compose, counts};
 use crate::exit_code::ExitStatus;
+use crate::run::captures::SourceSeries;
+use crate::run::messages::{Refusal, print_error};
+use crate::run::output::files_read;
 
 /// Writes the pages; `sources` are the captures of the report, in its order.
 ///

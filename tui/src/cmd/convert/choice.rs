@@ -7,8 +7,9 @@ use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::query::Filter;
 use cobscope_decoder::session::{Bus, BusSnapshot, NoObserver, Observer, SessionOptions};
 
-use crate::cli::{ConvertArgs, NodeArg};
-use crate::cmd::frame_comment::add_event;
+use super::arguments::ConvertArgs;
+use crate::run::arguments::NodeArg;
+use crate::run::frame_comment::add_event;
 use crate::select::{BoundSide, RangeBound, Span, ensure_order, plain_event};
 
 /// Decision on a frame.

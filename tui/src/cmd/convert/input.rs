@@ -9,9 +9,9 @@ use cobscope_decoder::capture::{Batch, BusNames, CaptureReader, MergedCapture, M
 use cobscope_decoder::series::{CapturePlacement, JoinOptions, arrange_captures};
 
 use super::notes::common_name;
-use crate::cli::InputArgs;
-use crate::cmd::input::{join_options, read_options};
-use crate::cmd::messages::print_note;
+use crate::run::arguments::InputArgs;
+use crate::run::input::{join_options, read_options};
+use crate::run::messages::print_note;
 use crate::source::{
     CaptureFile, CaptureRelations, CaptureSeries, DecompressedBytes, SeriesFrames, StoreReader, mixed_clocks,
     relate_files,

@@ -5,6 +5,7 @@
 //! ```
 //! Frames are decoded only if necessary: for a filter, a node, an event or comments.
 
+mod arguments;
 mod choice;
 mod input;
 mod notes;
@@ -21,18 +22,18 @@ use cobscope_decoder::event::KindSet;
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
-use super::cut;
-use super::input::{read_options, session_options, unknown_buses};
-use super::messages::{print_error, print_note};
-use super::output::{creation_error, ensure_folder, ensure_not_read, files_known};
-use crate::cli::ConvertArgs;
 use crate::exit_code::ExitStatus;
 use crate::output_file::{self, ExistingFile};
 use crate::path_text::path_text;
 use crate::record::format;
+use crate::run::cut;
+use crate::run::input::{read_options, session_options, unknown_buses};
+use crate::run::messages::{print_error, print_note};
+use crate::run::output::{creation_error, ensure_folder, ensure_not_read, files_known};
 use crate::select::ensure_order;
 use crate::source::time_span;
 use crate::words::{unknown_bus, unreadable_text};
+pub use arguments::ConvertArgs;
 use choice::FrameChoice;
 use input::ConversionInput;
 use notes::{CaptureNotes, common_name};

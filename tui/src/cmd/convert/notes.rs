@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::cmd::messages::print_note;
+use crate::run::messages::print_note;
 
 /// Texts with the captures to which they apply, in order of appearance.
 #[derive(Default)]

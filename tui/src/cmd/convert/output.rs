@@ -11,11 +11,11 @@ use cobscope_decoder::frame::{CanId, Frame, Timestamp};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::words::count_noun;
 
-use crate::cli::ConvertArgs;
-use crate::cmd::output::{creation_error, ensure_not_read, files_known};
+use super::arguments::ConvertArgs;
 use crate::output_file::{self, ExistingFile, FinalName};
 use crate::path_text::path_text;
 use crate::record::RecordNames;
+use crate::run::output::{creation_error, ensure_not_read, files_known};
 
 /// Size of the output buffer, in bytes.
 const BUFFER: usize = 256 * 1024;

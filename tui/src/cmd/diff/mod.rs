@@ -1,5 +1,6 @@
 //! `cobscope diff`: differences between two captures.
 
+mod arguments;
 mod pair;
 pub(super) mod quiet;
 
@@ -25,17 +26,18 @@ use cobscope_decoder::report::{HashedFile, Provenance};
 use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::{Bus, Buses, MessagePreview, SessionOptions};
 
-use super::decoding::CaptureJob;
-use super::input::{build_setup, session_options};
-use super::messages::{Refusal, print_error, print_warning};
-use super::output;
-use super::replaced::{OwnFile, ensure_replaceable, open_replacing};
 use super::report::provenance;
-use super::selected_findings::SelectedFindings;
-use crate::cli::{DiffArgs, DiffFormat};
 use crate::exit_code::ExitStatus;
+use crate::run::capture_job::CaptureJob;
+use crate::run::input::{build_setup, session_options};
+use crate::run::messages::{Refusal, print_error, print_warning};
+use crate::run::output;
+use crate::run::replaced::{OwnFile, ensure_replaceable, open_replacing};
+use crate::run::selected_findings::SelectedFindings;
 use crate::select::{Selection, Span};
 use crate::source::CaptureSeries;
+pub use arguments::DiffArgs;
+use arguments::DiffFormat;
 
 /// Runs the command.
 pub fn run(arguments: &DiffArgs) -> ExitStatus {

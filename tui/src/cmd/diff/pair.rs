@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, ensure};
 use cobscope_decoder::comparison::DifferenceSection;
 
-use crate::cli::{DiffArgs, InputArgs};
-use crate::cmd::input::join_files;
+use super::arguments::DiffArgs;
+use crate::run::arguments::InputArgs;
+use crate::run::input::join_files;
 use crate::source::{CaptureFile, CaptureSeries};
 
 /// GOOD and BAD.

@@ -6,9 +6,10 @@ use cobscope_decoder::answers::comparison::ComparisonAnswer;
 use cobscope_decoder::comparison::{self, CaptureRecord, DifferenceMarks};
 use cobscope_decoder::session::SessionOptions;
 
+use super::arguments::{DiffArgs, DiffFormat};
 use super::{ensure_start, record};
-use crate::cli::{DiffArgs, DiffFormat, InputArgs};
-use crate::cmd::input::build_setup;
+use crate::run::arguments::InputArgs;
+use crate::run::input::build_setup;
 use crate::source::CaptureSeries;
 
 /// Two captures to compare.

@@ -1,13 +1,14 @@
 //! Command lines from words, and answers with their messages.
 
 use std::ffi::OsString;
+use std::path::PathBuf;
 
 use anyhow::anyhow;
-use clap::Parser as _;
 
-use crate::cli::{CheckArgs, Cli, CliCommand};
-use crate::cmd::messages::{Refusal, collect_messages};
+use crate::cmd::check::CheckArgs;
 use crate::exit_code::ExitStatus;
+use crate::run::arguments::{InputArgs, NodeOption, parse_words};
+use crate::run::messages::{Refusal, collect_messages};
 
 /// A result, and the messages that the command prints on stderr.
 #[derive(Debug)]
@@ -27,23 +28,41 @@ pub struct CommandError {
     pub text: String,
 }
 
-/// The command line of a command.
+/// The options of a command.
 ///
 /// # Errors
-/// If an option is not valid.
-pub(super) fn parsed(command: &str, arguments: &[OsString]) -> Result<CliCommand, Refusal> {
-    let words = ["cobscope", command].into_iter().map(OsString::from);
-    let cli = Cli::try_parse_from(words.chain(arguments.iter().cloned())).map_err(|error| {
+/// If one is not valid.
+pub(super) fn parse_options<A: clap::Args>(
+    command: &'static str,
+    arguments: &[OsString],
+) -> Result<A, Refusal> {
+    parse_words(command, arguments.iter().cloned()).map_err(|error| {
         let text = error.to_string();
         let lines = text.lines().take_while(|line| !line.is_empty());
         let text = lines.map(str::trim).collect::<Vec<_>>().join(" ");
         (ExitStatus::Usage, anyhow!(text.trim_start_matches("error: ").to_owned()))
-    })?;
-    cli.command.check_nodes().map_err(|error| (ExitStatus::Usage, anyhow::Error::msg(error)))?;
-    if let Some(folder) = cli.command.profile_folders().iter().find(|folder| !folder.is_dir()) {
-        return Err((ExitStatus::Profile, anyhow!("--profiles {}: not a folder", folder.display())));
+    })
+}
+
+/// Checks the nodes and the folders of profiles of a command that reads captures.
+///
+/// # Errors
+/// If a node has no profile or two profiles, or a folder does not exist.
+pub(super) fn check_input(input: &InputArgs) -> Result<(), Refusal> {
+    let usage = |error| (ExitStatus::Usage, anyhow::Error::msg(error));
+    input.check_nodes(Some(NodeOption::Decode)).map_err(usage)?;
+    check_folders(&input.profiles)
+}
+
+/// Checks the folders of profiles.
+///
+/// # Errors
+/// If one does not exist.
+pub(super) fn check_folders(profiles: &[PathBuf]) -> Result<(), Refusal> {
+    match profiles.iter().find(|folder| !folder.is_dir()) {
+        Some(folder) => Err((ExitStatus::Profile, anyhow!("--profiles {}: not a folder", folder.display()))),
+        None => Ok(()),
     }
-    Ok(cli.command)
 }
 
 /// The options of `check`.
@@ -51,10 +70,9 @@ pub(super) fn parsed(command: &str, arguments: &[OsString]) -> Result<CliCommand
 /// # Errors
 /// If one is not valid.
 pub(super) fn check_arguments(arguments: &[OsString]) -> Result<CheckArgs, Refusal> {
-    match parsed("check", arguments)? {
-        CliCommand::Check(arguments) => Ok(arguments),
-        _ => Err((ExitStatus::Usage, anyhow!("expected the options of check"))),
-    }
+    let arguments: CheckArgs = parse_options("check", arguments)?;
+    check_input(&arguments.input)?;
+    Ok(arguments)
 }
 
 /// Runs a command with its messages.

@@ -8,20 +8,20 @@ mod source;
 use std::ffi::OsString;
 use std::sync::Arc;
 
-use anyhow::anyhow;
 use cobscope_decoder::answers::format_line;
 use cobscope_decoder::finding::CaptureFindings;
 use cobscope_decoder::profile::{DeviceProfile, ProfileError};
 use cobscope_decoder::sink::findings::CaptureResult;
 use serde_json::Value;
 
-use super::input::{common_catalogue, options_of};
-use super::results::findings_of;
-use super::{check, diff, explain};
-use crate::cli::CliCommand;
+use super::check;
+use super::diff::{self, DiffArgs};
+use super::explain::{self, ExplainArgs};
 use crate::exit_code::ExitStatus;
+use crate::run::capture_answers::findings_of;
+use crate::run::input::{common_catalogue, options_of};
 pub use answer::{CommandError, EmbeddedAnswer};
-use answer::{answered, check_arguments, parsed};
+use answer::{answered, check_arguments, check_folders, check_input, parse_options};
 pub use source::{CaptureEnd, CaptureResults, CaptureSource};
 
 /// The lines of `check -f jsonl`, the same as objects, and its exit status, with these arguments.
@@ -45,9 +45,8 @@ pub fn check(
 /// Those of the command, and a capture that cannot be read to its end.
 pub fn diff(arguments: &[OsString]) -> Result<EmbeddedAnswer<String>, CommandError> {
     answered(|| {
-        let CliCommand::Diff(arguments) = parsed("diff", arguments)? else {
-            return Err((ExitStatus::Usage, anyhow!("expected the options of diff")));
-        };
+        let arguments: DiffArgs = parse_options("diff", arguments)?;
+        check_input(&arguments.input)?;
         let usage = |error| (ExitStatus::Usage, error);
         let pair = diff::pair(&arguments.input).map_err(usage)?;
         diff::ensure_start(&arguments).map_err(usage)?;
@@ -66,9 +65,8 @@ pub fn diff(arguments: &[OsString]) -> Result<EmbeddedAnswer<String>, CommandErr
 /// If the text has no meaning, or the profile is unknown.
 pub fn explain(arguments: &[OsString]) -> Result<EmbeddedAnswer<String>, CommandError> {
     answered(|| {
-        let CliCommand::Explain { thing, device, profiles } = parsed("explain", arguments)? else {
-            return Err((ExitStatus::Usage, anyhow!("expected the options of explain")));
-        };
+        let ExplainArgs { thing, device, profiles } = parse_options("explain", arguments)?;
+        check_folders(&profiles)?;
         let catalogue = common_catalogue(&profiles);
         let device: Option<Arc<DeviceProfile>> =
             device.map(|device| catalogue.device(&device)).transpose().map_err(|error| {

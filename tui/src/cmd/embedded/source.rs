@@ -12,13 +12,14 @@ use cobscope_decoder::session::SessionOptions;
 use serde_json::Value;
 
 use super::answer::{CommandError, EmbeddedAnswer, answered, check_arguments};
-use crate::cli::{CheckArgs, InputArgs};
-use crate::cmd::decoding::{CaptureJob, ReadCapture};
-use crate::cmd::input::{capture_series, read_options};
-use crate::cmd::messages::Refusal;
-use crate::cmd::results::PassResults;
+use crate::cmd::check::CheckArgs;
 use crate::cmd::{check, diff};
 use crate::exit_code::ExitStatus;
+use crate::run::arguments::InputArgs;
+use crate::run::capture_answers::PassResults;
+use crate::run::capture_job::{CaptureJob, ReadCapture};
+use crate::run::input::{capture_series, read_options};
+use crate::run::messages::Refusal;
 use crate::source::{self, CaptureSeries};
 
 /// A capture and the options to decode it.

@@ -4,7 +4,7 @@ use cobscope_decoder::profile::device::{AbortText, DeviceErrorCode, ErrorCodeOrd
 use cobscope_decoder::profile::{self, DeviceProfile};
 
 use super::asked::LookupScope;
-use crate::cmd::describe::{TextBlock, behaviour, object::object_title, section_text};
+use crate::run::describe::{TextBlock, behaviour, object::object_title, section_text};
 
 /// Note below a list of entries from profiles.
 const MORE: &str = "(details: --device NAME)";

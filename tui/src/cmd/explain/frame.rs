@@ -24,7 +24,7 @@ use cobscope_decoder::words::count_noun;
 
 use super::asked::LookupScope;
 use super::{code, identifier, j1939, uds};
-use crate::cmd::describe::{FIRM, object::equality_text};
+use crate::run::describe::{FIRM, object::equality_text};
 
 /// Explains a frame; `None` if the text is not a frame.
 pub(super) fn explain_frame(thing: &str, asked: &LookupScope) -> Option<String> {

@@ -6,7 +6,7 @@ use cobscope_decoder::wire::j1939::{ALL, J1939Id, Pgn};
 
 use super::asked::LookupScope;
 use super::code::section_of;
-use crate::cmd::describe::{TextBlock, j1939, section_text};
+use crate::run::describe::{TextBlock, j1939, section_text};
 
 /// `65226 (FECA) DM1 active faults`.
 fn group_text(pgn: Pgn) -> String {

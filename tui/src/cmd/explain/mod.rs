@@ -11,13 +11,16 @@ mod uds;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use clap::Args;
 use cobscope_decoder::profile::{self, Catalogue, DeviceProfile, ProfileError};
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
-use super::messages::{print_note, print_warning};
-use super::output::print_text;
 use super::rules;
 use crate::exit_code::ExitStatus;
+use crate::run::arguments::examples;
+use crate::run::input::load_catalogue;
+use crate::run::messages::{print_note, print_warning};
+use crate::run::output::print_text;
 use asked::LookupScope;
 
 /// Largest 29-bit identifier.
@@ -28,14 +31,42 @@ const FORMS: &str = "expected a rule (node-lost; see cobscope rules), an SDO abo
                      1018h:01h), a COB-ID (185), a 29-bit identifier (18FECA80), a PGN (pgn:65226), a J1939 fault \
                      (298985/19: SPN/FMI, or 938FE9: its three bytes in either order), a UDS response code (nrc:31) or identifier (did:F190), or a frame (701#05)";
 
+/// Examples in the help.
+const EXAMPLES: &str = examples![
+    "cobscope explain 06090030",
+    "cobscope explain 601#2B171000E8030000",
+    "cobscope explain 8102 --device rexroth-sydfec",
+];
+
+/// Explain a code, an identifier, an object, a frame or a rule
+///
+/// THING is a rule (node-lost, rexroth-sydfec:NAME; see cobscope rules), an SDO abort code (06020000), an
+/// EMCY error code (8130), an object (1018:01, 0x1018:01, 1018h:01h, 1018sub1), a COB-ID (185), a 29-bit
+/// identifier (18FECA80), a J1939 PGN (pgn:65226, pgn:0xFECA), a J1939 fault (298985/19: SPN/FMI; 938FE9: as a
+/// number or as sent), a UDS
+/// response code (nrc:31) or identifier (did:F190), or a frame in candump's log form (701#05).
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub struct ExplainArgs {
+    /// Code, identifier, object, frame or rule to explain
+    pub thing: String,
+    /// Add the text of the manual of a device: rexroth-sydfec, wandfluh-md2:controller
+    #[arg(long, value_name = "PROFILE")]
+    pub device: Option<String>,
+    /// Add a folder with profiles (repeatable)
+    #[arg(long, value_name = "DIR")]
+    pub profiles: Vec<PathBuf>,
+}
+
 /// Runs the command. Prints all possible meanings, most likely first.
-pub fn run(thing: &str, device: Option<&str>, profiles: &[PathBuf]) -> ExitStatus {
-    let catalogue = super::input::load_catalogue(profiles);
-    let device: Option<Arc<DeviceProfile>> = match device.map(|device| catalogue.device(device)).transpose() {
+pub fn run(arguments: &ExplainArgs) -> ExitStatus {
+    let catalogue = load_catalogue(&arguments.profiles);
+    let device = arguments.device.as_deref().map(|device| catalogue.device(device)).transpose();
+    let device: Option<Arc<DeviceProfile>> = match device {
         Ok(device) => device,
         Err(error) => return report_refusal(&error),
     };
-    match find_meanings(thing, catalogue, device) {
+    match find_meanings(&arguments.thing, catalogue, device) {
         Ok(text) => print_text(text.as_bytes()),
         Err(text) => {
             print_note(&format!("explain: {text}"));

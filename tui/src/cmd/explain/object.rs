@@ -8,8 +8,8 @@ use cobscope_decoder::wire::canopen::ObjectAddress;
 
 use super::asked::LookupScope;
 use super::code::section_of;
-use crate::cmd::describe::object::{self as words, EntryReading};
-use crate::cmd::describe::{TextBlock, section_text as cite, spaced_name};
+use crate::run::describe::object::{self as words, EntryReading};
+use crate::run::describe::{TextBlock, section_text as cite, spaced_name};
 
 /// Area of the object dictionary (CiA 301 table 43).
 fn dictionary_area(index: u16) -> &'static str {

@@ -11,7 +11,7 @@ use cobscope_decoder::words::count_noun;
 
 use super::asked::LookupScope;
 use super::code::section_of;
-use crate::cmd::describe::{TextBlock, section_text, uds as describe};
+use crate::run::describe::{TextBlock, section_text, uds as describe};
 
 /// Note below a list of entries from profiles.
 const MORE: &str = "(details: --device NAME)";

@@ -5,10 +5,10 @@ use std::sync::OnceLock;
 
 use anyhow::{Context as _, bail, ensure};
 
-use crate::cmd::messages::print_note;
-use crate::cmd::output::ensure_folder;
 use crate::exit_code::ExitStatus;
 use crate::path_text::path_text;
+use crate::run::messages::print_note;
+use crate::run::output::ensure_folder;
 
 /// Name of the link. Wireshark calls every program in the folder.
 const NAME: &str = if cfg!(windows) { "cobscope.exe" } else { "cobscope" };

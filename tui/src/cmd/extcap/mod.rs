@@ -6,20 +6,22 @@
 //! ```
 //! The protocol of the sentences is described in `doc/extcap.4` of Wireshark.
 
+mod arguments;
 mod install;
 mod sentences;
 
 use std::ffi::OsString;
 
 use anyhow::{Context as _, bail};
-use clap::Parser as _;
 use cobscope_decoder::query::Filter;
 
-use super::messages::{Refusal, print_error};
-use super::output::print_text;
-use super::{convert, live};
-use crate::cli::{Cli, CliCommand, ExtcapArgs, ExtcapCall};
+use super::convert::{self, ConvertArgs};
+use super::live::{self, LiveArgs};
 use crate::exit_code::ExitStatus;
+use crate::run::arguments::parse_words;
+use crate::run::messages::{Refusal, print_error};
+use crate::run::output::print_text;
+pub use arguments::{ExtcapArgs, ExtcapCall, is_extcap_call};
 pub use install::set_program;
 use sentences::ExtcapInterface;
 
@@ -71,37 +73,35 @@ fn call_interface(call: &ExtcapCall) -> anyhow::Result<ExtcapInterface> {
 fn write_frames(call: &ExtcapCall, interface: &ExtcapInterface) -> Result<ExitStatus, Refusal> {
     let usage = |error| (ExitStatus::Usage, error);
     let pipe = call.fifo.as_deref().context("--capture: --fifo is missing").map_err(usage)?;
-    let command = command_line(call, interface, pipe.as_os_str().to_owned()).map_err(usage)?;
-    match command {
-        CliCommand::Live(arguments) => live::commented(&arguments, pipe),
-        CliCommand::Convert(arguments) => Ok(convert::run(&arguments)),
-        _ => Err(usage(anyhow::anyhow!("expected a capture or a live source"))),
+    let words = command_words(call, interface, pipe.as_os_str().to_owned()).map_err(usage)?;
+    if matches!(interface, ExtcapInterface::File) {
+        let arguments: ConvertArgs = parse_words("convert", words).map_err(|error| usage(error.into()))?;
+        return Ok(convert::run(&arguments));
     }
+    let arguments: LiveArgs = parse_words("live", words).map_err(|error| usage(error.into()))?;
+    live::commented(&arguments, pipe)
 }
 
-/// The command that does the same on the command line.
-fn command_line(
+/// The options of `convert` or `live` that do the same on the command line.
+fn command_words(
     call: &ExtcapCall,
     interface: &ExtcapInterface,
     pipe: OsString,
-) -> anyhow::Result<CliCommand> {
-    let mut words: Vec<OsString> = vec!["cobscope".into()];
+) -> anyhow::Result<Vec<OsString>> {
+    let mut words: Vec<OsString> = Vec::new();
     let source = match interface {
         ExtcapInterface::File => {
             let file = call.file.as_ref().context("no capture selected in the options of the interface")?;
-            words.extend(["convert", "--comments", "-f", "pcapng", "-o"].map(OsString::from));
+            words.extend(["--comments", "-f", "pcapng", "-o"].map(OsString::from));
             words.push(pipe);
             file.as_os_str().to_owned()
         }
         ExtcapInterface::Source => {
             let source = call.source.as_ref().context("no source given in the options of the interface")?;
-            words.extend(["live", "--follow"].map(OsString::from));
+            words.push("--follow".into());
             source.into()
         }
-        ExtcapInterface::Can(name) => {
-            words.push("live".into());
-            name.into()
-        }
+        ExtcapInterface::Can(name) => name.into(),
     };
     for node in call.node.iter().flat_map(|nodes| nodes.split_whitespace()) {
         words.extend(["--node".into(), node.into()]);
@@ -122,5 +122,5 @@ fn command_line(
         }
     }
     words.extend(["--".into(), source]);
-    Ok(Cli::try_parse_from(words)?.command)
+    Ok(words)
 }

@@ -12,17 +12,18 @@ use cobscope_decoder::sink::findings::{CaptureOutcome, CaptureResult};
 use cobscope_decoder::sink::lake::{LakeCapture, LakeResults, LakeWriter};
 use cobscope_decoder::statistics::{CaptureQuality, Statistics};
 
+use super::arguments::LakeAddArgs;
 use super::content::CaptureContent;
 use super::folder::{CaptureStaging, LakeFolder};
 use super::machine::machine_of;
-use crate::cli::{InputArgs, LakeAddArgs};
-use crate::cmd::captures::{SourceSeries, is_no_capture};
 use crate::cmd::check::{line_numbers, parts};
-use crate::cmd::decoding::{CaptureJob, ReadCapture};
-use crate::cmd::input::read_options;
-use crate::cmd::lake_index::{EntrySummary, LakeEntry};
 use crate::path_text::path_text;
 use crate::record::format::is_of_captures;
+use crate::run::arguments::InputArgs;
+use crate::run::capture_job::{CaptureJob, ReadCapture};
+use crate::run::captures::{SourceSeries, is_no_capture};
+use crate::run::input::read_options;
+use crate::run::lake_index::{EntrySummary, LakeEntry};
 use crate::source::{CaptureSeries, open_capture};
 
 /// Lowest severity that counts as a failure, the default of `check`.

@@ -18,9 +18,9 @@ use cobscope_decoder::sink::Output;
 use cobscope_decoder::sink::lake::{LakeFiles, TABLES, empty_table};
 
 use super::machine::{UNKNOWN, partition_value, path_value};
-use crate::cmd::lake_index::{EntrySummary, FOLDER as INDEX, LakeEntry, WIDE, file_stem};
 use crate::output_file::{self, ExistingFile};
 use crate::path_text::path_text;
+use crate::run::lake_index::{EntrySummary, FOLDER as INDEX, LakeEntry, WIDE, file_stem};
 
 /// Size of output buffers, in bytes.
 const BUFFER: usize = 64 * 1024;

@@ -7,10 +7,10 @@ use anyhow::{Context as _, bail, ensure};
 use cobscope_decoder::sink::escape;
 use sha2::{Digest as _, Sha256};
 
-use crate::cli::LakeAddArgs;
-use crate::cmd::messages::Refusal;
+use super::arguments::LakeAddArgs;
 use crate::exit_code::ExitStatus;
 use crate::path_text::path_text;
+use crate::run::messages::Refusal;
 
 /// Name of a machine without a name, and of an unknown day.
 pub(super) const UNKNOWN: &str = "unknown";

@@ -5,6 +5,7 @@
 //! ```
 
 mod add;
+mod arguments;
 mod content;
 mod folder;
 mod machine;
@@ -17,17 +18,17 @@ use cobscope_decoder::words::{count_noun, group_digits};
 
 use self::add::{AddInputs, LakeAddition};
 use self::folder::{LakeFolder, ensure_lake};
-use super::captures::{self, SourceSeries};
-use super::input::{build_setup, common_catalogue, load_catalogue, options_of, with_user_folder};
-use super::messages::{Refusal, print_error, print_note, print_warning};
-use super::output::print_text;
-use crate::cli::{LakeAddArgs, LakeCommand};
 use crate::exit_code::ExitStatus;
 use crate::path_text::path_text;
+use crate::run::captures::{self, SourceSeries};
+use crate::run::input::{build_setup, common_catalogue, load_catalogue, options_of, with_user_folder};
+use crate::run::messages::{Refusal, print_error, print_note, print_warning};
+use crate::run::output::print_text;
+pub use arguments::{LakeAddArgs, LakeArgs, LakeCommand};
 
 /// Runs the command.
-pub fn run(command: &LakeCommand) -> ExitStatus {
-    let LakeCommand::Add(arguments) = command;
+pub fn run(arguments: &LakeArgs) -> ExitStatus {
+    let LakeCommand::Add(arguments) = &arguments.command;
     match run_add(arguments) {
         Ok(exit) => exit,
         Err((exit, error)) => {

@@ -10,17 +10,17 @@ use cobscope_decoder::frame::{Frame, Timestamp};
 use cobscope_decoder::session::{BusSnapshot, SessionOptions};
 use cobscope_decoder::sink::escape;
 
+use super::arguments::LiveArgs;
 use super::cut_lines::{CutLine, LineStyle, limit as limit_reached};
 use super::program::ProgramRunner;
 use super::triggers::LiveTriggers;
-use crate::cli::LiveArgs;
-use crate::cmd::cut;
-use crate::cmd::messages::print_note;
-use crate::cmd::output::print_text;
 use crate::exit_code::ExitStatus;
 use crate::figures::format_limit;
 use crate::record::format;
 use crate::record::{CutNews, CutOptions, RecordStatus, Recorder, StateText};
+use crate::run::cut;
+use crate::run::messages::print_note;
+use crate::run::output::print_text;
 
 /// Time in addition to `--after` after which a stopped session no longer waits for frames.
 const LATEST: Duration = Duration::from_secs(1);

@@ -13,20 +13,20 @@ use cobscope_decoder::sink::findings::{CaptureResult, FINDING_FORMATS, FindingTe
 use cobscope_decoder::words::count_noun;
 use cobscope_decoder::{Reading, Summary};
 
+use super::arguments::LiveArgs;
 use super::cuts::CutRecorder;
 use super::interruption::interrupted;
 use super::pump::{PendingDeliveries, ReadingThread};
 use super::sources::{is_down, open, recorder, shown};
 use super::triggers;
 use super::viewer::LiveViewer;
-use crate::cli::LiveArgs;
-use crate::cmd::input::{build_setup, check_rules_of, session_options};
-use crate::cmd::messages::{Refusal, print_note};
-use crate::cmd::output::{files_read, is_colored, print_text, write_result};
-use crate::cmd::print::EventPrinter;
-use crate::cmd::remarks;
 use crate::exit_code::ExitStatus;
 use crate::record::RecordFailure;
+use crate::run::input::{build_setup, check_rules_of, session_options};
+use crate::run::messages::{Refusal, print_note};
+use crate::run::output::{files_read, is_colored, print_text, write_result};
+use crate::run::print::EventPrinter;
+use crate::run::remarks;
 use crate::source::live::{Arrival, LiveBusState, LiveSource, SharedLiveState, SourceSpec, socketcan};
 use crate::words::unheard_note;
 

@@ -1,5 +1,6 @@
 //! `cobscope live`: live buses.
 
+mod arguments;
 mod cut_lines;
 mod cuts;
 mod interruption;
@@ -17,12 +18,12 @@ use std::path::Path;
 
 use cobscope_decoder::sink::escape;
 
-use super::messages::{Refusal, print_error, print_note};
-use super::output::print_text;
-use crate::cli::LiveArgs;
 use crate::exit_code::ExitStatus;
 use crate::path_text::path_text as shown_path;
+use crate::run::messages::{Refusal, print_error, print_note};
+use crate::run::output::print_text;
 use crate::source::live::{SERIAL_EXAMPLE, adapters, socketcan};
+pub use arguments::LiveArgs;
 use sources::{shown, specs};
 
 /// Runs the command.

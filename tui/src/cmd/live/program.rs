@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 
-use crate::cmd::messages::print_note;
+use crate::run::messages::print_note;
 
 /// Maximum number of captures that wait for the program.
 const WAITING: usize = 100;

@@ -6,9 +6,9 @@ use anyhow::{Context as _, bail};
 use cobscope_decoder::frame::LinkState;
 use cobscope_decoder::sink::escape;
 
-use crate::cli::LiveArgs;
-use crate::cmd::input::read_options;
+use super::arguments::LiveArgs;
 use crate::record::{RecordOptions, Recorder};
+use crate::run::input::read_options;
 use crate::source::live::{
     BusStatus, LiveSource, SourceSpec, adapters, lines as text, slcan, socketcan, socketcand,
 };

@@ -14,18 +14,18 @@ use cobscope_decoder::frame::Frame;
 use cobscope_decoder::session::{Bus, SessionOptions};
 use cobscope_decoder::words::count_noun;
 
+use super::arguments::LiveArgs;
 use super::interruption::interrupted;
 use super::pump::{PendingDeliveries, ReadingThread};
 use super::sources::open;
-use crate::cli::LiveArgs;
-use crate::cmd::frame_comment::add_event;
-use crate::cmd::input::session_options;
-use crate::cmd::messages::{Refusal, print_note};
-use crate::cmd::output::creation_error;
 use crate::device_name;
 use crate::exit_code::ExitStatus;
 use crate::output_file::{self, ExistingFile};
 use crate::path_text::path_text;
+use crate::run::frame_comment::add_event;
+use crate::run::input::session_options;
+use crate::run::messages::{Refusal, print_note};
+use crate::run::output::creation_error;
 use crate::source::live::{Arrival, SourceSpec};
 
 /// Maximum wait for frames before signals are looked for.

@@ -11,9 +11,9 @@ use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::sink::text::EventLine;
 
-use crate::cli::TriggerArgs;
-use crate::cmd::input::check_rules_in;
+use super::arguments::TriggerArgs;
 use crate::record::CaptureTrigger;
+use crate::run::input::check_rules_in;
 
 /// Maximum length of the text of a trigger, in characters.
 const LONGEST_TEXT: usize = 500;

@@ -7,10 +7,10 @@ use cobscope_decoder::frame::Frame;
 use cobscope_decoder::reading::{FrameDemand, ReadingPart, bit_rate_change};
 use cobscope_decoder::session::Bus;
 
+use super::arguments::LiveArgs;
 use super::triggers::LiveTriggers;
-use crate::cli::LiveArgs;
-use crate::cmd::messages::print_note;
-use crate::cmd::print::{EventPrinter, prints_findings};
+use crate::run::messages::print_note;
+use crate::run::print::{EventPrinter, prints_findings};
 
 /// Kinds of events that are printed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 use super::arguments::CallArguments;
 use super::capture::{OpenedCapture, node_in};
 use super::fit::fit_value;
-use crate::cli::NodeArg;
+use crate::run::arguments::NodeArg;
 use crate::select::{BoundSide, RangeBound};
 
 /// Overview of a capture.

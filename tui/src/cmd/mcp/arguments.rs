@@ -3,12 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow, bail, ensure};
-use clap::Parser as _;
 use serde_json::{Map, Value, json};
 
 use super::folders::AllowedFolders;
-use crate::cli::{Cli, CliCommand, InputArgs};
-use crate::cmd::input::files_named;
+use crate::run::arguments::{InputArgs, NodeOption, parse_words};
+use crate::run::input::files_named;
 
 /// All tools with their parameters.
 const TOOLS: &str = include_str!("tools.json");
@@ -219,21 +218,21 @@ impl CallArguments {
 /// # Errors
 /// They are not valid.
 pub(super) fn parse_input(words: &[String], profiles: &[PathBuf]) -> anyhow::Result<InputArgs> {
-    let start = ["cobscope", "stats"].map(str::to_owned);
-    let parsed = Cli::try_parse_from(start.iter().chain(words)).map_err(|error| {
+    let input: InputArgs = parse_options("stats", words)?;
+    input.check_nodes(Some(NodeOption::Decode)).map_err(anyhow::Error::msg)?;
+    Ok(InputArgs { profiles: profiles.to_vec(), ..input })
+}
+
+/// Options of a command from words.
+///
+/// # Errors
+/// They are not valid.
+pub(super) fn parse_options<A: clap::Args>(command: &'static str, words: &[String]) -> anyhow::Result<A> {
+    parse_words(command, words.iter().map(Into::into)).map_err(|error| {
         let text = error.to_string();
         // The usage that follows describes the command line.
-        let first = text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned();
-        anyhow!(first)
-    })?;
-    parsed.command.check_nodes().map_err(|error| anyhow!(error))?;
-    match parsed.command {
-        CliCommand::Stats(mut arguments) => {
-            arguments.input.profiles = profiles.to_vec();
-            Ok(arguments.input)
-        }
-        _ => bail!("not a valid request"),
-    }
+        anyhow!(text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned())
+    })
 }
 
 #[cfg(test)]

@@ -9,11 +9,11 @@ use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::{Bus, Buses, Node};
 
-use crate::cli::{InputArgs, NodeArg};
-use crate::cmd::input::{
+use crate::run::arguments::{InputArgs, NodeArg};
+use crate::run::capture_answers::PassResults;
+use crate::run::input::{
     build_setup, capture_series, join_options, load_catalogue, options_of, read_options,
 };
-use crate::cmd::results::PassResults;
 use crate::select::{BoundSide, RangeBound};
 use crate::source::time_span;
 use crate::timeline::{IndexedCapture, TimelineCaptures, WalkStart};

@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 use super::arguments::CallArguments;
 use super::capture::OpenedCapture;
 use super::fit::{fit_value, fit_within, json_length};
-use crate::cli::NodeArg;
+use crate::run::arguments::NodeArg;
 use crate::select::{BoundSide, RangeBound, ensure_order};
 use crate::timeline::WalkStart;
 

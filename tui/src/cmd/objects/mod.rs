@@ -1,5 +1,6 @@
 //! `cobscope objects`: object values of nodes, with their origin.
 
+mod arguments;
 mod entry;
 mod want;
 
@@ -16,12 +17,13 @@ use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 use cobscope_decoder::words::count_noun;
 
-use super::decoding::{CaptureJob, report};
-use super::messages::print_error;
-use crate::cli::{ObjectsArgs, ReportFormat};
 use crate::exit_code::ExitStatus;
+use crate::run::arguments::ReportFormat;
+use crate::run::capture_job::{CaptureJob, report};
+use crate::run::messages::print_error;
 use crate::select::TimeLimit;
 use crate::words::present_nodes;
+pub use arguments::ObjectsArgs;
 use entry::{node_label, value_place};
 use want::ExpectedValues;
 

@@ -14,10 +14,11 @@ use cobscope_decoder::sink::escape;
 use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
+use super::arguments::ObjectsArgs;
 use super::entry::{node_label, value_place};
-use crate::cli::{ObjectsArgs, ReportFormat};
-use crate::cmd::input::device_files;
 use crate::path_text::path_text;
+use crate::run::arguments::ReportFormat;
+use crate::run::input::device_files;
 
 /// Store and restore parameters: a read returns the capability of the device, not a configured value.
 const COMMANDS: [u16; 2] = [0x1010, 0x1011];

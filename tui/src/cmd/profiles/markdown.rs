@@ -7,7 +7,7 @@ use cobscope_decoder::profile::device::UdsIdentifier;
 use cobscope_decoder::sink::escape;
 
 use super::counts::entry_counts;
-use crate::cmd::describe::{FIRM, behaviour, j1939, network, uds};
+use crate::run::describe::{FIRM, behaviour, j1939, network, uds};
 
 /// The profile as tables, without its objects.
 pub(super) fn profile_markdown(device: &DeviceProfile) -> String {

@@ -5,8 +5,9 @@ mod markdown;
 mod page;
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use clap::{Args, Subcommand, ValueEnum};
 use cobscope_decoder::profile::device::ProfileFile;
 use cobscope_decoder::profile::{Catalogue, DeviceProfile, ProfileError, check_device, check_ids, imported};
 use cobscope_decoder::rules::check_names;
@@ -14,19 +15,77 @@ use cobscope_decoder::samples::check_samples;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::words::count_noun;
 
-use super::input::{add_siblings, device_files, limited};
-use super::messages::print_warning;
-use super::output::print_text;
-use crate::cli::{PageFormat, ProfilesCommand};
 use crate::exit_code::ExitStatus;
 use crate::path_text;
+use crate::run::arguments::examples;
+use crate::run::input::{add_siblings, device_files, limited, load_catalogue};
+use crate::run::messages::print_warning;
+use crate::run::output::print_text;
 use counts::entry_counts;
 use markdown::profile_markdown;
 use page::profile_page;
 
+/// Examples in the help.
+const EXAMPLES: &str = examples![
+    "cobscope profiles show rexroth-sydfec",
+    "cobscope profiles import pump.eds > devices/pump.toml",
+    "cobscope profiles check devices/pump.toml",
+];
+
+/// List, show, check and import device profiles
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub struct ProfilesArgs {
+    /// Command to run
+    #[command(subcommand)]
+    pub command: ProfilesCommand,
+    /// Add a folder with profiles and device files (repeatable)
+    #[arg(long, value_name = "DIR", global = true)]
+    pub profiles: Vec<PathBuf>,
+}
+
+/// Commands of `profiles`.
+#[derive(Debug, Subcommand)]
+pub enum ProfilesCommand {
+    /// List all devices and variants
+    List,
+    /// Print the contents of a profile
+    Show {
+        /// Profile, with optional variant: rexroth-sydfec, wandfluh-md2:controller
+        profile: String,
+        /// Print only the number of entries
+        #[arg(long)]
+        count: bool,
+        /// Output format
+        #[arg(short, long, value_name = "FORMAT", default_value = "text")]
+        format: PageFormat,
+    },
+    /// Check the syntax, ranges, references and samples of profiles, and report defects of device files
+    Check {
+        /// Profiles (TOML) and device files (EDS, DCF, XDD, XDC)
+        #[arg(required = true, value_name = "FILE")]
+        files: Vec<PathBuf>,
+    },
+    /// Print the profile generated from a device file
+    Import {
+        /// EDS, DCF, XDD or XDC file
+        file: PathBuf,
+    },
+}
+
+/// Formats of a profile page.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum PageFormat {
+    /// Complete text, wrapped for a terminal
+    Text,
+    /// Tables for a document, without the objects
+    Markdown,
+}
+
 /// Runs the command.
-pub fn run(command: &ProfilesCommand, catalogue: &Catalogue) -> ExitStatus {
-    match command {
+pub fn run(arguments: &ProfilesArgs) -> ExitStatus {
+    let catalogue = &load_catalogue(&arguments.profiles);
+    match &arguments.command {
         ProfilesCommand::List => list_devices(catalogue),
         ProfilesCommand::Show { profile, count: true, .. } => show_profile(catalogue, profile, counts_text),
         ProfilesCommand::Show { profile, format: PageFormat::Text, .. } => {
@@ -98,7 +157,7 @@ fn counts_text(device: &DeviceProfile) -> String {
     text
 }
 
-fn check_files(files: &[std::path::PathBuf]) -> ExitStatus {
+fn check_files(files: &[PathBuf]) -> ExitStatus {
     let mut exit = ExitStatus::Clean;
     for path in files {
         let name = path.display().to_string();

@@ -9,8 +9,8 @@ use cobscope_decoder::profile::device::{
 };
 use cobscope_decoder::sink::escape;
 
-use crate::cmd::describe::network::{self, NetworkProperty};
-use crate::cmd::describe::{behaviour, fold_text, j1939, object, section_text as cite, uds};
+use crate::run::describe::network::{self, NetworkProperty};
+use crate::run::describe::{behaviour, fold_text, j1939, object, section_text as cite, uds};
 
 /// The complete profile, one line per entry.
 pub(super) fn profile_page(device: &DeviceProfile) -> String {

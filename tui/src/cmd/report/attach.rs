@@ -8,13 +8,13 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use cobscope_decoder::report::Attachment;
 
+use super::arguments::{AttachPlace, PageStyle, ReportArgs};
 use super::provenance::sha256;
 use super::reading::{ComposedReport, ReportCutStart};
-use crate::cli::{AttachPlace, PageStyle, ReportArgs};
-use crate::cmd::cut;
-use crate::cmd::messages::{Refusal, print_note};
-use crate::cmd::replaced::{OwnFile, open_replacing};
 use crate::exit_code::ExitStatus;
+use crate::run::cut;
+use crate::run::messages::{Refusal, print_note};
+use crate::run::replaced::{OwnFile, open_replacing};
 
 /// Suffix of the cut-out capture.
 const SUFFIX: &str = "pcapng";

@@ -9,11 +9,12 @@ use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::why::WhyScope;
 use cobscope_decoder::words::count_noun;
 
+use super::arguments::{FindingArg, PageStyle};
 use super::page;
 use super::reading::{ReportScope, compose};
-use crate::cli::{FindingArg, InputArgs, PageStyle, SelectArgs};
-use crate::cmd::output::ensure_folder;
 use crate::path_text::path_text;
+use crate::run::arguments::{InputArgs, SelectArgs};
+use crate::run::output::ensure_folder;
 use crate::source::CaptureSeries;
 
 /// A page to write.

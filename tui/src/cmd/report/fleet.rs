@@ -7,11 +7,11 @@ use cobscope_decoder::report::fleet::Fleet;
 use cobscope_decoder::report::html::{FleetPage, write_fleet};
 
 use super::provenance::command;
-use crate::cmd::lake_index;
-use crate::cmd::messages::Refusal;
-use crate::cmd::output::write_result;
-use crate::cmd::replaced::{OwnFile, open_replacing};
 use crate::exit_code::ExitStatus;
+use crate::run::lake_index;
+use crate::run::messages::Refusal;
+use crate::run::output::write_result;
+use crate::run::replaced::{OwnFile, open_replacing};
 
 /// Writes the page to a file, else to stdout.
 ///

@@ -12,16 +12,16 @@ use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::words::count_noun;
 
+use super::arguments::{AttachPlace, PageStyle, ReportArgs};
 use super::provenance::command;
 use super::reading::{ComposedReport, ReportScope, compose};
 use super::{attach, page};
-use crate::cli::{AttachPlace, PageStyle, ReportArgs};
-use crate::cmd::captures::{SourceSeries, is_no_capture, passed_over, without_captures};
-use crate::cmd::messages::{Refusal, exit_of, print_error, print_note, print_warning};
-use crate::cmd::output::{ensure_not_read, files_read, write_result};
-use crate::cmd::replaced::{OwnFile, open_replacing};
 use crate::exit_code::ExitStatus;
 use crate::path_text;
+use crate::run::captures::{SourceSeries, is_no_capture, passed_over, without_captures};
+use crate::run::messages::{Refusal, exit_of, print_error, print_note, print_warning};
+use crate::run::output::{ensure_not_read, files_read, write_result};
+use crate::run::replaced::{OwnFile, open_replacing};
 
 /// Name of the index page.
 const INDEX: &str = "index";

@@ -5,6 +5,7 @@
 //! folder  ─▶ one page per capture ─▶ folder: index page
 //! ```
 
+mod arguments;
 mod attach;
 mod background;
 #[cfg(feature = "parquet")]
@@ -25,13 +26,14 @@ pub(super) use folder::{FolderCapture, PageFolder, counts};
 pub(super) use provenance::provenance;
 pub(super) use reading::{ReportScope, compose};
 
-use super::captures::{self, SourceSeries};
-use super::input::{build_setup, check_rules_of, session_options};
-use super::messages::{Refusal, exit_of, print_error};
-use super::output::files_read;
-use super::replaced::{OwnFile, ensure_replaceable};
-use crate::cli::ReportArgs;
 use crate::exit_code::ExitStatus;
+use crate::run::captures::{self, SourceSeries};
+use crate::run::input::{build_setup, check_rules_of, session_options};
+use crate::run::messages::{Refusal, exit_of, print_error};
+use crate::run::output::files_read;
+use crate::run::replaced::{OwnFile, ensure_replaceable};
+use arguments::FindingArg;
+pub use arguments::{PageStyle, ReportArgs};
 
 /// Runs the command.
 pub fn run(arguments: &ReportArgs) -> ExitStatus {
@@ -58,7 +60,7 @@ fn reported(arguments: &ReportArgs) -> Result<ExitStatus, Refusal> {
     ensure_files(named).map_err(usage)?;
     let options = session_options(input).map_err(profile)?;
     let rules = Arc::new(build_setup(input, &options.catalogue, None).map_err(profile)?);
-    if let Some(crate::cli::FindingArg::Rule(rule)) = &arguments.finding {
+    if let Some(FindingArg::Rule(rule)) = &arguments.finding {
         rules.check_name(rule).map_err(|error| usage(anyhow::anyhow!("--finding: {error}")))?;
     }
     check_rules_of(arguments.select.filter.as_ref(), &rules).map_err(usage)?;

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use cobscope_decoder::report::{CaptureReport, html, markdown};
 
-use crate::cli::PageStyle;
-use crate::cmd::messages::Refusal;
-use crate::cmd::output::write_result;
-use crate::cmd::replaced::{OwnFile, open_replacing};
+use super::arguments::PageStyle;
 use crate::exit_code::ExitStatus;
 use crate::output_file::{self, ExistingFile};
+use crate::run::messages::Refusal;
+use crate::run::output::write_result;
+use crate::run::replaced::{OwnFile, open_replacing};
 
 /// Writes a page to a file, which is none of the files `read`, else to stdout.
 ///

@@ -10,8 +10,8 @@ use cobscope_decoder::report::{HashedFile, Provenance};
 use cobscope_decoder::session::{Bus, Buses};
 use sha2::{Digest as _, Sha256};
 
-use crate::cli::InputArgs;
-use crate::cmd::input::files_named;
+use crate::run::arguments::InputArgs;
+use crate::run::input::files_named;
 use crate::source::CaptureSeries;
 
 /// Size of the blocks that are hashed, in bytes.

@@ -16,11 +16,12 @@ use cobscope_decoder::sink::escape;
 use cobscope_decoder::statistics::Statistics;
 use cobscope_decoder::why::WhyScope;
 
+use super::arguments::{AttachPlace, FindingArg, ReportArgs};
 use super::provenance::provenance;
-use crate::cli::{AttachPlace, FindingArg, InputArgs, ReportArgs, SelectArgs};
-use crate::cmd::decoding::{CaptureJob, ReadCapture};
-use crate::cmd::facts::{SelectedFacts, diagnosis, ensure_story, question, unknown_buses};
-use crate::cmd::messages::{absent_value, print_note, print_warning};
+use crate::run::arguments::{InputArgs, SelectArgs};
+use crate::run::capture_job::{CaptureJob, ReadCapture};
+use crate::run::messages::{absent_value, print_note, print_warning};
+use crate::run::selected_facts::{SelectedFacts, diagnosis, ensure_story, question, unknown_buses};
 use crate::source::CaptureSeries;
 
 /// What to report on.

@@ -5,14 +5,38 @@ mod listed;
 mod markdown;
 mod page;
 
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
 use cobscope_decoder::sink::table::{CellAlignment, TextTable};
 
-use super::input::common_catalogue;
-use super::output::print_text;
-use crate::cli::{RulesArgs, RulesFormat};
 use crate::exit_code::ExitStatus;
+use crate::run::input::common_catalogue;
+use crate::run::output::print_text;
 pub(super) use listed::{ListedRule, find_rule, list_rules, nearest_name};
 pub(super) use page::rule_page;
+
+/// List the rules: name, severity, on or off, timing rule, defect
+#[derive(Debug, Args)]
+pub struct RulesArgs {
+    /// Output format
+    #[arg(short, long, value_name = "FORMAT", default_value = "text")]
+    pub format: RulesFormat,
+    /// Add a folder with profiles, whose rules are also listed (repeatable)
+    #[arg(long, value_name = "DIR")]
+    pub profiles: Vec<PathBuf>,
+}
+
+/// Formats of the rule list.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum RulesFormat {
+    /// A table
+    Text,
+    /// One JSON array with all properties of each rule
+    Json,
+    /// Headings and text for a document
+    Markdown,
+}
 
 /// Runs the command.
 pub fn run(arguments: &RulesArgs) -> ExitStatus {

@@ -7,7 +7,7 @@ use cobscope_decoder::rules::conformance::test_cases;
 use cobscope_decoder::sink::table::{CellAlignment, TextTable};
 
 use super::ListedRule;
-use crate::cmd::describe::fold_text;
+use crate::run::describe::fold_text;
 
 /// Text of `explain RULE`.
 pub(in crate::cmd) fn rule_page(rule: &ListedRule) -> String {

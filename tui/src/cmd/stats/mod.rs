@@ -1,5 +1,6 @@
 //! `cobscope stats`: statistics of captures.
 
+mod arguments;
 mod j1939;
 mod report;
 mod text;
@@ -12,13 +13,14 @@ use cobscope_decoder::reading::{FrameDemand, ReadingPart};
 use cobscope_decoder::session::{Bus, Buses, MessagePreview, SessionOptions};
 use cobscope_decoder::statistics::Statistics;
 
-use super::decoding::{CaptureJob, ReadCapture, report_with};
-use super::input::{build_setup, check_rules_of, session_options};
-use super::messages::{Refusal, print_error, print_warning};
-use crate::cli::{ReportFormat, StatsArgs};
 use crate::exit_code::ExitStatus;
+use crate::run::arguments::ReportFormat;
+use crate::run::capture_job::{CaptureJob, ReadCapture, report_with};
+use crate::run::input::{build_setup, check_rules_of, session_options};
+use crate::run::messages::{Refusal, print_error, print_warning};
 use crate::select::Selection;
 use crate::words::unknown_bus;
+pub use arguments::StatsArgs;
 use report::StatisticsReport;
 
 /// Runs the command.

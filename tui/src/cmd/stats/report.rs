@@ -5,7 +5,7 @@ use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::session::Bus;
 use cobscope_decoder::statistics::Statistics;
 
-use crate::cli::StatsArgs;
+use super::arguments::StatsArgs;
 
 /// Statistics of one capture, and the decoder after the last frame.
 pub(super) struct StatisticsReport<'a> {

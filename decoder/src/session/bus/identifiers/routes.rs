@@ -1,0 +1,423 @@
+//! Present service of each identifier.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+
+use foldhash::fast::FixedState;
+
+use super::last_payload::LastPayload;
+use super::link::UdsLink;
+use super::plan::IdentifierPlan;
+use crate::event::{DecodedPdo, Event, EventKind};
+use crate::frame::{CanId, Frame};
+use crate::profile::{IdentifierOwner, PayloadLayout, PdoDirection, PdoName, connection_set};
+use crate::session::bus::time::{Cadence, IdentifierIntervals, SkippedTimes};
+use crate::session::limits::EXTENDED_ID_LIMIT;
+use crate::wire::NodeId;
+use crate::wire::canopen::ObjectAddress;
+use crate::wire::canopen::sdo::SdoSide;
+use crate::wire::j1939::{J1939Id, NO_ADDRESS};
+
+/// Service of an identifier, with its node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::session) enum IdentifierService {
+    /// No known service.
+    Unclassified,
+    /// Reserved identifier with a name; not decoded.
+    Named(&'static str),
+    Nmt,
+    Sync,
+    Time,
+    /// EMCY of a node.
+    Emcy(NodeId),
+    /// PDO of a node.
+    Pdo(PdoName, NodeId),
+    /// Request or response of an SDO channel.
+    Sdo(SdoSide, u16),
+    /// NMT error control of a node: heartbeat, boot-up and guarding.
+    ErrorControl(NodeId),
+    /// LSS; `true` for messages of the master.
+    Lss(bool),
+    /// Markers of the CiA conformance test tool.
+    TestMarker,
+    /// A J1939 message.
+    J1939(J1939Id),
+    /// ISO-TP frame of a link.
+    IsoTp(UdsLink),
+}
+
+/// State of one identifier, created at its first frame.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct IdentifierState {
+    pub(in crate::session) service: IdentifierService,
+    /// Last data frame.
+    pub(in crate::session) last: LastPayload,
+    /// Payload bits that the session itself needs; `None` if it needs each frame.
+    pub(in crate::session) needed: Option<u64>,
+    /// Index of the sender of a TPDO or J1939 message in tables by node; [`NO_SENDER`] for other services.
+    pub(in crate::session) sender: u16,
+    /// Number of the prepared event; it changes with node, service and layout.
+    pub(in crate::session) version: u32,
+    /// Event of a PDO or J1939 message, updated in place to avoid one allocation per frame. It is that of the last frame
+    /// that an observer needed.
+    pub(in crate::session) prepared: Option<Box<Event>>,
+    /// Fields that concern the device's state.
+    pub(in crate::session) plan: Option<Box<IdentifierPlan>>,
+    /// Intervals, if a manual limits them.
+    pub(in crate::session) cadence: Option<Box<Cadence>>,
+    /// Frames of an RPDO without an event.
+    pub(in crate::session) skipped: Option<Box<SkippedTimes>>,
+    /// Last frame, if only a database describes it.
+    pub(in crate::session) described: Option<Box<Frame>>,
+    pulse: IdentifierIntervals,
+}
+
+impl IdentifierService {
+    /// Whether frames of the identifier become plain frames.
+    pub(in crate::session) const fn is_undecoded(self) -> bool {
+        matches!(self, Self::Unclassified | Self::Named(_))
+    }
+
+    /// Whether remote frames go to the service's machine. Only PDOs and error control are requested by remote
+    /// frames (CiA 301 §7.2.2, §7.2.8.3.2.1). Frames of unknown services are emitted undecoded.
+    pub(in crate::session) const fn has_remote_frames(self) -> bool {
+        matches!(
+            self,
+            Self::Pdo(..) | Self::ErrorControl(_) | Self::J1939(_) | Self::Unclassified | Self::Named(_)
+        )
+    }
+}
+
+impl IdentifierState {
+    fn new(service: IdentifierService) -> Self {
+        Self {
+            service,
+            last: LastPayload::NONE,
+            needed: None,
+            sender: sender_slot(service),
+            version: 0,
+            prepared: None,
+            plan: None,
+            cadence: None,
+            skipped: None,
+            described: None,
+            pulse: IdentifierIntervals::NEW,
+        }
+    }
+
+    /// Drops the prepared event; the next frame uses the present layout.
+    pub(in crate::session) fn drop_event(&mut self) {
+        (self.prepared, self.needed) = (None, None);
+        self.version = self.version.wrapping_add(1);
+    }
+
+    /// Whether nodes receive the PDO or message, and its sender is not known.
+    #[inline]
+    pub(in crate::session) const fn is_received(&self) -> bool {
+        self.sender == NO_SENDER
+    }
+
+    /// Registers a frame at a monotonic time.
+    #[inline]
+    pub(in crate::session) fn note_frame(&mut self, now: i64) {
+        self.pulse.note_frame(now);
+    }
+}
+
+const NO_SLOT: u16 = u16::MAX;
+
+/// No node has this index.
+const NO_SENDER: u16 = u16::MAX;
+
+fn sender_slot(service: IdentifierService) -> u16 {
+    let node = match service {
+        IdentifierService::Pdo(name, node) if name.direction == PdoDirection::Transmit => node,
+        IdentifierService::J1939(id) if id.source < NO_ADDRESS => NodeId::J1939(id.source),
+        _ => return NO_SENDER,
+    };
+    u16::try_from(node.table_place()).unwrap_or(NO_SENDER)
+}
+
+/// Services of all identifiers of one bus.
+#[derive(Debug, Clone)]
+pub(in crate::session) struct IdentifierRoutes {
+    /// Index of the state of each 11-bit identifier.
+    standard: Box<[u16; 2048]>,
+    /// The same for 29-bit identifiers.
+    extended: HashMap<u32, u16, FixedState>,
+    slots: Vec<IdentifierState>,
+    /// Services from the user; they override all others.
+    given: Arc<BTreeMap<CanId, IdentifierService>>,
+    /// Services learnt from messages; they override the defaults.
+    learnt: Arc<BTreeMap<CanId, IdentifierService>>,
+    /// UDS servers from the user; they override only the defaults.
+    named: Arc<BTreeMap<CanId, IdentifierService>>,
+    refused: bool,
+}
+
+impl Default for IdentifierRoutes {
+    fn default() -> Self {
+        Self {
+            standard: Box::new([NO_SLOT; 2048]),
+            extended: HashMap::default(),
+            slots: Vec::new(),
+            given: Arc::default(),
+            learnt: Arc::default(),
+            named: Arc::default(),
+            refused: false,
+        }
+    }
+}
+
+/// Source of the service at the first frame of an identifier.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::session) enum RouteOrigin {
+    /// From the user, from messages, or from ISO-TP addresses in the identifier.
+    Learnt(IdentifierService),
+    /// From the predefined connection set.
+    Default(IdentifierOwner),
+    /// From the fields of a 29-bit identifier.
+    J1939(J1939Id),
+}
+
+impl IdentifierRoutes {
+    /// Index of an identifier in order of appearance; `None` before its first frame.
+    #[inline]
+    pub(in crate::session) fn find_slot(&self, id: CanId) -> Option<usize> {
+        let slot = match id {
+            CanId::Standard(id) => self.standard.get(usize::from(id)).copied()?,
+            CanId::Extended(id) => self.extended.get(&id).copied()?,
+        };
+        (slot != NO_SLOT).then_some(usize::from(slot))
+    }
+
+    /// Registers a frame at a monotonic time; service of its slot.
+    #[inline]
+    pub(in crate::session) fn note_frame(&mut self, slot: usize, now: i64) -> Option<IdentifierService> {
+        let slot = self.slots.get_mut(slot)?;
+        slot.pulse.note_frame(now);
+        Some(slot.service)
+    }
+
+    /// Services of all slots with their intervals.
+    pub(in crate::session) fn pulses(
+        &self,
+    ) -> impl Iterator<Item = (IdentifierService, IdentifierIntervals)> {
+        self.slots.iter().map(|slot| (slot.service, slot.pulse))
+    }
+
+    /// Moves the last frame of all identifiers by `delay` ns, during which all traffic stopped.
+    pub(in crate::session) fn postpone_frames(&mut self, delay: i64) {
+        self.slots.iter_mut().for_each(|slot| slot.pulse.postpone_frame(delay));
+    }
+
+    #[inline]
+    pub(in crate::session) fn slot(&self, index: usize) -> Option<&IdentifierState> {
+        self.slots.get(index)
+    }
+
+    #[inline]
+    pub(in crate::session) fn slot_mut(&mut self, index: usize) -> Option<&mut IdentifierState> {
+        self.slots.get_mut(index)
+    }
+
+    /// Service of an identifier before its first frame.
+    pub(in crate::session) fn route_origin(&self, id: CanId) -> RouteOrigin {
+        let known = [&self.given, &self.learnt, &self.named].into_iter().find_map(|map| map.get(&id));
+        let known = known.copied().or_else(|| UdsLink::link_of(id).map(IdentifierService::IsoTp));
+        if let Some(service) = known {
+            return RouteOrigin::Learnt(service);
+        }
+        match id {
+            CanId::Standard(id) => RouteOrigin::Default(connection_set().owner_of(id)),
+            CanId::Extended(id) => J1939Id::from_identifier(id)
+                .map_or(RouteOrigin::Default(IdentifierOwner::Unclassified), RouteOrigin::J1939),
+        }
+    }
+
+    /// Creates the slot of an identifier; `None` if the table of 29-bit identifiers is full.
+    pub(in crate::session) fn add_slot(&mut self, id: CanId, service: IdentifierService) -> Option<usize> {
+        let index = self.slots.len();
+        let slot = u16::try_from(index).ok()?;
+        match id {
+            CanId::Standard(id) => *self.standard.get_mut(usize::from(id))? = slot,
+            CanId::Extended(id) => {
+                if self.extended.len() >= EXTENDED_ID_LIMIT {
+                    return None;
+                }
+                self.extended.insert(id, slot);
+            }
+        }
+        self.slots.push(IdentifierState::new(service));
+        Some(index)
+    }
+
+    /// Whether a 29-bit identifier occurred.
+    pub(in crate::session) fn has_extended(&self) -> bool {
+        !self.extended.is_empty()
+    }
+
+    /// Sets the learnt service of `id`.
+    pub(in crate::session) fn learn_service(&mut self, id: CanId, service: IdentifierService) {
+        if self.learnt.get(&id) == Some(&service) {
+            return;
+        }
+        if self.learnt.len() < EXTENDED_ID_LIMIT || self.learnt.contains_key(&id) {
+            Arc::make_mut(&mut self.learnt).insert(id, service);
+            self.reroute(id, service);
+        } else {
+            self.refused = true;
+        }
+    }
+
+    /// Whether an identifier was rejected, because the table is full, since the last call.
+    pub(in crate::session) fn take_refused(&mut self) -> bool {
+        std::mem::take(&mut self.refused)
+    }
+
+    /// Removes the learnt service of `id`; the default `replaces` applies again.
+    pub(in crate::session) fn forget_service(
+        &mut self,
+        id: CanId,
+        service: IdentifierService,
+        replaces: IdentifierService,
+    ) {
+        if self.learnt.get(&id) == Some(&service) {
+            Arc::make_mut(&mut self.learnt).remove(&id);
+            self.reroute(id, replaces);
+        }
+    }
+
+    /// Sets the service of `id` from the user.
+    pub(in crate::session) fn set_service(&mut self, id: CanId, service: IdentifierService) {
+        Arc::make_mut(&mut self.given).insert(id, service);
+    }
+
+    /// Whether the user stated the service of `id`.
+    pub(in crate::session) fn is_given(&self, id: CanId) -> bool {
+        self.given.contains_key(&id)
+    }
+
+    /// Assigns `id` to a UDS link from the user; the first assignment wins.
+    pub(in crate::session) fn assign_named_link(&mut self, id: CanId, link: UdsLink) {
+        Arc::make_mut(&mut self.named).entry(id).or_insert(IdentifierService::IsoTp(link));
+    }
+
+    /// Assigns `id` to a UDS link that the traffic revealed; services from the user and from messages remain.
+    pub(in crate::session) fn assign_link(&mut self, id: CanId, link: UdsLink) {
+        if !self.learnt.contains_key(&id) && !self.named.contains_key(&id) {
+            self.assign_named_link(id, link);
+            self.reroute(id, IdentifierService::IsoTp(link));
+        }
+    }
+
+    /// Sets the service of `id` until another one is learnt.
+    pub(in crate::session) fn reroute(&mut self, id: CanId, service: IdentifierService) {
+        if self.given.contains_key(&id) {
+            return;
+        }
+        if let Some(slot) = self.find_slot(id).and_then(|index| self.slots.get_mut(index)) {
+            let version = slot.version.wrapping_add(1);
+            *slot = IdentifierState { version, ..IdentifierState::new(service) };
+        }
+    }
+
+    /// Identifier learnt for a service.
+    pub(in crate::session) fn learnt_id(&self, service: IdentifierService) -> Option<CanId> {
+        self.learnt.iter().find(|(_, learnt)| **learnt == service).map(|(id, _)| *id)
+    }
+
+    /// Present service of an identifier; `None` before its first frame.
+    pub(in crate::session) fn service_of(&self, id: CanId) -> Option<IdentifierService> {
+        self.slot(self.find_slot(id)?).map(|slot| slot.service)
+    }
+
+    /// Service learnt for an identifier.
+    pub(in crate::session) fn learnt_at(&self, id: CanId) -> Option<IdentifierService> {
+        self.learnt.get(&id).copied()
+    }
+
+    /// Whether a service has an identifier, learnt or from the user.
+    pub(in crate::session) fn is_placed(&self, service: IdentifierService) -> bool {
+        self.given.values().chain(self.learnt.values()).any(|placed| *placed == service)
+    }
+
+    /// Copies all learnt services, for moving them to another node-ID.
+    pub(in crate::session) fn learnt_services(&self) -> Vec<(CanId, IdentifierService)> {
+        self.learnt.iter().map(|(id, service)| (*id, *service)).collect()
+    }
+
+    /// PDOs received so far, with their layouts.
+    pub(in crate::session) fn layouts(&self) -> impl Iterator<Item = (IdentifierService, &PayloadLayout)> {
+        self.slots.iter().filter_map(|slot| match &slot.prepared.as_deref()?.kind {
+            EventKind::Pdo(pdo) => Some((slot.service, pdo.layout.as_deref()?)),
+            _ => None,
+        })
+    }
+
+    /// Drops the prepared event of a PDO, so that the next one uses the present layout.
+    pub(in crate::session) fn refresh_pdo(&mut self, name: PdoName, node: NodeId) {
+        for slot in &mut self.slots {
+            if slot.service == IdentifierService::Pdo(name, node) {
+                slot.drop_event();
+            }
+        }
+    }
+
+    /// Drops prepared events of the node's PDOs whose layout depends on an object. PDOs without a layout are
+    /// refreshed when their mapping becomes known.
+    pub(in crate::session) fn refresh_dependents(&mut self, id: NodeId, object: ObjectAddress) {
+        for slot in &mut self.slots {
+            let depends = matches!(slot.service, IdentifierService::Pdo(_, node) if node == id)
+                && slot.prepared.as_deref().is_some_and(|event| match &event.kind {
+                    EventKind::Pdo(DecodedPdo { layout: Some(layout), .. }) => {
+                        layout.depends.contains(&object)
+                    }
+                    _ => false,
+                });
+            if depends {
+                slot.drop_event();
+            }
+        }
+    }
+
+    /// Drops prepared events of all PDOs of a node.
+    pub(in crate::session) fn refresh_pdos_of(&mut self, id: NodeId) {
+        for slot in &mut self.slots {
+            if matches!(slot.service, IdentifierService::Pdo(_, node) if node == id) {
+                slot.drop_event();
+            }
+        }
+    }
+
+    /// Messages with a monitored interval.
+    pub(in crate::session) fn cadences(&self) -> impl Iterator<Item = &Cadence> {
+        self.slots.iter().filter_map(|slot| slot.cadence.as_deref())
+    }
+
+    /// Messages with a monitored interval, mutable.
+    pub(in crate::session) fn cadences_mut(&mut self) -> impl Iterator<Item = &mut Cadence> {
+        self.slots.iter_mut().filter_map(|slot| slot.cadence.as_deref_mut())
+    }
+
+    /// Drops the prepared events of J1939 messages; removes and returns their cadences, by slot.
+    pub(in crate::session) fn refresh_messages(&mut self) -> Vec<(u16, Box<Cadence>)> {
+        let mut dropped = Vec::new();
+        for (number, slot) in (0..).zip(&mut self.slots) {
+            if matches!(slot.service, IdentifierService::J1939(_)) {
+                slot.drop_event();
+                dropped.extend(slot.cadence.take().map(|cadence| (number, cadence)));
+            }
+        }
+        dropped
+    }
+
+    /// Bytes held by the tables.
+    pub(in crate::session) fn footprint(&self) -> usize {
+        let events = self.slots.iter().filter(|slot| slot.prepared.is_some()).count() * size_of::<Event>();
+        size_of::<[u16; 2048]>()
+            + self.extended.capacity() * 8
+            + self.slots.capacity() * size_of::<IdentifierState>()
+            + events
+    }
+}

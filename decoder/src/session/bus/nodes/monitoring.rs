@@ -1,0 +1,83 @@
+//! NMT error control of a node: heartbeat and guarding.
+
+use crate::session::bus::objects::ObjectStore;
+use crate::wire::canopen::ObjectAddress;
+
+/// Guarding requests without response after which a node is lost, if its life time factor (100D) is
+/// unknown. Also the factor of its life time in intervals.
+pub(in crate::session) const UNANSWERED: u8 = 3;
+
+/// Heartbeat state of a node.
+#[derive(Debug, Clone, Default)]
+pub(in crate::session) struct HeartbeatState {
+    /// Monotonic time of the last heartbeat; `None` before the first one and after a reset.
+    pub(in crate::session) last: Option<i64>,
+    /// Last intervals in ns, newest first; 0 for none.
+    pub(in crate::session) intervals: [i64; 4],
+    /// Monotonic deadline; `None` if not monitored.
+    pub(in crate::session) deadline: Option<i64>,
+    /// The deadline is in the timer queue.
+    pub(in crate::session) queued: bool,
+    /// Producer time (object 0x1017) in ns; 0 = heartbeat disabled, `None` = unknown.
+    pub(in crate::session) configured: Option<i64>,
+}
+
+impl HeartbeatState {
+    /// Expected interval in ns: the configured one, otherwise the longest of the last four.
+    pub(in crate::session) fn expected_interval(&self) -> Option<i64> {
+        match self.configured {
+            Some(0) => None,
+            Some(time) => Some(time),
+            None if self.intervals.contains(&0) => None,
+            None => self.intervals.iter().copied().max(),
+        }
+    }
+
+    /// A new series of heartbeats starts, at a boot sign.
+    pub(in crate::session) fn restart_series(&mut self) {
+        self.last = None;
+        self.intervals = [0; 4];
+        self.deadline = None;
+    }
+}
+
+/// Guarding state of a node.
+#[derive(Debug, Clone, Default)]
+pub(in crate::session) struct GuardingState {
+    /// A request waits for its response.
+    pub(in crate::session) is_open: bool,
+    /// Consecutive requests without response.
+    pub(in crate::session) missed: u8,
+    /// Toggle bit of the last response.
+    pub(in crate::session) toggle: Option<bool>,
+    /// Monotonic time of the last response.
+    pub(in crate::session) last_reply: Option<i64>,
+    /// Time between the last two responses in ns; 0 if unknown.
+    pub(in crate::session) interval: i64,
+    /// At least one request was sent.
+    pub(in crate::session) seen: bool,
+}
+
+impl GuardingState {
+    /// The first response after a boot sign has toggle bit 0 again (CiA 301 §7.2.8.3.2.1).
+    pub(in crate::session) fn restart_series(&mut self) {
+        self.toggle = None;
+        self.is_open = false;
+        self.missed = 0;
+        self.interval = 0;
+    }
+
+    /// Whether the life time of guarding passed between the last response and `now`: the node may have restarted
+    /// without a boot sign, so that its next response may have either toggle bit. If the life time
+    /// (100C × 100D) is unknown, three usual intervals apply.
+    pub(in crate::session) fn has_outlived(&self, store: &ObjectStore, now: i64) -> bool {
+        let Some(last) = self.last_reply else { return false };
+        let number = |index| store.number(ObjectAddress::new(index, 0)).filter(|number| *number > 0);
+        let life_time = number(0x100C).zip(number(0x100D)).and_then(|(time, factor)| {
+            i64::try_from(time.saturating_mul(factor).saturating_mul(1_000_000)).ok()
+        });
+        let usual = self.interval.saturating_mul(i64::from(UNANSWERED));
+        let limit = life_time.or_else(|| Some(usual).filter(|usual| *usual > 0));
+        limit.is_some_and(|limit| now.saturating_sub(last) > limit)
+    }
+}

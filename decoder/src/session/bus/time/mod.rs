@@ -1,0 +1,14 @@
+//! Monotonic time of a bus, and the intervals of its messages.
+
+mod cadence;
+mod clock;
+mod moment;
+mod pulse;
+mod skipped_times;
+
+pub(in crate::session) use cadence::Cadence;
+pub(crate) use clock::AmbiguousGap;
+pub(in crate::session) use clock::BusClock;
+pub(in crate::session) use moment::FrameMoment;
+pub(in crate::session) use pulse::IdentifierIntervals;
+pub(crate) use skipped_times::SkippedTimes;
