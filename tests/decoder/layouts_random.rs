@@ -151,7 +151,8 @@ impl Drawn {
 }
 
 fn draw_layout(draw: &mut Draw) -> Drawn {
-    let shape = draw.pick(&[Shape::Words, Shape::Words, Shape::Table, Shape::Table, Shape::Labels, Shape::Lines]);
+    let shape =
+        draw.pick(&[Shape::Words, Shape::Words, Shape::Table, Shape::Table, Shape::Labels, Shape::Lines]);
     let mut columns = vec![Column::Id, Column::Data];
     let mut add = |draw: &mut Draw, column, share| {
         if draw.percent(share) {
@@ -231,7 +232,10 @@ fn draw_layout(draw: &mut Draw) -> Drawn {
         // The unit of a number of ms or µs needs a name.
         let needs_name = matches!(
             style,
-            TimeStyle::Milliseconds | TimeStyle::MillisecondsFraction | TimeStyle::Microseconds | TimeStyle::Delta
+            TimeStyle::Milliseconds
+                | TimeStyle::MillisecondsFraction
+                | TimeStyle::Microseconds
+                | TimeStyle::Delta
         );
         if !needs_name || is_named || has_heading {
             break style;
@@ -250,7 +254,14 @@ fn draw_layout(draw: &mut Draw) -> Drawn {
         data,
         time,
         length: draw.pick(&["", "", "[]", "()", "0x"]),
-        direction: draw.pick(&[("Rx", "Tx"), ("RX", "TX"), ("rx", "tx"), ("R", "T"), ("<-", "->"), ("接收", "发送")]),
+        direction: draw.pick(&[
+            ("Rx", "Tx"),
+            ("RX", "TX"),
+            ("rx", "tx"),
+            ("R", "T"),
+            ("<-", "->"),
+            ("接收", "发送"),
+        ]),
         has_heading,
         is_lower: draw.percent(30),
         assignment: draw.pick(&[": ", ":", "=", " = "]),
@@ -279,8 +290,16 @@ fn restrict(drawn: &mut Drawn, draw: &mut Draw, has_time: bool) {
             drawn.columns.push(Column::Data);
         }
         // A name of letters next to other words of a meaning is not drawn: no reader can separate them.
-        if drawn.has(Column::Name) && (drawn.has(Column::Direction) || drawn.has(Column::Kind) || drawn.has(Column::Bus)) {
+        if drawn.has(Column::Name)
+            && (drawn.has(Column::Direction) || drawn.has(Column::Kind) || drawn.has(Column::Bus))
+        {
             drawn.columns.retain(|column| *column != Column::Name);
+        }
+        // This is the screen form of candump, in which eight digits are an extended identifier.
+        if drawn.columns == [Column::Bus, Column::Id, Column::Length, Column::Data]
+            && drawn.id == IdStyle::Eight
+        {
+            drawn.id = IdStyle::Padded;
         }
         if drawn.direction.0 == "R" && drawn.has(Column::Kind) {
             drawn.direction = ("Rx", "Tx");
@@ -316,10 +335,12 @@ fn draw_frames(draw: &mut Draw, drawn: &Drawn) -> Vec<Sent> {
         })
         .collect();
     let mut time = 1_000_000 * i64::try_from(draw.below(50_000)).unwrap();
-    let may_be_empty = drawn.has(Column::Length) || drawn.shape == Shape::Table || drawn.shape == Shape::Lines
+    let may_be_empty = drawn.has(Column::Length)
+        || drawn.shape == Shape::Table
+        || drawn.shape == Shape::Lines
         || drawn.shape == Shape::Labels;
     (0..count)
-        .map(|_| {
+        .map(|number| {
             time += i64::try_from(100_000 + draw.below(19_900_000)).unwrap();
             let (id, size) = draw.pick(&ids);
             let size = if may_be_empty { size } else { size.max(1) };
@@ -328,7 +349,8 @@ fn draw_frames(draw: &mut Draw, drawn: &Drawn) -> Vec<Sent> {
                 id,
                 data: (0..size).map(|_| u8::try_from(draw.below(256)).unwrap()).collect(),
                 is_remote: false,
-                is_sent: draw.percent(30),
+                // `R` alone may be a direction or a remote frame.
+                is_sent: if number < 2 { number == 0 } else { draw.percent(30) },
                 bus: u8::try_from(1 + draw.below(2)).unwrap(),
             }
         })
@@ -390,7 +412,8 @@ fn id_text(id: CanId, style: IdStyle) -> String {
 }
 
 fn data_text(data: &[u8], style: DataStyle) -> String {
-    let all = |one: fn(&u8) -> String, separator: &str| data.iter().map(one).collect::<Vec<_>>().join(separator);
+    let all =
+        |one: fn(&u8) -> String, separator: &str| data.iter().map(one).collect::<Vec<_>>().join(separator);
     match style {
         DataStyle::Spaced => all(|byte| format!("{byte:02X}"), " "),
         DataStyle::Packed => all(|byte| format!("{byte:02X}"), ""),
@@ -531,8 +554,11 @@ fn difference(drawn: &Drawn, sent: &[Sent], frames: &[Frame], buses: &[String]) 
             (false, _) => "1".into(),
         };
         let _ = first;
-        if !is_equal || time != expected || directions != direction || *bus != expected_bus || sent.is_remote {
-            return Some(format!("frame {index}: sent {sent:?}, time {expected:?}; found {found:?} on {bus}"));
+        if !is_equal || time != expected || directions != direction || *bus != expected_bus || sent.is_remote
+        {
+            return Some(format!(
+                "frame {index}: sent {sent:?}, time {expected:?}; found {found:?} on {bus}"
+            ));
         }
     }
     None
@@ -548,6 +574,9 @@ fn layouts_drawn_at_random_are_read_or_refused() {
         let frames = draw_frames(&mut draw, &drawn);
         let text = write_capture(&mut draw, &drawn, &frames);
         let start: String = text.lines().take(7).fold(String::new(), |all, line| all + line + "\n");
+        if let Some(folder) = env::var_os("COBSCOPE_LAYOUT_DUMP") {
+            std::fs::write(std::path::Path::new(&folder).join(format!("{seed}.txt")), &text).unwrap();
+        }
         match read(&text) {
             Outcome::Refused(reason) => {
                 let reason = reason.split_once("it begins with").map_or(reason.as_str(), |(_, rest)| rest);

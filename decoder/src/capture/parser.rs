@@ -2,8 +2,8 @@
 
 use super::batch::Batch;
 use super::bus_names::BusNames;
+use super::column_list::ColumnList;
 use super::error::CaptureError;
-use super::formats::inferred::ColumnList;
 
 /// Default of [`FormatParser::largest_input`] in bytes: a parser must use input of this size. Longer lines and records
 /// are skipped in pieces.

@@ -60,9 +60,9 @@ pub const WRITABLE: &[WritableFormat] = &[
 /// bytes are known: the same bytes decide for any size of the pieces in which a capture arrives.
 pub fn detect_format(head: &[u8], is_whole: bool) -> Option<&'static CaptureFormat> {
     let lines = if is_whole { head } else { complete_lines(head) };
-    let found = FORMATS.iter().find(|format| {
-        !is_last_resort(format) && (format.detect)(if format.is_text { lines } else { head })
-    });
+    let found = FORMATS
+        .iter()
+        .find(|format| !is_last_resort(format) && (format.detect)(if format.is_text { lines } else { head }));
     found.or_else(|| {
         let window = excerpt::decisive_lines(head, is_whole).filter(|window| !window.is_empty())?;
         FORMATS.iter().find(|format| is_last_resort(format) && (format.detect)(window))

@@ -124,9 +124,8 @@ pub(in crate::capture) fn is_ellipsis(line: &[u8]) -> bool {
 
 /// Whether a line is `word` in brackets.
 fn has_brackets(line: &[u8], word: &[u8]) -> bool {
-    let inner = match line {
-        [b'[', inner @ .., b']'] | [b'(', inner @ .., b')'] | [b'<', inner @ .., b'>'] => inner,
-        _ => return false,
+    let ([b'[', inner @ .., b']'] | [b'(', inner @ .., b')'] | [b'<', inner @ .., b'>']) = line else {
+        return false;
     };
     inner.trim_ascii().eq_ignore_ascii_case(word)
 }

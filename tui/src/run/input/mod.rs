@@ -56,6 +56,7 @@ pub fn read_options(input: &InputArgs) -> ReadOptions {
             StampStyle::Absolute => TimeStyle::Absolute,
             StampStyle::Delta => TimeStyle::Delta,
         }),
+        columns: input.columns,
     }
 }
 

@@ -105,7 +105,7 @@ pub(in crate::capture::formats) fn parse_line(line: &[u8]) -> Result<CandumpLine
         }
         Some(result) => result,
         // In pasted text, quote marks and times in other forms precede the identifier.
-        None if !has_stamp && !is_name(bus) => {
+        None if !has_stamp && (!is_name(bus) || is_count(bus)) => {
             return if is_prompt(line) { Ok(parse_prompt(line)) } else { Err(LineError::NotCandump) };
         }
         None => screen_body(rest),
@@ -151,12 +151,18 @@ fn is_name(word: &[u8]) -> bool {
     !is_decimal && word.iter().any(|byte| *byte != b'>')
 }
 
-/// Whether the word before an identifier is a column of another program: a time of day, a count of more than two digits, or
-/// a direction. As the name of a bus, it would make one bus of each line.
+/// Whether the word before an identifier is a column of another program: a time or a direction. As the name of a bus, it
+/// would make one bus of each line.
 fn is_other_column(word: &[u8]) -> bool {
     let is_time = word.first().is_some_and(u8::is_ascii_digit)
+        && word.iter().any(|byte| !byte.is_ascii_digit())
         && word.iter().all(|byte| byte.is_ascii_digit() || matches!(byte, b':' | b'.' | b','));
-    (is_time && word.len() > 2) || word.eq_ignore_ascii_case(b"rx") || word.eq_ignore_ascii_case(b"tx")
+    is_time || word.eq_ignore_ascii_case(b"rx") || word.eq_ignore_ascii_case(b"tx")
+}
+
+/// Whether the word is a number, such as the count of a line, not the name of an interface.
+fn is_count(word: &[u8]) -> bool {
+    word.iter().all(u8::is_ascii_digit) || word.starts_with(b"0x")
 }
 
 /// Starts of the lines in which `candump -e` explains an error frame (can-utils, lib.c).
@@ -250,12 +256,13 @@ const EMPTY: CandumpFrameLine<'static> = CandumpFrameLine {
 fn parse_identifier(digits: &[u8]) -> Option<(CanId, FrameFlags)> {
     let number =
         digits.iter().try_fold(0_u32, |value, digit| Some(value << 4 | u32::from(hex_digit(*digit)?)))?;
-    match digits.len().min(9) {
-        9 => None,
+    match digits.len() {
         1..=3 if number <= 0x7FF => Some((CanId::from_standard(u16::try_from(number).ok()?), FrameFlags(0))),
-        3.. if number < ERROR_FLAG => Some((CanId::from_extended(number), FrameFlags(0))),
-        8 if number < 2 * ERROR_FLAG => Some((CanId::from_extended(number), FrameFlags::ERROR)),
-        _ => None,
+        0..=2 | 9.. => None,
+        8 if (ERROR_FLAG..2 * ERROR_FLAG).contains(&number) => {
+            Some((CanId::from_extended(number), FrameFlags::ERROR))
+        }
+        _ => (number < ERROR_FLAG).then_some((CanId::from_extended(number), FrameFlags(0))),
     }
 }
 
@@ -274,9 +281,7 @@ fn log_body(input: &[u8]) -> Option<Result<CandumpFrameLine<'static>, LineError>
         return Some(Err(LineError::CanXl));
     }
     let Some((id, flags)) = parse_identifier(digits) else {
-        return Some(Err(LineError::Broken(
-            "identifier: expected 1 to 8 hex digits up to 3FFFFFFF",
-        )));
+        return Some(Err(LineError::Broken("identifier: expected 1 to 8 hex digits up to 3FFFFFFF")));
     };
     let (payload, tail) = split_word(rest);
     let body = CandumpFrameLine { id, flags: flags.with(parse_direction(tail)), is_log: true, ..EMPTY };

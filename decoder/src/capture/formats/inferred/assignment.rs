@@ -1,12 +1,11 @@
 //! Assigns roles to the columns next to the data.
 
-use super::facts::{ColumnFacts, infer_unit, runs_backwards};
+use super::data_places::DataPlaces;
+use super::facts::{ColumnFacts, agree, infer_unit, runs_backwards};
 use super::layout::{IdentifierForm, TimeForm};
-use super::proposal::DataPlaces;
-use super::row::{FLAG_BIT, hex_number};
 use super::sample::Sample;
 use super::token::{Token, TokenKind, split_date};
-use super::words::{ColumnRole, TimeUnit};
+use crate::capture::column_list::{ColumnRole, TimeUnit};
 
 /// Roles of the columns before and after the data.
 #[derive(Debug, Clone, Default)]
@@ -23,7 +22,7 @@ pub(super) struct RoleAssignment {
     pub(super) score: i32,
     /// Reason why the layout must not be used.
     pub(super) defect: Option<&'static str>,
-    /// What is ignored.
+    /// Ignored parts of the lines.
     pub(super) remarks: Vec<&'static str>,
 }
 
@@ -35,10 +34,15 @@ pub(super) fn assign_roles(
     payload: &ColumnFacts,
     length: Option<usize>,
 ) -> Option<RoleAssignment> {
-    let mut found = RoleAssignment { roles: vec![ColumnRole::Skip; columns.len()], ..RoleAssignment::default() };
+    let mut found =
+        RoleAssignment { roles: vec![ColumnRole::Skip; columns.len()], ..RoleAssignment::default() };
     if let Some(length) = length {
         found.set_role(length, ColumnRole::Length);
         found.score += length_evidence(columns.get(length)?, data, sample);
+    }
+    // Lines of another layout have other separators.
+    if !data.has_cells {
+        usual_gap(payload)?;
     }
     let is_record = sample.record_start.is_some();
     let id = found.find_identifier(sample, columns, data, length)?;
@@ -113,14 +117,18 @@ impl RoleAssignment {
         let all = |test: fn(&Token) -> bool| facts.tokens.iter().all(|(_, token)| test(token));
         let is_named = facts.named_role() == Some(ColumnRole::Id);
         let has_mark = all(|token| token.has_prefix || token.suffix != 0);
-        let is_wide = facts.tokens.iter().filter(|(_, token)| token.width() >= 3).count() * 10
-            >= facts.tokens.len() * 9;
-        let is_unlike_data =
-            is_wide || (has_mark && data.bytes.iter().any(|(_, byte)| !byte.has_prefix)) || data.is_packed;
+        let wide = facts.tokens.iter().filter(|(_, token)| token.width() >= 3).count();
+        let is_wide = wide * 10 >= facts.tokens.len() * 9;
+        let has_other_mark = has_mark && data.bytes.iter().any(|(_, byte)| !byte.has_prefix);
+        let is_unlike_data = is_wide || (has_other_mark && wide * 2 >= facts.tokens.len()) || data.is_packed;
         if !is_named && length.is_none() && !is_unlike_data {
             return None;
         }
         if !is_named && !has_mark && all(|token| token.width() == 1) && length.is_none() {
+            return None;
+        }
+        // After the data, an identifier without a name is any number.
+        if id >= data.start && !is_named && length.is_none() && !data.has_cells {
             return None;
         }
         self.score += if is_named { 3 } else { 0 };
@@ -131,7 +139,9 @@ impl RoleAssignment {
             return None;
         }
         self.set_role(id, ColumnRole::Id);
-        self.id = identifier_form(sample, facts, is_named);
+        self.id = identifier_form(facts, is_named);
+        self.id.least_width = if is_wide && !is_named && length.is_none() { 3 } else { 1 };
+        self.id.gap = if data.has_cells { None } else { Some(usual_gap(facts)?) };
         if !self.id.is_decimal && facts.has_unknown_base(sample) {
             self.defect = Some("the identifiers may be decimal or hexadecimal: state id:hex or id:dec");
         }
@@ -139,13 +149,7 @@ impl RoleAssignment {
     }
 
     /// Determines whether bytes are hexadecimal.
-    fn find_base(
-        &mut self,
-        sample: &Sample,
-        id: &ColumnFacts,
-        data: &DataPlaces,
-        payload: &ColumnFacts,
-    ) {
+    fn find_base(&mut self, sample: &Sample, id: &ColumnFacts, data: &DataPlaces, payload: &ColumnFacts) {
         let heading = sample.heading.iter().flatten().find(|name| name.role == ColumnRole::Data);
         let stated = payload.name.and_then(|name| name.is_decimal);
         let stated = stated.or_else(|| heading.and_then(|name| name.is_decimal));
@@ -218,18 +222,14 @@ impl RoleAssignment {
         }
         let unit = stated_unit(sample, facts, is_named)
             .or_else(|| (!is_delta).then(|| infer_unit(&values, facts.fraction_digits(sample))).flatten());
-        match unit {
-            Some(unit) => {
-                self.time = Some(TimeForm { unit: Some(unit), is_delta, has_date: false });
-                self.set_role(column, if is_delta { ColumnRole::Delta } else { ColumnRole::Time });
-                self.score += if facts.is_all(TokenKind::Hex) { 1 } else { 2 };
-                true
-            }
-            None => {
-                self.remarks.push("times ignored, unit unknown: state it as in time:ms");
-                is_named
-            }
-        }
+        let Some(unit) = unit else {
+            self.remarks.push("times ignored, unit unknown: state it as in time:ms");
+            return is_named;
+        };
+        self.time = Some(TimeForm { unit: Some(unit), is_delta, has_date: false });
+        self.set_role(column, if is_delta { ColumnRole::Delta } else { ColumnRole::Time });
+        self.score += if facts.is_all(TokenKind::Hex) { 1 } else { 2 };
+        true
     }
 
     /// Uses a date in a column of its own.
@@ -279,20 +279,24 @@ impl RoleAssignment {
     }
 }
 
-fn identifier_form(sample: &Sample, facts: &ColumnFacts, is_named: bool) -> IdentifierForm {
+fn identifier_form(facts: &ColumnFacts, is_named: bool) -> IdentifierForm {
     let mut widths = facts.tokens.iter().map(|(_, token)| token.width());
     let first = widths.next();
-    let is_flagged = |(line, token): &(usize, Token)| {
-        let value = sample.lines.get(*line).and_then(|line| hex_number(token.text(&line.text)));
-        value.is_some_and(|value| value & FLAG_BIT != 0)
-    };
     let is_decimal = facts.is_decimal_identifier();
     IdentifierForm {
         is_decimal,
-        has_flag_bit: !is_decimal && facts.tokens.iter().any(is_flagged),
+        least_width: 1,
+        gap: None,
         is_wide_extended: !is_decimal && widths.any(|width| Some(width) != first),
         label: if is_named { facts.label.clone() } else { None },
     }
+}
+
+/// Separator before nearly all numbers of a column; `None` if they differ.
+fn usual_gap(facts: &ColumnFacts) -> Option<u8> {
+    let count = |gap: u8| facts.tokens.iter().filter(|(_, token)| token.gap == gap).count();
+    let mut gaps = facts.tokens.iter().map(|(_, token)| token.gap).take(8);
+    gaps.find(|gap| agree(count(*gap), facts.tokens.len()))
 }
 
 /// How well a column fits times; `None` if it does not.
@@ -340,7 +344,7 @@ fn has_time_of_day(sample: &Sample, facts: &ColumnFacts) -> bool {
 fn is_clear_date(sample: &Sample, facts: &ColumnFacts) -> bool {
     facts.tokens.iter().all(|(line, token)| {
         let text = sample.lines.get(*line).map(|line| token.text(&line.text)).unwrap_or_default();
-        let (day, _) = split_date(text);
+        let (day, ..) = split_date(text);
         let width = day.iter().take_while(|byte| byte.is_ascii_digit()).count();
         width == 4 || day.contains(&b'.')
     })

@@ -1,14 +1,16 @@
 //! Proposes layouts of tables whose cells may be empty.
 
 use super::assignment::assign_roles;
+use super::data_places::{DataPlaces, is_data_start};
 use super::facts::{ColumnFacts, ColumnPlace, agree};
-use super::layout::{DataForm, Layout, MOST_COLUMNS};
+use super::layout::{DataForm, Layout};
 use super::places::word_places;
-use super::proposal::{DataPlaces, Proposal, is_data_start};
+use super::proposal::Proposal;
 use super::row::parse_length;
 use super::sample::{Sample, SampleLine};
 use super::token::Token;
-use super::words::ColumnRole;
+use crate::capture::column_list::ColumnRole;
+use crate::capture::column_list::MOST_COLUMNS;
 
 /// Layouts of tables that may fit the sample: each start of the data with each cell that may be the length.
 pub(super) fn propose_cells(sample: &Sample) -> Vec<Proposal> {
@@ -46,8 +48,9 @@ fn first_of_cell(line: &SampleLine, cell: usize) -> Option<(usize, Token)> {
         .map(|(at, token)| (at, *token))
 }
 
-fn propose_start(sample: &Sample, start: usize, last: usize, is_packed: bool, all: &mut Vec<Proposal>) {
-    let mut data = DataPlaces { start, is_packed, places: Vec::new(), bytes: Vec::new() };
+/// Data that start in the same cell of each line.
+fn data_places(sample: &Sample, start: usize, is_packed: bool) -> Option<DataPlaces> {
+    let mut data = DataPlaces { start, is_packed, places: Vec::new(), bytes: Vec::new(), has_cells: true };
     let mut with_data = 0;
     for (index, line) in sample.lines.iter().enumerate() {
         let Some((at, token)) = first_of_cell(line, start) else { continue };
@@ -60,75 +63,48 @@ fn propose_start(sample: &Sample, start: usize, last: usize, is_packed: bool, al
         }
     }
     let is_long = data.bytes.iter().any(|(_, token)| token.width() >= 4);
-    if !agree(data.places.len(), with_data) || (is_packed && !is_long) {
-        return;
-    }
+    (agree(data.places.len(), with_data) && (is_long || !is_packed)).then_some(data)
+}
+
+/// Facts about a cell in the lines with data.
+fn cell_facts(sample: &Sample, data: &DataPlaces, cell: usize) -> ColumnFacts {
+    let place = |(index, _): &ColumnPlace| {
+        sample.lines.get(*index).and_then(|line| first_of_cell(line, cell)).map(|(at, _)| (*index, at))
+    };
+    let places: Vec<ColumnPlace> = data.places.iter().filter_map(place).collect();
+    let heading = sample.heading.get(cell).copied().flatten();
+    // Words of a cell are no label: the next cell has its own.
+    ColumnFacts { label: None, ..ColumnFacts::new(sample, &places, heading) }
+}
+
+/// Whether a cell may contain the length: its name states it, or it has small numbers in each line.
+fn may_be_length(sample: &Sample, data: &DataPlaces, facts: &ColumnFacts) -> bool {
+    let is_number = |(line, token): &(usize, Token)| {
+        let line = sample.lines.get(*line);
+        line.is_some_and(|line| parse_length(token.text(&line.text), *token).is_some())
+    };
+    facts.tokens.len() == data.places.len()
+        && match facts.named_role() {
+            Some(role) => role == ColumnRole::Length,
+            None => facts.tokens.iter().all(is_number),
+        }
+}
+
+fn propose_start(sample: &Sample, start: usize, last: usize, is_packed: bool, all: &mut Vec<Proposal>) {
+    let Some(data) = data_places(sample, start, is_packed) else { return };
     let end = last_data_cell(sample, start, last, is_packed);
-    let cells: Vec<usize> = (0..=last.min(MOST_COLUMNS - 1)).filter(|cell| *cell < start || *cell > end).collect();
-    let facts: Vec<ColumnFacts> = cells
-        .iter()
-        .map(|cell| {
-            let place = |(index, _): &ColumnPlace| {
-                sample.lines.get(*index).and_then(|line| first_of_cell(line, *cell)).map(|(at, _)| (*index, at))
-            };
-            let places: Vec<ColumnPlace> = data.places.iter().filter_map(place).collect();
-            let heading = sample.heading.get(*cell).copied().flatten();
-            let mut facts = ColumnFacts::new(sample, &places, heading);
-            // Words of a cell are no label: the next cell has its own.
-            facts.label = None;
-            facts
-        })
-        .collect();
+    let last = last.min(MOST_COLUMNS - 1);
+    let cells: Vec<usize> = (0..=last).filter(|cell| *cell < start || *cell > end).collect();
+    let facts: Vec<ColumnFacts> = cells.iter().map(|cell| cell_facts(sample, &data, *cell)).collect();
     let heading = sample.heading.get(start).copied().flatten();
     let payload = ColumnFacts::new(sample, &data.places, heading);
-    let is_length = |column: &usize| {
-        facts.get(*column).is_some_and(|facts| {
-            facts.tokens.len() == data.places.len()
-                && match facts.named_role() {
-                    Some(role) => role == ColumnRole::Length,
-                    None => facts.tokens.iter().all(|(line, token)| {
-                        let line = sample.lines.get(*line);
-                        line.is_some_and(|line| parse_length(token.text(&line.text), *token).is_some())
-                    }),
-                }
-        })
-    };
     let is_named = facts.iter().any(|facts| facts.named_role() == Some(ColumnRole::Length));
-    let lengths: Vec<Option<usize>> = (0..facts.len())
-        .filter(is_length)
-        .map(Some)
-        .chain((!is_named).then_some(None))
-        .collect();
+    let is_length =
+        |column: &usize| facts.get(*column).is_some_and(|facts| may_be_length(sample, &data, facts));
+    let lengths = (0..facts.len()).filter(is_length).map(Some).chain((!is_named).then_some(None));
     for length in lengths {
         let Some(found) = assign_roles(sample, &facts, &data, &payload, length) else { continue };
-        let mut roles = vec![ColumnRole::Skip; last.min(MOST_COLUMNS - 1) + 1];
-        for (cell, role) in cells.iter().zip(&found.roles) {
-            if let Some(slot) = roles.get_mut(*cell) {
-                *slot = *role;
-            }
-        }
-        // Cells without numbers have the roles of their names.
-        for (cell, name) in sample.heading.iter().enumerate() {
-            if let (Some(name), Some(slot)) = (name, roles.get_mut(cell))
-                && *slot == ColumnRole::Skip
-                && matches!(
-                    name.role,
-                    ColumnRole::Extended
-                        | ColumnRole::Remote
-                        | ColumnRole::Bus
-                        | ColumnRole::Direction
-                        | ColumnRole::Kind
-                )
-            {
-                *slot = name.role;
-            }
-        }
-        if roles.len() <= end {
-            roles.resize(end + 1, ColumnRole::Data);
-        }
-        for slot in roles.iter_mut().take(end + 1).skip(start) {
-            *slot = ColumnRole::Data;
-        }
+        let roles = cell_roles(sample, &cells, &found.roles, (start, end, last));
         let has_label = payload.named_role() == Some(ColumnRole::Data);
         let words = word_places(sample, &data, &roles);
         let layout = Layout {
@@ -144,6 +120,8 @@ fn propose_start(sample: &Sample, start: usize, last: usize, is_packed: bool, al
                 has_label,
                 ..DataForm::default()
             },
+            data_label: None,
+            has_tail: true,
             id: found.id,
             time: found.time,
             words,
@@ -151,6 +129,40 @@ fn propose_start(sample: &Sample, start: usize, last: usize, is_packed: bool, al
         let score = found.score + if has_label { 3 } else { 0 } + if words.has_direction() { 2 } else { 0 };
         all.push(Proposal { layout, score, defect: found.defect, remarks: found.remarks });
     }
+}
+
+/// Roles of all cells; cells without numbers have those of their names.
+fn cell_roles(
+    sample: &Sample,
+    cells: &[usize],
+    found: &[ColumnRole],
+    (start, end, last): (usize, usize, usize),
+) -> Vec<ColumnRole> {
+    let mut roles = vec![ColumnRole::Skip; last.max(end) + 1];
+    for (cell, role) in cells.iter().zip(found) {
+        if let Some(slot) = roles.get_mut(*cell) {
+            *slot = *role;
+        }
+    }
+    for (slot, name) in roles.iter_mut().zip(&sample.heading) {
+        if let Some(name) = name
+            && *slot == ColumnRole::Skip
+            && matches!(
+                name.role,
+                ColumnRole::Extended
+                    | ColumnRole::Remote
+                    | ColumnRole::Bus
+                    | ColumnRole::Direction
+                    | ColumnRole::Kind
+            )
+        {
+            *slot = name.role;
+        }
+    }
+    for slot in roles.iter_mut().take(end + 1).skip(start) {
+        *slot = ColumnRole::Data;
+    }
+    roles
 }
 
 /// Last cell of the data: that of the last numbered name, or of the bytes in further cells.
@@ -167,11 +179,19 @@ fn last_data_cell(sample: &Sample, start: usize, last: usize, is_packed: bool) -
     }
     // Each byte has its own cell if no cell of the first column has two.
     let has_two = sample.lines.iter().any(|line| {
-        line.tokens.list().iter().filter(|token| usize::from(token.cell) == start && token.is_number()).count() > 1
+        line.tokens
+            .list()
+            .iter()
+            .filter(|token| usize::from(token.cell) == start && token.is_number())
+            .count()
+            > 1
     });
     let is_byte_cell = |cell: usize| {
         sample.heading.get(cell).copied().flatten().is_none()
-            && sample.lines.iter().all(|line| first_of_cell(line, cell).is_none_or(|(_, token)| token.is_byte()))
+            && sample
+                .lines
+                .iter()
+                .all(|line| first_of_cell(line, cell).is_none_or(|(_, token)| token.is_byte()))
             && sample.lines.iter().any(|line| first_of_cell(line, cell).is_some())
     };
     while !has_two && end < last && is_byte_cell(end + 1) {

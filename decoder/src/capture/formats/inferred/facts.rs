@@ -1,9 +1,10 @@
 //! Observations about one column of the sample: names, widths, order of values.
 
+use super::row::{FLAG_BIT, decimal_value, hex_number};
 use super::sample::{Sample, label_name, words_before};
 use super::token::{Token, TokenKind};
-use super::words::{ColumnName, ColumnRole, TimeUnit};
-use super::row::{FLAG_BIT, decimal_value, hex_number};
+use super::words::ColumnName;
+use crate::capture::column_list::{ColumnRole, TimeUnit};
 
 /// Share of lines that must agree, in percent.
 const AGREEMENT: usize = 90;
@@ -46,8 +47,10 @@ impl ColumnFacts {
         let count = (1..=3).rev().find(|count| equal.get(*count).is_some_and(|it| agree(*it, places.len())));
         if let (Some(count), Some(first)) = (count, first) {
             let words: Vec<&[u8]> = first.iter().take(count).rev().map(Vec::as_slice).collect();
-            facts.name = facts.name.or_else(|| label_name(&words));
-            facts.label = first.first().cloned();
+            let name = label_name(&words);
+            facts.name = facts.name.or(name);
+            // Other words, such as the frame type of most lines, are no part of the column.
+            facts.label = name.and_then(|_| first.first().cloned());
         }
         facts
     }
@@ -68,13 +71,14 @@ impl ColumnFacts {
         self.tokens.iter().filter_map(text)
     }
 
-    /// Whether all numbers are of this type.
+    /// Whether nearly all numbers are of this type.
     pub(super) fn is_all(&self, kind: TokenKind) -> bool {
-        !self.tokens.is_empty() && self.tokens.iter().all(|(_, token)| token.kind == kind)
+        self.all(|token| token.kind == kind)
     }
 
+    /// Whether nearly all numbers pass a test; the others may be damaged.
     fn all(&self, test: impl Fn(&Token) -> bool) -> bool {
-        self.tokens.iter().all(|(_, token)| test(token))
+        agree(self.tokens.iter().filter(|(_, token)| test(token)).count(), self.tokens.len())
     }
 
     /// Values of a column of decimal digits; `None` if it has others.
@@ -87,11 +91,20 @@ impl ColumnFacts {
         self.texts(sample).map(value).collect()
     }
 
-    /// Whether the values count the lines.
+    /// Whether the values count the lines, or the frames among them.
     pub(super) fn is_counter(&self, sample: &Sample) -> bool {
         let Some(values) = self.decimal_values(sample) else { return false };
-        let steps = values.windows(2).filter(|pair| matches!(pair, [a, b] if *b == a + 1)).count();
-        values.len() >= 3 && agree(steps, values.len() - 1)
+        let counted: Vec<(i64, usize)> =
+            values.into_iter().zip(self.tokens.iter().map(|(line, _)| *line)).collect();
+        let is_step = |pair: &&[(i64, usize)]| match pair {
+            [(first, line), (second, next)] => {
+                let lines = i64::try_from(next.saturating_sub(*line)).unwrap_or(0);
+                (1..=lines.max(1)).contains(&(second - first))
+            }
+            _ => false,
+        };
+        let steps = counted.windows(2).filter(is_step).count();
+        counted.len() >= 3 && agree(steps, counted.len() - 1)
     }
 
     /// How well the column fits identifiers; `None` if it cannot contain them.
@@ -105,8 +118,8 @@ impl ColumnFacts {
             let is_flagged = value & FLAG_BIT != 0 && value & 0x6000_0000 == 0;
             (token.kind == TokenKind::Hex && (value < 0x2000_0000 || is_flagged)).then_some(value)
         };
-        let values: Vec<u32> = self.texts(sample).map(valid).collect::<Option<_>>()?;
-        if values.is_empty() {
+        let values: Vec<u32> = self.texts(sample).filter_map(valid).collect();
+        if !agree(values.len(), self.tokens.len()) {
             return None;
         }
         let mut score = 0;
@@ -144,23 +157,11 @@ impl ColumnFacts {
         }
         let plain = |token: &Token| token.is_decimal && !token.has_prefix && token.suffix == 0;
         let mut texts = self.texts(sample);
-        let is_large = |text: &[u8]| {
-            text.first() != Some(&b'0') && hex_number(text).is_some_and(|value| value > 0x7FF)
-        };
+        let is_large =
+            |text: &[u8]| text.first() != Some(&b'0') && hex_number(text).is_some_and(|value| value > 0x7FF);
         self.all(plain)
             && self.texts(sample).all(|(text, _)| decimal_value(text).is_some_and(|value| value <= 0x7FF))
             && texts.any(|(text, _)| is_large(text))
-    }
-
-    /// Whether the values are addresses of a dump: each one exceeds the one before by the same small number.
-    pub(super) fn is_address(&self, sample: &Sample, counts: &[usize]) -> bool {
-        let values: Vec<u32> = self.texts(sample).filter_map(|(text, _)| hex_number(text)).collect();
-        let steps = values.windows(2).zip(counts);
-        let is_step = |pair: &[u32], count: usize| {
-            matches!(pair, [a, b] if usize::try_from(b.wrapping_sub(*a)).is_ok_and(|step| step == count))
-        };
-        let rising = steps.filter(|(pair, count)| is_step(pair, **count)).count();
-        values.len() >= 2 && agree(rising, values.len() - 1)
     }
 
     /// Times of the column in its unit, in ns for times of day; `None` if it has other numbers.
@@ -185,11 +186,8 @@ impl ColumnFacts {
 /// Value of a number in billionths.
 fn scaled_value(text: &[u8]) -> Option<i128> {
     let (number, _) = super::token::split_unit(text);
-    let (sign, digits) = match number {
-        [b'-', digits @ ..] => (-1, digits),
-        [b'+', digits @ ..] => (1, digits),
-        digits => (1, digits),
-    };
+    let sign = if number.starts_with(b"-") { -1 } else { 1 };
+    let digits = number.strip_prefix(b"-").or(number.strip_prefix(b"+")).unwrap_or(number);
     let point = digits.iter().position(|byte| matches!(byte, b'.' | b',')).unwrap_or(digits.len());
     let (whole, fraction) = digits.split_at_checked(point)?;
     let fraction = fraction.get(1..).unwrap_or_default();
@@ -223,8 +221,12 @@ const USUAL_CLOSEST: i128 = 94 * UNIT;
 ///
 /// Whole numbers are µs or ms. Two frames closer than the bus permits in µs exclude µs.
 pub(super) fn infer_unit(values: &[i128], fraction_digits: usize) -> Option<TimeUnit> {
-    let mut steps: Vec<i128> =
-        values.windows(2).filter_map(|pair| matches!(pair, [a, b] if b >= a).then(|| pair.last()? .checked_sub(*pair.first()?)).flatten()).collect();
+    let mut steps: Vec<i128> = values
+        .windows(2)
+        .filter_map(|pair| {
+            matches!(pair, [a, b] if b >= a).then(|| pair.last()?.checked_sub(*pair.first()?)).flatten()
+        })
+        .collect();
     steps.sort_unstable();
     let median = steps.get(steps.len() / 2).copied().unwrap_or(0);
     if fraction_digits > 0 {

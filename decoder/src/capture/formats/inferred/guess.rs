@@ -3,6 +3,9 @@
 //! A layout is accepted if it reads at least 90 % of the lines with bytes, if there is sufficient evidence for it, and if
 //! no other layout with the same evidence reads other frames.
 
+use std::fmt::Write as _;
+
+use super::cells::propose_cells;
 use super::facts::agree;
 use super::layout::Layout;
 use super::proposal::{Proposal, propose_layouts};
@@ -10,7 +13,8 @@ use super::records::first_word;
 use super::row::{Row, RowFault};
 use super::sample::{Sample, SampleLine, split_lines};
 use super::token::{Dialect, Tokens};
-use super::words::{ColumnRole, column_name};
+use super::words::column_name;
+use crate::capture::column_list::ColumnRole;
 use crate::capture::text::lines::line_excerpt;
 use crate::frame::{CanId, FrameFlags};
 
@@ -38,7 +42,7 @@ pub(super) struct LayoutGuess {
     pub(super) first_spoil: Option<(u64, String)>,
     /// Evidence for the layout.
     pub(super) score: i32,
-    /// What the layout ignores.
+    /// Ignored parts of the lines.
     pub(super) remarks: Vec<&'static str>,
     /// Reason for a refusal.
     pub(super) defect: Option<&'static str>,
@@ -78,7 +82,7 @@ impl LayoutGuess {
             self.fits
         );
         if let Some((line, excerpt)) = &self.first_spoil {
-            text.push_str(&format!("; first other line {line}: {excerpt}"));
+            let _ = write!(text, "; first other line {line}: {excerpt}");
         }
         text.push(')');
         if let Some(defect) = self.defect {
@@ -96,6 +100,10 @@ pub(super) fn infer_layout(head: &[u8]) -> Option<LayoutGuess> {
     }
     let mut best: Option<LayoutGuess> = None;
     for (dialect, start) in shapes(head) {
+        // Frames on several lines only if single lines are not frames.
+        if start.is_some() && best.as_ref().is_some_and(LayoutGuess::is_accepted) {
+            break;
+        }
         let sample = Sample::new(head, dialect, start);
         if let Some(guess) = best_of_sample(&sample)
             && best.as_ref().is_none_or(|best| rank(&guess) > rank(best))
@@ -107,7 +115,10 @@ pub(super) fn infer_layout(head: &[u8]) -> Option<LayoutGuess> {
 }
 
 /// Reads the first lines of `head` by the columns that the user states.
-pub(super) fn apply_columns(head: &[u8], columns: &[super::option::StatedColumn]) -> Option<LayoutGuess> {
+pub(super) fn apply_columns(
+    head: &[u8],
+    columns: &[crate::capture::column_list::StatedColumn],
+) -> Option<LayoutGuess> {
     let mut best: Option<LayoutGuess> = None;
     for (dialect, start) in shapes(head) {
         let sample = Sample::new(head, dialect, start);
@@ -122,8 +133,12 @@ pub(super) fn apply_columns(head: &[u8], columns: &[super::option::StatedColumn]
     best
 }
 
-fn rank(guess: &LayoutGuess) -> (bool, usize, i32) {
-    (guess.is_accepted(), if guess.is_accepted() { 0 } else { guess.fits }, guess.score)
+/// An accepted layout precedes others, then one with fewer lines that do not fit.
+fn rank(guess: &LayoutGuess) -> (bool, std::cmp::Reverse<usize>, usize, i32) {
+    if guess.is_accepted() {
+        return (true, std::cmp::Reverse(guess.spoils), 0, guess.score);
+    }
+    (false, std::cmp::Reverse(0), guess.fits, guess.score)
 }
 
 /// Whether the start is not text: it contains a zero byte.
@@ -133,39 +148,50 @@ fn is_binary(head: &[u8]) -> bool {
 
 /// Dialects, and first words of frames on several lines, that are possible.
 fn shapes(head: &[u8]) -> Vec<(Dialect, Option<Vec<u8>>)> {
-    let lines: Vec<&[u8]> = split_lines(head).filter(|line| !line.trim_ascii().is_empty()).take(FIRST_WORDS).collect();
+    let lines: Vec<&[u8]> =
+        split_lines(head).filter(|line| !line.trim_ascii().is_empty()).take(FIRST_WORDS).collect();
     let colon_bytes = lines.iter().any(|line| has_colon_bytes(line));
     let plain = Dialect { colon_bytes, ..Dialect::default() };
-    let mut shapes: Vec<_> = [b'\t', b';', b',', b'|']
-        .into_iter()
-        .filter(|separator| has_cells(&lines, *separator))
-        .map(|separator| {
-            (Dialect { cell: Some(separator), decimal_comma: separator != b',', ..plain }, None)
-        })
-        .collect();
+    let has_comma = lines.iter().any(|line| has_decimal_comma(line));
+    let mut shapes: Vec<(Dialect, Option<Vec<u8>>)> = Vec::new();
+    for separator in [b'\t', b';', b',', b'|'] {
+        if has_cells(&lines, separator) {
+            let dialect = Dialect { cell: Some(separator), ..plain };
+            shapes.push((dialect, None));
+            if has_comma && separator != b',' {
+                shapes.push((Dialect { decimal_comma: true, ..dialect }, None));
+            }
+        }
+    }
     shapes.push((plain, None));
-    if lines.iter().any(|line| has_decimal_comma(line)) {
+    if has_comma {
         shapes.push((Dialect { decimal_comma: true, ..plain }, None));
     }
     shapes.extend(record_starts(&lines).into_iter().map(|start| (plain, Some(start))));
     shapes
 }
 
-/// Whether a line contains four or more bytes joined by colons.
+/// Whether a line contains bytes joined by colons: four, or three that are not a time of day.
 fn has_colon_bytes(line: &[u8]) -> bool {
     line.split(|byte| !byte.is_ascii_hexdigit() && *byte != b':').any(|word| {
-        let mut parts = word.split(|byte| *byte == b':');
-        word.split(|byte| *byte == b':').count() >= 4 && parts.all(|part| part.len() == 2)
+        // A label before the first byte may end with hexadecimal letters.
+        let parts: Vec<&[u8]> = word.split(|byte| *byte == b':').collect();
+        let bytes =
+            parts.get(usize::from(parts.first().is_some_and(|part| part.len() != 2))..).unwrap_or_default();
+        let is_sexagesimal = |part: &&[u8]| matches!(part, [b'0'..=b'5', b'0'..=b'9']);
+        bytes.iter().all(|part| part.len() == 2)
+            && (bytes.len() >= 4 || (bytes.len() == 3 && !bytes.iter().skip(1).all(is_sexagesimal)))
     })
 }
 
-/// Whether the lines are tables of cells: most lines have the same number of separators, at least two.
+/// Whether the lines are tables of cells: most lines have the same number of separators, or at least two.
 fn has_cells(lines: &[&[u8]], separator: u8) -> bool {
-    let mut counts: Vec<usize> = lines.iter().map(|line| memchr::memchr_iter(separator, line).count()).collect();
+    let mut counts: Vec<usize> =
+        lines.iter().map(|line| memchr::memchr_iter(separator, line).count()).collect();
     counts.sort_unstable();
     let median = counts.get(counts.len() / 2).copied().unwrap_or(0);
-    let equal = counts.iter().filter(|count| **count >= 2).count();
-    median >= 2 && equal * 10 >= counts.len() * 8
+    let similar = counts.iter().filter(|count| **count >= median.min(2)).count();
+    median >= 1 && similar * 10 >= counts.len() * 6
 }
 
 fn has_decimal_comma(line: &[u8]) -> bool {
@@ -191,6 +217,7 @@ fn record_starts(lines: &[&[u8]]) -> Vec<Vec<u8>> {
     };
     let has_labels = |name: ColumnRole| {
         lines.iter().any(|line| {
+            let line = super::records::clean_line(line);
             let label = line.split(|byte| matches!(byte, b':' | b'=')).next().unwrap_or_default();
             column_name(label.trim_ascii()).is_some_and(|found| found.role == name)
         })
@@ -203,8 +230,9 @@ fn record_starts(lines: &[&[u8]]) -> Vec<Vec<u8>> {
 
 /// The best layout of a sample, with the reason if it is refused.
 fn best_of_sample(sample: &Sample) -> Option<LayoutGuess> {
-    let mut all: Vec<LayoutGuess> =
-        propose_layouts(sample).iter().map(|proposal| evaluate(sample, proposal)).collect();
+    let has_cells = sample.dialect.cell.is_some();
+    let proposals = if has_cells { propose_cells(sample) } else { propose_layouts(sample) };
+    let mut all: Vec<LayoutGuess> = proposals.iter().map(|proposal| evaluate(sample, proposal)).collect();
     all.retain(|guess| guess.fits > 0);
     all.sort_by_key(|guess| {
         let is_fit = agree(guess.fits, guess.fits + guess.spoils);
@@ -214,7 +242,8 @@ fn best_of_sample(sample: &Sample) -> Option<LayoutGuess> {
     let mut best = all.next()?;
     let other = all.find(|other| {
         best.score - other.score < MARGIN
-            && agree(other.fits, other.fits + other.spoils)
+            && other.defect.is_none()
+            && agree(other.fits, best.fits)
             && reads_otherwise(sample, &best.layout, &other.layout)
     });
     if best.defect.is_none() && other.is_some() {
@@ -323,6 +352,7 @@ impl SampleReading {
         add(2, self.is_full);
         add(1, self.fits >= 3);
         add(1, self.fits >= 8);
+        add(-1, layout.data.is_packed && !layout.data.has_length && !layout.data.has_label && !self.is_full);
         add(-3, self.bytes.is_some_and(|(_, most)| most > 8) && !layout.data.has_length);
         score
     }
@@ -343,22 +373,36 @@ impl SampleReading {
             return Some("less than 90 % of the lines with bytes fit");
         }
         let is_named = layout.id.label.is_some() || sample.heading_line.is_some();
-        if self.fits * 2 < all && !(is_named && self.fits * 5 >= all && self.fits >= 3) {
+        let is_proven = layout.data.has_length || is_named;
+        let least = if is_proven { 5 } else { 8 };
+        if self.fits * 10 < all * least && !(is_named && self.fits * 5 >= all && self.fits >= 3) {
             return Some("most lines are other text");
         }
-        let counts: Vec<usize> = self.identifiers.iter().map(|(_, count)| *count).collect();
-        let steps = self.identifiers.windows(2).zip(&counts);
-        let is_address = |pair: &[(u32, usize)], count: usize| match pair {
-            [(a, _), (b, _)] => usize::try_from(b.wrapping_sub(*a)).is_ok_and(|step| step == count && step > 0),
-            _ => false,
-        };
-        let rising = steps.filter(|(pair, count)| is_address(pair, **count)).count();
-        if self.fits >= 2 && agree(rising, self.fits - 1) {
+        if self.are_addresses() {
             return Some("the identifiers are addresses of a dump");
         }
         if self.errors * 2 > self.fits {
             return Some("most lines are marked as errors");
         }
         (score < ENOUGH).then_some("the lines are not sufficient to distinguish frames from other numbers")
+    }
+
+    /// Whether the identifiers rise by the number of bytes, or always by the same small number.
+    fn are_addresses(&self) -> bool {
+        let step = |pair: &[(u32, usize)]| match pair {
+            [(first, count), (second, _)] => {
+                let step = usize::try_from(second.checked_sub(*first)?).ok()?;
+                Some((step, step == *count && step > 0))
+            }
+            _ => None,
+        };
+        let steps: Vec<Option<(usize, bool)>> = self.identifiers.windows(2).map(step).collect();
+        let by_count = steps.iter().filter(|step| step.is_some_and(|(_, is_count)| is_count)).count();
+        let first = steps.first().copied().flatten().map(|(step, _)| step);
+        let is_equal = |step: &&Option<(usize, bool)>| {
+            step.is_some_and(|(step, _)| Some(step) == first && (1..=64).contains(&step))
+        };
+        let equal = steps.iter().filter(is_equal).count();
+        !steps.is_empty() && (agree(by_count, steps.len()) || (steps.len() >= 3 && agree(equal, steps.len())))
     }
 }

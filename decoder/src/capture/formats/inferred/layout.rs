@@ -3,16 +3,26 @@
 use std::fmt::Write as _;
 
 use super::token::Dialect;
-use super::words::{ColumnRole, TimeUnit};
-
-/// Maximum number of columns before or after the data.
-pub(super) const MOST_COLUMNS: usize = 32;
+use crate::capture::column_list::{ColumnRole, MOST_COLUMNS, TimeUnit};
 
 /// Number of word positions that are counted from the last word before a column.
 pub(super) const WORD_POSITIONS: usize = 8;
 
-/// Slot of the words after the data.
+/// Slot of the words after the data; those after the next numbers have the slots before it.
 pub(super) const LAST_SLOT: usize = MOST_COLUMNS - 1;
+
+/// Number of slots after the data.
+const SLOTS_AFTER: usize = 12;
+
+/// Slot of the words after `count` columns after the data.
+pub(super) fn slot_after(count: usize) -> usize {
+    LAST_SLOT - count.min(SLOTS_AFTER - 1)
+}
+
+/// Whether a slot is one after the data.
+pub(super) fn is_after(slot: usize) -> bool {
+    slot > LAST_SLOT - SLOTS_AFTER
+}
 
 /// Layout of all lines of a capture.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -29,6 +39,10 @@ pub(super) struct Layout {
     pub(super) last_data_cell: usize,
     /// Form of the data.
     pub(super) data: DataForm,
+    /// Word before the data of each line, in lower case; without it, a line has no data.
+    pub(super) data_label: Option<Vec<u8>>,
+    /// Whether numbers may follow the columns after the data.
+    pub(super) has_tail: bool,
     /// Form of identifiers.
     pub(super) id: IdentifierForm,
     /// Form of times; `None` without times.
@@ -61,12 +75,14 @@ pub(super) struct DataForm {
 pub(super) struct IdentifierForm {
     /// Whether identifiers are decimal.
     pub(super) is_decimal: bool,
-    /// Whether bit 31 marks extended identifiers.
-    pub(super) has_flag_bit: bool,
     /// Whether more than four digits mark extended identifiers.
     pub(super) is_wide_extended: bool,
     /// Word before each identifier, in lower case.
     pub(super) label: Option<Vec<u8>>,
+    /// Minimum number of digits: 3 if only the width distinguishes identifiers from bytes.
+    pub(super) least_width: u8,
+    /// Separator before each identifier, if all have the same.
+    pub(super) gap: Option<u8>,
 }
 
 /// Form of times.
@@ -78,6 +94,14 @@ pub(super) struct TimeForm {
     pub(super) is_delta: bool,
     /// Whether a date precedes the day first.
     pub(super) has_date: bool,
+}
+
+impl WordPlaces {
+    /// Positions and letters of a slot.
+    pub(super) fn of_slot(&self, slot: usize) -> (u8, u8) {
+        let of = |table: &[u8; MOST_COLUMNS]| table.get(slot).copied().unwrap_or(0);
+        (of(&self.positions), of(&self.letters))
+    }
 }
 
 /// Words with a meaning.

@@ -10,6 +10,7 @@
 
 mod assignment;
 mod cells;
+mod data_places;
 mod facts;
 mod guess;
 mod layout;
@@ -23,7 +24,7 @@ mod sample;
 mod tests;
 mod time;
 mod token;
-mod words;
+pub(super) mod words;
 
 use guess::{LayoutGuess, apply_columns, infer_layout};
 use layout::Layout;
@@ -34,16 +35,15 @@ use token::{Tokens, is_ruler};
 
 use super::candump::line::is_around;
 use super::excerpt::decisive_lines;
+use crate::capture::column_list::ColumnList;
 use crate::capture::text::day::TimesOfDay;
 use crate::capture::text::line_format::ONLY_BUS;
 use crate::capture::text::lines::{LineSplitter, LineStep, is_ellipsis, line_excerpt};
 use crate::capture::{
     Batch, BusNames, CaptureError, CaptureFormat, CapturePlace, FormatParser, MAX_BUSES, Notice,
 };
-use crate::frame::{Frame, Timestamp};
+use crate::frame::{BusIndex, Frame, Timestamp};
 use crate::words::count_noun;
-
-pub use option::ColumnList;
 
 pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     name: "columns",
@@ -123,17 +123,28 @@ impl ColumnParser {
         if text.is_empty() {
             return;
         }
-        if is_ellipsis(&text) {
-            let bus = self.buses.index_of(ONLY_BUS).unwrap_or_default();
+        if !self.records.has_several_lines() {
+            return self.parse_row(number, &text, batch);
+        }
+        if !self.take_mark(number, &text, batch) {
+            let mut records = std::mem::take(&mut self.records);
+            records.add_line(number, &text, |number, text| self.parse_row(number, text, batch));
+            self.records = records;
+        }
+    }
+
+    /// Counts a line that marks omitted lines, or belongs to the text around a capture; `false` for other lines.
+    fn take_mark(&mut self, number: u64, text: &[u8], batch: &mut Batch) -> bool {
+        if is_ellipsis(text) {
             let place = CapturePlace::Line(number);
-            return batch.add_notice(Notice::LostFrames { place, bus, count: None });
+            batch.add_notice(Notice::LostFrames { place, bus: BusIndex::default(), count: None });
+            return true;
         }
-        if is_ruler(&text) || is_around(&text) {
-            return self.skipped.add_line(number);
+        let is_mark = is_ruler(text) || is_around(text);
+        if is_mark {
+            self.skipped.add_line(number);
         }
-        let mut records = std::mem::take(&mut self.records);
-        records.add_line(number, &text, |number, text| self.parse_row(number, text, batch));
-        self.records = records;
+        is_mark
     }
 
     fn parse_row(&mut self, number: u64, text: &[u8], batch: &mut Batch) {
@@ -145,9 +156,11 @@ impl ColumnParser {
         tokens.split_line(text, layout.dialect);
         match layout.read_row(text, &tokens) {
             Ok(row) => {
-                let time = row.time.nanoseconds().map(|(time, is_of_day)| self.convert_time(&layout, time, is_of_day));
+                let time = row.time.nanoseconds();
+                let time = time.map(|(time, is_of_day)| self.convert_time(&layout, time, is_of_day));
                 self.add_frame(number, time, row.bus.unwrap_or(ONLY_BUS), row.frame, batch);
             }
+            Err(_) if self.take_mark(number, text, batch) => {}
             Err(RowFault::Broken(reason)) if !has_names(text, &layout) => {
                 let reason = format!("{reason}; found {}", line_excerpt(text));
                 batch.push_unreadable(CapturePlace::Line(number), reason);

@@ -1,117 +1,11 @@
-//! Columns that the user states: `--columns 'time:ms id len data'`.
+//! Layouts of the columns that the user states.
 
-use std::fmt;
-use std::str::FromStr;
-
-use super::layout::{DataForm, IdentifierForm, Layout, MOST_COLUMNS, TimeForm};
+use super::data_places::{DataPlaces, is_data_start};
+use super::layout::{DataForm, IdentifierForm, Layout, TimeForm};
 use super::places::word_places;
-use super::proposal::{DataPlaces, is_data_start};
-use super::row::{FLAG_BIT, hex_number};
 use super::sample::{Sample, numbers_of};
 use super::token::{Token, TokenKind};
-use super::words::{ColumnRole, TimeUnit};
-
-/// A column that the user states.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(super) struct StatedColumn {
-    pub(super) role: ColumnRole,
-    pub(super) unit: Option<TimeUnit>,
-    pub(super) is_decimal: bool,
-}
-
-/// Columns of the lines of a text capture, in their order: `time:ms id len data`.
-///
-/// `time` and `delta` (time since the frame before) may have a unit (`s`, `ms`, `0.1ms`, `us`, `ns`); without one, numbers are
-/// seconds. `id` and `data` may be decimal (`id:dec`). `len` is a length or DLC. `bus`, `dir`, `kind`, `ext`, `rtr` and `date` are
-/// further columns; `skip` is a number or cell without meaning. Words other than bus names are not columns, unless each
-/// cell of the lines has a separator.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ColumnList {
-    columns: [StatedColumn; MOST_COLUMNS],
-    count: u8,
-}
-
-impl ColumnList {
-    /// The columns in order.
-    pub(super) fn columns(&self) -> &[StatedColumn] {
-        self.columns.get(..usize::from(self.count)).unwrap_or_default()
-    }
-}
-
-impl fmt::Display for ColumnList {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (index, column) in self.columns().iter().enumerate() {
-            let separator = if index == 0 { "" } else { " " };
-            write!(f, "{separator}{}", column.role.name())?;
-            match column.unit {
-                Some(unit) => write!(f, ":{}", unit.symbol())?,
-                None if column.is_decimal => f.write_str(":dec")?,
-                None => {}
-            }
-        }
-        Ok(())
-    }
-}
-
-impl FromStr for ColumnList {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let mut columns = [StatedColumn::default(); MOST_COLUMNS];
-        let mut count = 0;
-        for word in text.split([' ', ',']).filter(|word| !word.is_empty()) {
-            let slot = columns.get_mut(count).ok_or(format!("more than {MOST_COLUMNS} columns"))?;
-            *slot = parse_column(word)?;
-            count += 1;
-        }
-        let list = Self { columns, count: u8::try_from(count).unwrap_or(u8::MAX) };
-        for role in [ColumnRole::Id, ColumnRole::Data] {
-            let count = list.columns().iter().filter(|column| column.role == role).count();
-            if count != 1 {
-                return Err(format!("{count} columns {}; expected one, as in 'time:s id len data'", role.name()));
-            }
-        }
-        Ok(list)
-    }
-}
-
-const ROLES: &[ColumnRole] = &[
-    ColumnRole::Time,
-    ColumnRole::Delta,
-    ColumnRole::Date,
-    ColumnRole::Id,
-    ColumnRole::Length,
-    ColumnRole::Data,
-    ColumnRole::Bus,
-    ColumnRole::Direction,
-    ColumnRole::Kind,
-    ColumnRole::Extended,
-    ColumnRole::Remote,
-    ColumnRole::Skip,
-];
-
-fn parse_column(word: &str) -> Result<StatedColumn, String> {
-    let (name, detail) = word.split_once(':').map_or((word, None), |(name, detail)| (name, Some(detail)));
-    let name = if name == "dlc" { "len" } else { name };
-    let role = ROLES.iter().copied().find(|role| role.name() == name);
-    let names = || ROLES.iter().map(|role| role.name()).collect::<Vec<_>>().join(", ");
-    let role = role.ok_or_else(|| format!("unknown column {name:?}; expected {}", names()))?;
-    let mut column = StatedColumn { role, ..StatedColumn::default() };
-    match (role, detail) {
-        (ColumnRole::Time | ColumnRole::Delta, Some(unit)) => {
-            column.unit = Some(
-                TimeUnit::of_word(unit)
-                    .ok_or_else(|| format!("unknown unit {unit:?}; expected s, ms, 0.1ms, us or ns"))?,
-            );
-        }
-        (ColumnRole::Id | ColumnRole::Data, Some("dec")) => column.is_decimal = true,
-        (ColumnRole::Id | ColumnRole::Data, Some("hex")) | (_, None) => {}
-        (_, Some(detail)) => {
-            return Err(format!("{name}:{detail}; expected a unit after time or delta, hex or dec after id or data"));
-        }
-    }
-    Ok(column)
-}
+use crate::capture::column_list::{ColumnRole, MOST_COLUMNS, StatedColumn, TimeUnit};
 
 /// Layouts with the stated columns for the lines of a sample.
 pub(super) fn stated_layouts(sample: &Sample, columns: &[StatedColumn]) -> Vec<Layout> {
@@ -134,7 +28,7 @@ pub(super) fn stated_layouts(sample: &Sample, columns: &[StatedColumn]) -> Vec<L
 fn stated_layout(sample: &Sample, columns: &[StatedColumn], is_packed: bool) -> Option<Layout> {
     let has_cells = sample.dialect.cell.is_some();
     let start = columns.iter().position(|column| column.role == ColumnRole::Data)?;
-    let mut data = DataPlaces { start, is_packed, places: Vec::new(), bytes: Vec::new() };
+    let mut data = DataPlaces { start, is_packed, places: Vec::new(), bytes: Vec::new(), has_cells: false };
     for (index, line) in sample.lines.iter().enumerate() {
         let numbers = numbers_of(line);
         let place = if has_cells {
@@ -169,8 +63,10 @@ fn stated_layout(sample: &Sample, columns: &[StatedColumn], is_packed: bool) -> 
             is_decimal,
             has_length: of_role(ColumnRole::Length).is_some(),
             has_label: true,
-            ..DataForm::default()
+            ..super::data_places::byte_distance(sample, &data)
         },
+        data_label: None,
+        has_tail: true,
         id: IdentifierForm {
             is_decimal: of_role(ColumnRole::Id).is_some_and(|column| column.is_decimal),
             ..IdentifierForm::default()
@@ -195,7 +91,7 @@ fn stated_layout(sample: &Sample, columns: &[StatedColumn], is_packed: bool) -> 
 fn learn_identifiers(sample: &Sample, data: &DataPlaces, layout: &mut Layout) {
     let Some(column) = layout.before.iter().position(|role| *role == ColumnRole::Id) else { return };
     let has_cells = layout.dialect.cell.is_some();
-    let token = |(index, _): &(usize, usize)| -> Option<(u32, Token)> {
+    let token = |(index, _): &(usize, usize)| -> Option<Token> {
         let line = sample.lines.get(*index)?;
         let numbers = numbers_of(line);
         let found = if has_cells {
@@ -203,13 +99,11 @@ fn learn_identifiers(sample: &Sample, data: &DataPlaces, layout: &mut Layout) {
         } else {
             numbers.get(column)
         };
-        let (_, token) = found.filter(|(_, token)| token.kind == TokenKind::Hex)?;
-        Some((hex_number(token.text(&line.text))?, *token))
+        found.map(|(_, token)| *token).filter(|token| token.kind == TokenKind::Hex)
     };
-    let found: Vec<(u32, Token)> = data.places.iter().filter_map(token).collect();
-    let first = found.first().map(|(_, token)| token.width());
+    let found: Vec<Token> = data.places.iter().filter_map(token).collect();
+    let first = found.first().map(Token::width);
     if !layout.id.is_decimal {
-        layout.id.has_flag_bit = found.iter().any(|(value, _)| value & FLAG_BIT != 0);
-        layout.id.is_wide_extended = found.iter().any(|(_, token)| Some(token.width()) != first);
+        layout.id.is_wide_extended = found.iter().any(|token| Some(token.width()) != first);
     }
 }

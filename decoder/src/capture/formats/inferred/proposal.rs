@@ -1,18 +1,20 @@
 //! Proposes layouts for a sample: each start of the data with each column that may be the length.
 
 use super::assignment::{RoleAssignment, assign_roles};
+use super::data_places::{DataPlaces, byte_distance, is_data_start};
 use super::facts::{ColumnFacts, ColumnPlace, agree};
-use super::layout::{DataForm, Layout, MOST_COLUMNS};
+use super::layout::{DataForm, Layout};
 use super::row::parse_length;
 use super::sample::{Sample, number_names, numbers_of};
-use super::token::{Token, TokenKind};
-use super::words::ColumnRole;
+use super::token::Token;
+use crate::capture::column_list::ColumnRole;
+use crate::capture::column_list::MOST_COLUMNS;
 
 /// Maximum number of columns before the data.
 const MOST_BEFORE: usize = 10;
 
 /// Maximum number of columns after the data.
-const MOST_AFTER: usize = 4;
+const MOST_AFTER: usize = 8;
 
 /// A layout that may fit, with the evidence that does not depend on its frames.
 #[derive(Debug, Clone, Default)]
@@ -23,75 +25,27 @@ pub(super) struct Proposal {
     pub(super) score: i32,
     /// Reason why it must not be used.
     pub(super) defect: Option<&'static str>,
-    /// What it ignores.
+    /// Ignored parts of the lines.
     pub(super) remarks: Vec<&'static str>,
 }
 
 /// Layouts that may fit the sample.
 pub(super) fn propose_layouts(sample: &Sample) -> Vec<Proposal> {
     let numbers: Vec<Vec<(usize, Token)>> = sample.lines.iter().map(numbers_of).collect();
-    if sample.dialect.cell.is_some() {
-        return super::cells::propose_cells(sample);
-    }
-    let lines = numbers.iter().filter(|numbers| numbers.len() >= 2).count().max(1);
     let mut all = Vec::new();
     for start in 0..=MOST_BEFORE {
+        let lines = numbers.iter().filter(|numbers| numbers.len() > start.max(1)).count().max(1);
         for is_packed in [false, true] {
-            let data = DataPlaces::new(sample, &numbers, start, is_packed);
-            if data.places.len() * 2 >= lines {
-                propose_lengths(sample, &numbers, &data, &mut all);
+            let mut data = DataPlaces::new(sample, &numbers, start, is_packed);
+            data.keep_usual(&numbers);
+            let payload = data.keep_labelled(sample);
+            let is_named = payload.named_role() == Some(ColumnRole::Data);
+            if data.places.len() * 5 >= lines || (is_named && data.places.len() >= 2) {
+                propose_lengths(sample, &numbers, &data, &payload, &mut all);
             }
         }
     }
     all
-}
-
-/// Data that start at the same number of each line.
-pub(super) struct DataPlaces {
-    /// Number of columns before the data.
-    pub(super) start: usize,
-    /// Whether the bytes follow each other without separator.
-    pub(super) is_packed: bool,
-    /// Line and index of the first token of the data.
-    pub(super) places: Vec<ColumnPlace>,
-    /// The first tokens of the data, at most eight per line.
-    pub(super) bytes: Vec<(usize, Token)>,
-}
-
-impl DataPlaces {
-    fn new(sample: &Sample, numbers: &[Vec<(usize, Token)>], start: usize, is_packed: bool) -> Self {
-        let mut found = Self { start, is_packed, places: Vec::new(), bytes: Vec::new() };
-        for (index, line) in numbers.iter().enumerate() {
-            let Some((at, token)) = line.get(start) else { continue };
-            if is_data_start(*token, is_packed) {
-                found.places.push((index, *at));
-                found.add_bytes(sample, index, *at);
-            }
-        }
-        // Pairs of digits alone are bytes, packed or not.
-        let is_long = |(_, token): &(usize, Token)| token.width() >= 4;
-        if is_packed && !found.bytes.iter().any(is_long) {
-            found.places.clear();
-        }
-        found
-    }
-
-    fn add_bytes(&mut self, sample: &Sample, index: usize, at: usize) {
-        let Some(line) = sample.lines.get(index) else { return };
-        let run = line.tokens.list().iter().skip(at).take(if self.is_packed { 1 } else { 8 });
-        let run = run.take_while(|token| is_data_start(**token, self.is_packed));
-        self.bytes.extend(run.map(|token| (index, *token)));
-    }
-}
-
-/// Whether a number may be the first byte of the data, or all of them.
-pub(super) fn is_data_start(token: Token, is_packed: bool) -> bool {
-    let is_plain = token.kind == TokenKind::Hex && token.suffix == 0;
-    let is_decimal_byte = token.is_decimal && token.width() == 3;
-    match is_packed {
-        true => is_plain && token.width() % 2 == 0 && token.width() <= 128,
-        false => is_plain && (token.width() <= 2 || is_decimal_byte),
-    }
 }
 
 /// Adds a layout without length, and one for each column that may be the length.
@@ -99,9 +53,13 @@ fn propose_lengths(
     sample: &Sample,
     numbers: &[Vec<(usize, Token)>],
     data: &DataPlaces,
+    payload: &ColumnFacts,
     all: &mut Vec<Proposal>,
 ) {
-    let heading = number_names(&sample.heading, data.start).unwrap_or_default();
+    let names = number_names(sample, data.start);
+    // A heading that does not fit the columns is evidence against them.
+    let penalty = if sample.heading_line.is_some() && names.is_none() { 4 } else { 0 };
+    let heading = names.unwrap_or_default();
     let facts: Vec<ColumnFacts> = (0..data.start)
         .map(|column| {
             let place = |(line, _): &ColumnPlace| {
@@ -112,12 +70,14 @@ fn propose_lengths(
         })
         .collect();
     let after = facts_after(sample, data);
-    let payload = ColumnFacts::new(sample, &data.places, None);
     let is_length = |column: &usize| {
         facts.get(*column).is_some_and(|facts| match facts.named_role() {
             Some(role) => role == ColumnRole::Length,
             None => facts.tokens.iter().all(|(line, token)| {
-                sample.lines.get(*line).is_some_and(|line| parse_length(token.text(&line.text), *token).is_some())
+                sample
+                    .lines
+                    .get(*line)
+                    .is_some_and(|line| parse_length(token.text(&line.text), *token).is_some())
             }),
         })
     };
@@ -125,9 +85,32 @@ fn propose_lengths(
     let lengths = (0..data.start).filter(is_length).map(Some);
     for length in lengths.chain((!is_named).then_some(None)) {
         let columns = [&facts[..], &after[..]].concat();
-        let Some(found) = assign_roles(sample, &columns, data, &payload, length) else { continue };
-        all.push(build_proposal(sample, data, &payload, length.is_some(), found, after.len()));
+        let Some(found) = assign_roles(sample, &columns, data, payload, length) else { continue };
+        let is_byte = data.start.checked_sub(1).and_then(|last| found.roles.get(last)).is_some_and(|role| {
+            let is_counter = facts.last().is_some_and(|facts| facts.is_counter(sample));
+            matches!(role, ColumnRole::Skip | ColumnRole::Bus)
+                && !is_counter
+                && continues_column(sample, data)
+        });
+        if !is_byte {
+            let proposal = build_proposal(sample, data, payload, length.is_some(), found, after.len());
+            all.push(Proposal { score: proposal.score - penalty, ..proposal });
+        }
     }
+}
+
+/// Whether the number before the data has the form and the distance of their bytes: it is one of them.
+fn continues_column(sample: &Sample, data: &DataPlaces) -> bool {
+    let form = byte_distance(sample, data);
+    let is_joined = |(index, at): &&ColumnPlace| {
+        let tokens = sample.lines.get(*index).map(|line| line.tokens.list()).unwrap_or_default();
+        let before = at.checked_sub(1).and_then(|before| tokens.get(before));
+        let (Some(before), Some(first)) = (before, tokens.get(*at)) else { return false };
+        let gap = (first.gap, first.gap_width);
+        before.is_byte()
+            && (gap == form.separator || (form.separator.1 == 0 && gap == (before.gap, before.gap_width)))
+    };
+    !data.is_packed && data.places.iter().filter(is_joined).count() * 10 >= data.places.len() * 3
 }
 
 /// Columns after the data: numbers that are not joined to the bytes.
@@ -158,6 +141,7 @@ fn build_proposal(
     let mut before = found.roles.clone();
     let after = before.split_off(before.len().saturating_sub(after).min(MOST_COLUMNS));
     let has_label = payload.named_role() == Some(ColumnRole::Data);
+    let has_tail = has_length && has_tail(sample, data, after.len());
     let layout = Layout {
         dialect: sample.dialect,
         record_start: sample.record_start.clone(),
@@ -172,6 +156,8 @@ fn build_proposal(
             has_label,
             ..byte_distance(sample, data)
         },
+        data_label: payload.label.clone().filter(|_| has_label),
+        has_tail,
         id: found.id,
         time: found.time,
     };
@@ -181,21 +167,12 @@ fn build_proposal(
     Proposal { layout, score, defect: found.defect, remarks: found.remarks }
 }
 
-/// Separator and pitch of the second byte in most lines.
-fn byte_distance(sample: &Sample, data: &DataPlaces) -> DataForm {
-    let mut counts: Vec<((u8, u8, u8), usize)> = Vec::new();
-    for (index, at) in &data.places {
-        let Some(line) = sample.lines.get(*index) else { continue };
-        let second = line.tokens.list().get(at + 1).filter(|token| is_data_start(**token, data.is_packed));
-        let Some(token) = second else { continue };
-        let pitch = u8::try_from(token.width()).unwrap_or(u8::MAX).saturating_add(token.gap_width);
-        let key = (token.gap, token.gap_width, pitch);
-        match counts.iter_mut().find(|(known, _)| *known == key) {
-            Some((_, count)) => *count += 1,
-            None => counts.push((key, 1)),
-        }
-    }
-    let best = counts.iter().max_by_key(|(_, count)| *count);
-    let (gap, width, pitch) = best.map_or((b' ', 0, 0), |(key, _)| *key);
-    DataForm { separator: (gap, width), pitch, ..DataForm::default() }
+/// Whether lines have more numbers after the data than these columns.
+fn has_tail(sample: &Sample, data: &DataPlaces, columns: usize) -> bool {
+    data.places.iter().any(|(index, at)| {
+        let tokens = sample.lines.get(*index).map(|line| line.tokens.list()).unwrap_or_default();
+        let is_byte = |token: &&Token| is_data_start(**token, data.is_packed);
+        let run = tokens.iter().skip(*at).take_while(is_byte).count();
+        tokens.iter().skip(at + run).filter(|token| token.is_number()).count() > columns
+    })
 }

@@ -2,14 +2,19 @@
 
 use std::borrow::Cow;
 
-use crate::capture::formats::candump::line::{without_colors, without_quotes};
+use crate::capture::formats::candump::line::without_colors;
 
 /// Maximum number of lines of one frame.
 const MOST_LINES: usize = 12;
 
 /// Text of a line without quote marks, colours and surrounding blanks.
 pub(super) fn clean_line(text: &[u8]) -> Cow<'_, [u8]> {
-    let text = without_quotes(text).trim_ascii();
+    // Tabs at the start are empty cells.
+    let is_mark = |byte: &u8| matches!(byte, b' ' | b'>');
+    let marks = text.iter().take_while(|byte| is_mark(byte)).count();
+    let start = if text.get(..marks).unwrap_or_default().contains(&b'>') { marks } else { 0 };
+    let text = text.get(start..).unwrap_or_default().trim_ascii_end();
+    let text = text.get(text.iter().take_while(|byte| **byte == b' ').count()..).unwrap_or_default();
     if memchr::memchr(0x1B, text).is_some() { without_colors(text) } else { text.into() }
 }
 
@@ -67,8 +72,8 @@ impl RecordLines {
         self.count = 0;
     }
 
-    /// Number of lines of the frame so far.
-    pub(super) fn pending(&self) -> usize {
-        self.count
+    /// Whether a frame has several lines.
+    pub(super) fn has_several_lines(&self) -> bool {
+        self.start.is_some()
     }
 }

@@ -1,10 +1,11 @@
 //! Reads one line by its layout.
 
-use super::layout::{LAST_SLOT, Layout, WORD_POSITIONS};
+use super::layout::{LAST_SLOT, Layout, WORD_POSITIONS, is_after, slot_after};
 use super::time::RowTime;
 use super::token::{Token, TokenKind, Tokens};
-use super::words::{ColumnRole, LETTER_PAIRS, WordMeaning, truth_value, word_meaning};
+use super::words::{LETTER_PAIRS, WordMeaning, is_bus_name, truth_value, word_meaning};
 use crate::capture::bus_error::{Violation, violation_frame};
+use crate::capture::column_list::ColumnRole;
 use crate::capture::text::payload::{by_either, by_length};
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA};
 
@@ -20,8 +21,6 @@ pub(super) struct Row<'a> {
     pub(super) bus: Option<&'a [u8]>,
     /// The frame, without number, time and bus.
     pub(super) frame: Frame,
-    /// Data of the sample: separator, width and pitch of the second byte.
-    pub(super) second: Option<Token>,
     /// Value of the length column.
     pub(super) length: Option<u32>,
 }
@@ -56,7 +55,6 @@ struct RowReader<'a> {
     extended: Option<bool>,
     bytes: [u8; MAX_DATA],
     count: usize,
-    second: Option<Token>,
     /// Number of columns before the data so far.
     before: usize,
     /// Number of columns after the data so far; `None` before the data.
@@ -84,7 +82,6 @@ impl Layout {
             extended: None,
             bytes: [0; MAX_DATA],
             count: 0,
-            second: None,
             before: 0,
             after: None,
         };
@@ -103,8 +100,15 @@ impl<'a> RowReader<'a> {
         while let Some(token) = self.tokens.get(at) {
             let role = if has_cells { self.cell_role(usize::from(token.cell)) } else { self.next_role() };
             if token.is_number() {
-                at = if role == ColumnRole::Data && (has_cells || self.after.is_none()) {
+                at = if role == ColumnRole::Data && self.after.is_none() && self.lacks_data(at, *token) {
+                    // The data are empty: the number belongs to the next column.
+                    self.after = Some(0);
+                    at
+                } else if role == ColumnRole::Data && self.after.is_none() {
                     self.take_data(at)?
+                } else if role == ColumnRole::Data && has_cells {
+                    // A number after the bytes in a cell of the data.
+                    return Err(LONG);
                 } else {
                     self.take_column(at, *token, role)?;
                     at + 1
@@ -117,6 +121,21 @@ impl<'a> RowReader<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Whether the word of the data precedes the number, if the layout has one.
+    fn has_data_label(&self, at: usize) -> bool {
+        let before = at.checked_sub(1).and_then(|at| self.tokens.get(at));
+        self.layout.data_label.as_deref().is_none_or(|label| {
+            before.is_some_and(|before| before.text(self.line).eq_ignore_ascii_case(label))
+        })
+    }
+
+    /// Whether the line has no data although a number follows: the layout has a word before the data, and the number has
+    /// none or is not a byte.
+    fn lacks_data(&self, at: usize, token: Token) -> bool {
+        let is_other = token.kind != TokenKind::Hex;
+        self.layout.data_label.is_some() && (is_other || !self.has_data_label(at))
     }
 
     fn cell_role(&self, cell: usize) -> ColumnRole {
@@ -133,7 +152,14 @@ impl<'a> RowReader<'a> {
 
     fn take_column(&mut self, at: usize, token: Token, role: ColumnRole) -> Result<(), RowFault> {
         match &mut self.after {
-            Some(after) => *after += 1,
+            Some(after) => {
+                let layout = self.layout;
+                let may_follow = layout.has_tail && self.count > 0;
+                if *after >= layout.after.len() && !may_follow && layout.dialect.cell.is_none() {
+                    return Err(Broken("columns: more than in the other lines"));
+                }
+                *after += 1;
+            }
             None => self.before += 1,
         }
         let text = token.text(self.line);
@@ -150,6 +176,10 @@ impl<'a> RowReader<'a> {
                     |label: &[u8]| before.is_some_and(|it| it.text(self.line).eq_ignore_ascii_case(label));
                 if token.kind != TokenKind::Hex || !label.is_none_or(has_label) {
                     return Err(RowFault::Text);
+                }
+                let is_narrow = token.width() < usize::from(self.layout.id.least_width);
+                if is_narrow || self.layout.id.gap.is_some_and(|gap| gap != token.gap) {
+                    return Err(IDENTIFIER);
                 }
                 self.id = Some(token);
             }
@@ -175,22 +205,34 @@ impl<'a> RowReader<'a> {
         let count = self.tokens.iter().skip(at).take_while(is_part).count();
         let slot = match self.after {
             _ if has_cells => usize::from(first_cell),
-            Some(_) => LAST_SLOT,
+            Some(after) => slot_after(after),
             None => self.before,
         };
-        let (Some(&positions), letters) =
-            (self.layout.words.positions.get(slot), self.layout.words.letters.get(slot).copied().unwrap_or(0))
-        else {
-            return at + count;
-        };
-        let bus = self.layout.words.bus.filter(|(of, _)| usize::from(*of) == slot);
+        let words = &self.layout.words;
+        let (mut positions, mut letters) = words.of_slot(slot);
+        let mut bus = words.bus.filter(|(of, _)| usize::from(*of) == slot);
+        // Without data, the words before and after them follow each other.
+        let is_empty = at + count >= self.tokens.len() || !self.has_data_label(at + count);
+        let is_merged =
+            is_empty && !has_cells && self.after.is_none() && self.before == self.layout.before.len();
+        if is_merged {
+            let (last_positions, last_letters) = words.of_slot(LAST_SLOT);
+            let any = |positions: u8| if positions == 0 { 0 } else { u8::MAX };
+            (positions, letters) = (any(positions | last_positions), letters.max(last_letters));
+            bus = bus.or(words.bus.filter(|(of, _)| usize::from(*of) == LAST_SLOT));
+        }
         if positions == 0 && letters == 0 && bus.is_none() {
             return at + count;
         }
         for (index, token) in self.tokens.iter().skip(at).take(count).enumerate() {
-            let position = word_position(index, count, slot);
+            let position = if has_cells { count - index - 1 } else { word_position(index, count, slot) };
             let word = token.text(self.line);
-            if bus.is_some_and(|(_, of)| usize::from(of) == position) {
+            let is_bus = match bus {
+                Some(_) if is_merged => is_bus_name(word),
+                Some((_, of)) => usize::from(of) == position,
+                None => false,
+            };
+            if is_bus {
                 self.bus = Some(word);
             } else if let [letter] = word {
                 self.apply_letter(*letter, letters);
@@ -237,11 +279,10 @@ impl<'a> RowReader<'a> {
                 }
             }
         } else {
-            while let Some(token) = self.tokens.get(at).copied().filter(|token| self.is_next_byte(*token, limit)) {
+            while let Some(token) =
+                self.tokens.get(at).copied().filter(|token| self.is_next_byte(*token, limit))
+            {
                 let value = self.byte_value(token).ok_or(BYTES)?;
-                if self.count == 1 {
-                    self.second = Some(token);
-                }
                 self.push_byte(value)?;
                 at += 1;
             }
@@ -249,6 +290,7 @@ impl<'a> RowReader<'a> {
         match limit {
             Some(limit) if self.count > limit => Err(LONG),
             Some(limit) if self.count == limit && self.continues_at(at) => Err(LONG),
+            Some(limit) if self.count < limit => Err(SHORT),
             _ if self.count == 0 && limit.is_none() => Err(BYTES),
             _ => Ok(at),
         }
@@ -269,7 +311,7 @@ impl<'a> RowReader<'a> {
     fn is_packed(&self, token: Token) -> bool {
         token.kind == TokenKind::Hex
             && token.suffix == 0
-            && token.width() % 2 == 0
+            && token.width().is_multiple_of(2)
             && self.is_data_cell(token)
             && (self.count == 0 || self.is_joined(token))
     }
@@ -305,10 +347,8 @@ impl<'a> RowReader<'a> {
         };
         is_form
             && self.is_data_cell(token)
-            && match limit {
-                Some(limit) => self.count < limit,
-                None => self.count == 0 || self.is_joined(token),
-            }
+            && limit.is_none_or(|limit| self.count < limit)
+            && (self.count == 0 || self.is_joined(token))
     }
 
     /// Whether a token follows the byte before it at the distance of the sample's bytes.
@@ -320,8 +360,11 @@ impl<'a> RowReader<'a> {
         let form = &self.layout.data;
         let (separator, width) = form.separator;
         let pitch = token.width() + usize::from(token.gap_width);
+        // Some programs leave a wider gap after each fourth byte.
+        let is_group = form.has_length && self.count.is_multiple_of(4) && token.gap_width == width + 1;
         width == 0
-            || token.gap == separator && (token.gap_width == width || usize::from(form.pitch) == pitch)
+            || token.gap == separator
+                && (token.gap_width == width || usize::from(form.pitch) == pitch || is_group)
     }
 
     #[inline]
@@ -350,7 +393,7 @@ impl<'a> RowReader<'a> {
         }
         let frame = violation_frame(Violation::Other, false, 0, None);
         let flags = frame.flags.with(self.flags);
-        Ok(Row { time: self.time, bus: self.bus, frame: Frame { flags, ..frame }, second: None, length: None })
+        Ok(Row { time: self.time, bus: self.bus, frame: Frame { flags, ..frame }, length: None })
     }
 
     fn build_row(&mut self) -> Result<Row<'a>, RowFault> {
@@ -367,7 +410,7 @@ impl<'a> RowReader<'a> {
             self.flags = self.flags.with(FrameFlags::FD);
         }
         let frame = Frame { id, flags: self.flags, length, raw_dlc, bytes: self.bytes, ..Frame::EMPTY };
-        Ok(Row { time: self.time, bus: self.bus, frame, second: self.second, length: self.length })
+        Ok(Row { time: self.time, bus: self.bus, frame, length: self.length })
     }
 
     /// Length and DLC of the frame, from the data and the length column.
@@ -399,13 +442,10 @@ impl<'a> RowReader<'a> {
     fn identifier(&self, token: Token) -> Result<CanId, RowFault> {
         let form = &self.layout.id;
         let text = token.text(self.line);
-        let value = if form.is_decimal {
-            decimal_value(text).filter(|_| token.is_decimal)
-        } else {
-            hex_number(text)
-        };
+        let value =
+            if form.is_decimal { decimal_value(text).filter(|_| token.is_decimal) } else { hex_number(text) };
         let value = value.ok_or(IDENTIFIER)?;
-        let has_flag = form.has_flag_bit && value & FLAG_BIT != 0;
+        let has_flag = !form.is_decimal && value & FLAG_BIT != 0;
         let value = if has_flag { value & !FLAG_BIT } else { value };
         let is_wide = form.is_wide_extended && token.width() > 4;
         let extended = match self.extended {
@@ -418,7 +458,7 @@ impl<'a> RowReader<'a> {
 
 /// Position of a word in its slot: counted from the end, after the data from the start.
 pub(super) fn word_position(index: usize, count: usize, slot: usize) -> usize {
-    if slot == LAST_SLOT { index } else { count.saturating_sub(index + 1) }
+    if is_after(slot) { index } else { count.saturating_sub(index + 1) }
 }
 
 /// Value of a length column: decimal, or hexadecimal with a prefix.
@@ -463,7 +503,6 @@ pub(super) fn decimal_value(text: &[u8]) -> Option<u32> {
     if !matches!(text.len(), 1..=9) {
         return None;
     }
-    text.iter().try_fold(0_u32, |value, digit| {
-        digit.is_ascii_digit().then(|| value * 10 + u32::from(digit - b'0'))
-    })
+    text.iter()
+        .try_fold(0_u32, |value, digit| digit.is_ascii_digit().then(|| value * 10 + u32::from(digit - b'0')))
 }

@@ -2,7 +2,8 @@
 
 use super::records::{RecordLines, clean_line};
 use super::token::{Dialect, Token, Tokens, is_ruler};
-use super::words::{ColumnName, ColumnRole, column_name};
+use super::words::{ColumnName, column_name, is_bus_name};
+use crate::capture::column_list::ColumnRole;
 use crate::capture::formats::candump::line::is_around;
 
 /// Maximum number of lines that decide about the layout.
@@ -163,24 +164,42 @@ pub(super) fn words_before(line: &SampleLine, at: usize) -> Vec<&[u8]> {
 
 /// Name of a column from the words before its numbers: "CAN ID:", "DLC =".
 pub(super) fn label_name(words: &[&[u8]]) -> Option<ColumnName> {
-    (0..words.len()).find_map(|start| column_name(&words.get(start..)?.join(&b' ')))
+    let name = (0..words.len()).find_map(|start| column_name(&words.get(start..)?.join(&b' ')))?;
+    // `Ext` before a number is a frame type, not the name of the number.
+    let is_word = |role| {
+        matches!(role, ColumnRole::Extended | ColumnRole::Remote | ColumnRole::Direction | ColumnRole::Kind)
+    };
+    (!is_word(name.role)).then_some(name)
 }
 
-/// Roles of a head of columns without cells for `count` numbers before the data.
-pub(super) fn number_names(heading: &[Option<ColumnName>], count: usize) -> Option<Vec<Option<ColumnName>>> {
+/// Names in a heading without cells for `count` numbers before the data. Columns of words are not counted.
+pub(super) fn number_names(sample: &Sample, count: usize) -> Option<Vec<Option<ColumnName>>> {
+    let heading = &sample.heading;
     let is_data = |name: &Option<ColumnName>| name.is_some_and(|name| name.role == ColumnRole::Data);
     let end = heading.iter().position(is_data).unwrap_or(heading.len());
     let names = heading.get(..end).unwrap_or_default();
+    let has_word = |test: fn(&[u8]) -> bool| {
+        let has = |line: &&SampleLine| {
+            let mut words = line.tokens.list().iter().filter(|token| !token.is_number());
+            words.any(|token| test(token.text(&line.text)))
+        };
+        sample.lines.iter().filter(has).count() * 2 > sample.lines.len()
+    };
+    let words = [ColumnRole::Direction, ColumnRole::Kind];
+    let mut leaves: Vec<ColumnRole> = if has_word(|_| true) { words.to_vec() } else { Vec::new() };
+    if has_word(is_bus_name) {
+        leaves.push(ColumnRole::Bus);
+    }
     let with = |leaves: &[ColumnRole]| {
         let kept = |name: &&Option<ColumnName>| name.is_none_or(|name| !leaves.contains(&name.role));
         let names: Vec<_> = names.iter().filter(kept).copied().collect();
         (names.len() == count).then_some(names)
     };
-    with(&[])
-        .or_else(|| with(&[ColumnRole::Direction]))
-        .or_else(|| with(&[ColumnRole::Direction, ColumnRole::Kind]))
-        .or_else(|| with(&[ColumnRole::Direction, ColumnRole::Kind, ColumnRole::Skip]))
-        .or_else(|| with(&[ColumnRole::Direction, ColumnRole::Kind, ColumnRole::Skip, ColumnRole::Bus]))
+    let more = |others: &[ColumnRole]| with(&[&leaves[..], others].concat());
+    more(&[])
+        .or_else(|| more(&words))
+        .or_else(|| more(&[ColumnRole::Skip]))
+        .or_else(|| more(&[&words[..], &[ColumnRole::Skip, ColumnRole::Bus]].concat()))
 }
 
 /// Numbers of a line with their positions among the tokens.

@@ -2,8 +2,8 @@
 
 use super::layout::TimeForm;
 use super::token::{TokenKind, split_date, split_unit};
-use super::words::TimeUnit;
 use crate::capture::calendar::from_utc;
+use crate::capture::column_list::TimeUnit;
 use crate::capture::text::columns::{parse_time, time_of_day};
 
 /// One second in nanoseconds.
@@ -25,10 +25,10 @@ impl RowTime {
         let Some(form) = form else { return Some(()) };
         match kind {
             TokenKind::Date => {
-                let (day, time) = split_date(text);
+                let (day, time, zone) = split_date(text);
                 self.date = form.has_date.then(|| parse_day(day)).flatten();
                 if !time.is_empty() && self.time.is_none() {
-                    self.time = Some(parse_clock(time)?);
+                    self.time = Some(parse_clock(time)?.checked_sub(parse_zone(zone)?)?);
                     self.is_of_day = true;
                 }
             }
@@ -68,11 +68,8 @@ fn parse_number(text: &[u8], unit: TimeUnit) -> Option<i64> {
         "" => unit,
         symbol => TimeUnit::of_word(symbol)?,
     };
-    let (is_negative, digits) = match number {
-        [b'-', digits @ ..] => (true, digits),
-        [b'+', digits @ ..] => (false, digits),
-        digits => (false, digits),
-    };
+    let is_negative = number.starts_with(b"-");
+    let digits = number.strip_prefix(b"-").or(number.strip_prefix(b"+")).unwrap_or(number);
     let nanoseconds = match digits {
         // The usual form: up to 9 digits before the point and up to 9 after it.
         [b'.', ..] => parse_time(&[b"0", digits].concat(), unit.nanoseconds())?,
@@ -120,6 +117,23 @@ fn parse_clock(text: &[u8]) -> Option<i64> {
     let parts = quick_time(fraction, 1)?;
     let scale = 10_i64.checked_pow(u32::try_from(fraction.len()).ok()?)?;
     whole.checked_add(parts.checked_mul(SECOND)? / scale)
+}
+
+/// Parses a zone, `Z`, `+02:00` or `-0530`, into nanoseconds east of Greenwich.
+fn parse_zone(zone: &[u8]) -> Option<i64> {
+    let (sign, digits) = match zone {
+        [] | [b'Z' | b'z'] => return Some(0),
+        [b'+', digits @ ..] => (1, digits),
+        [b'-', digits @ ..] => (-1, digits),
+        _ => return None,
+    };
+    let (hours, minutes) = match digits {
+        [_, _] => (digits, &b"0"[..]),
+        [_, _, b':', minutes @ ..] | [_, _, minutes @ ..] => (digits.get(..2)?, minutes),
+        _ => return None,
+    };
+    let minutes = quick_time(hours, 1)?.checked_mul(60)?.checked_add(quick_time(minutes, 1)?)?;
+    minutes.checked_mul(60 * SECOND)?.checked_mul(sign)
 }
 
 /// Midnight of `2024-05-01` or `01.05.2024` in nanoseconds since 1970.

@@ -113,22 +113,36 @@ static CLASSES: [u8; 256] = classes();
 #[expect(clippy::indexing_slicing, reason = "evaluated at compile time")]
 const fn classes() -> [u8; 256] {
     let mut table = [OTHER; 256];
-    let mut byte = 0;
-    while byte < 256 {
-        table[byte] = match byte as u8 {
+    let mut byte: u8 = 0;
+    loop {
+        table[byte as usize] = match byte {
             b'0'..=b'9' => DIGIT,
             b'A'..=b'F' | b'a'..=b'f' => HEX_LETTER,
             b'G'..=b'Z' | b'g'..=b'z' | b'_' | 0x80..=0xFF => LETTER,
             b'.' => POINT,
             b':' => COLON,
             b'-' | b'+' => DASH,
-            0..=b' ' | b',' | b';' | b'|' | b'#' | b'=' | b'"' | b'`' => SEPARATOR,
-            b'(' | b')' | b'[' | b']' | b'{' | b'}' => SEPARATOR,
+            0..=b' '
+            | b','
+            | b';'
+            | b'|'
+            | b'#'
+            | b'='
+            | b'"'
+            | b'`'
+            | b'('
+            | b')'
+            | b'['
+            | b']'
+            | b'{'
+            | b'}' => SEPARATOR,
             _ => OTHER,
         };
+        if byte == u8::MAX {
+            return table;
+        }
         byte += 1;
     }
-    table
 }
 
 fn class_of(byte: u8) -> u8 {
@@ -139,7 +153,6 @@ fn class_of(byte: u8) -> u8 {
 const fn strength(separator: u8) -> u8 {
     match separator {
         b' ' => 0,
-        b'\t' => 1,
         b'=' | b'#' => 2,
         b':' | b'-' => 3,
         b',' => 4,
@@ -188,6 +201,16 @@ impl Tokens {
     fn push(&mut self, token: Token, (start, end): (usize, usize), gap: Gap) {
         let place = |at: usize| u16::try_from(at).unwrap_or(u16::MAX);
         let (start, end) = (place(start), place(end));
+        // A date and the time of day after a blank are one time.
+        if token.kind == TokenKind::Clock
+            && gap.separator == b' '
+            && let Some(last) = self.list.last_mut()
+            && last.kind == TokenKind::Date
+            && last.cell == self.last_cell
+        {
+            last.end = end;
+            return;
+        }
         self.list.push(Token {
             start,
             end,
@@ -226,7 +249,8 @@ impl Tokens {
         let text = |start: usize, end: usize| line.get(start..end).unwrap_or_default();
         // Punctuation around a word, such as the colon of a label; arrows and dots are words of their own.
         if classes & (DIGIT | HEX_LETTER | LETTER) != 0 {
-            while end > start && matches!(text(start, end).last(), Some(b':' | b'.' | b'!' | b'?' | b'\'' | b'>'))
+            while end > start
+                && matches!(text(start, end).last(), Some(b':' | b'.' | b'!' | b'?' | b'\'' | b'>'))
             {
                 end -= 1;
             }
@@ -237,6 +261,15 @@ impl Tokens {
         let word = text(start, end);
         if let Some((token, from, to)) = parse_number(word, dialect) {
             return self.push(token, (start + from, start + to), gap);
+        }
+        // `Time:12:01:22.5`: the name, then the time.
+        if classes & COLON != 0
+            && let Some(colon) = word.iter().position(|byte| *byte == b':')
+            && word.iter().take(colon).any(|byte| class_of(*byte) & (LETTER | OTHER) != 0)
+        {
+            self.push(Token { kind: TokenKind::Word, ..Token::default() }, (start, start + colon), gap);
+            let gap = Gap { separator: b':', width: 1 };
+            return self.add_other(line, (start + colon + 1, end), classes, gap, dialect);
         }
         if classes & (COLON | DASH) != 0
             && let Some(separator) = joined_by(word)
@@ -419,7 +452,7 @@ fn is_clock(word: &[u8], needs_fraction: bool) -> bool {
 
 /// Whether a word is a date, possibly with a time of day: `2024-05-01`, `01.05.2024`, `2024-05-01T08:17:32.5Z`.
 fn is_date(word: &[u8]) -> bool {
-    let (day, time) = split_date(word);
+    let (day, time, _) = split_date(word);
     let Some(separator) = day.iter().copied().find(|byte| !byte.is_ascii_digit()) else { return false };
     let mut parts = day.split(|byte| *byte == separator);
     let mut width = || parts.next().filter(|part| part.iter().all(u8::is_ascii_digit)).map_or(0, <[u8]>::len);
@@ -428,13 +461,14 @@ fn is_date(word: &[u8]) -> bool {
     is_order && matches!(separator, b'-' | b'.' | b'/') && (time.is_empty() || is_clock(time, false))
 }
 
-/// Date and time of day of a date; the zone is not included.
-pub(super) fn split_date(word: &[u8]) -> (&[u8], &[u8]) {
-    let at = word.iter().position(|byte| matches!(byte, b'T' | b't' | b'_'));
+/// Date, time of day and zone of a date such as `2024-05-01T08:17:32.5+02:00`.
+pub(super) fn split_date(word: &[u8]) -> (&[u8], &[u8], &[u8]) {
+    let at = word.iter().position(|byte| matches!(byte, b'T' | b't' | b'_' | b' '));
     let (day, rest) = word.split_at_checked(at.unwrap_or(word.len())).unwrap_or((word, &[]));
-    let time = rest.get(1..).unwrap_or_default();
+    let time = rest.get(1..).unwrap_or_default().trim_ascii_start();
     let zone = time.iter().position(|byte| !byte.is_ascii_digit() && !matches!(byte, b':' | b'.' | b','));
-    (day, time.get(..zone.unwrap_or(time.len())).unwrap_or(time))
+    let (time, zone) = time.split_at_checked(zone.unwrap_or(time.len())).unwrap_or((time, &[]));
+    (day, time, zone)
 }
 
 /// Whether the line is blank or consists of rulers, such as the second line of a Markdown table.

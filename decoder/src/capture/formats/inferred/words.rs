@@ -1,58 +1,7 @@
 //! Meaning of words: names of columns, directions, frame types, buses, units.
 
+use crate::capture::column_list::{ColumnRole, TimeUnit};
 use crate::frame::FrameFlags;
-
-/// Content of a column.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub(super) enum ColumnRole {
-    /// Ignored.
-    #[default]
-    Skip,
-    /// Time of the frame.
-    Time,
-    /// Time since the frame before.
-    Delta,
-    /// Date before a time of day.
-    Date,
-    /// Identifier.
-    Id,
-    /// Length in bytes, or the DLC.
-    Length,
-    /// First byte of the data, or all of it.
-    Data,
-    /// Bus.
-    Bus,
-    /// Direction.
-    Direction,
-    /// Frame type in words.
-    Kind,
-    /// Whether the identifier is extended, as a number or a truth value.
-    Extended,
-    /// Whether the frame is a remote frame, as a number or a truth value.
-    Remote,
-    /// A count of the lines.
-    Counter,
-}
-
-impl ColumnRole {
-    /// Name in `--columns`.
-    pub(super) const fn name(self) -> &'static str {
-        match self {
-            Self::Skip | Self::Counter => "skip",
-            Self::Time => "time",
-            Self::Delta => "delta",
-            Self::Date => "date",
-            Self::Id => "id",
-            Self::Length => "len",
-            Self::Data => "data",
-            Self::Bus => "bus",
-            Self::Direction => "dir",
-            Self::Kind => "kind",
-            Self::Extended => "ext",
-            Self::Remote => "rtr",
-        }
-    }
-}
 
 /// Names of columns in lower case without spaces and punctuation, in English, German, French, Spanish and Chinese.
 const NAMES: &[(ColumnRole, &[&str])] = &[
@@ -222,8 +171,8 @@ const NAMES: &[(ColumnRole, &[&str])] = &[
     (
         ColumnRole::Counter,
         &[
-            "no", "nr", "num", "number", "idx", "index", "count", "counter", "seq", "line", "lfdnr", "序号", "cnt",
-            "msgno",
+            "no", "nr", "num", "number", "idx", "index", "count", "counter", "seq", "line", "lfdnr", "序号",
+            "cnt", "msgno",
         ],
     ),
     (
@@ -263,9 +212,9 @@ const NAMES: &[(ColumnRole, &[&str])] = &[
 
 /// Name of a column and what it states in addition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(super) struct ColumnName {
+pub(in crate::capture::formats) struct ColumnName {
     /// Content of the column.
-    pub(super) role: ColumnRole,
+    pub(in crate::capture::formats) role: ColumnRole,
     /// Unit of a time.
     pub(super) unit: Option<TimeUnit>,
     /// Whether numbers are decimal; `None` if the name does not state it.
@@ -274,62 +223,14 @@ pub(super) struct ColumnName {
     pub(super) byte: Option<u8>,
 }
 
-/// Unit of times.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum TimeUnit {
-    Seconds,
-    Milliseconds,
-    /// 0.1 ms.
-    TenthMilliseconds,
-    Microseconds,
-    Nanoseconds,
-}
-
-impl TimeUnit {
-    /// Nanoseconds of one unit.
-    pub(super) const fn nanoseconds(self) -> i64 {
-        match self {
-            Self::Seconds => 1_000_000_000,
-            Self::Milliseconds => 1_000_000,
-            Self::TenthMilliseconds => 100_000,
-            Self::Microseconds => 1_000,
-            Self::Nanoseconds => 1,
-        }
-    }
-
-    /// Symbol of the unit.
-    pub(super) const fn symbol(self) -> &'static str {
-        match self {
-            Self::Seconds => "s",
-            Self::Milliseconds => "ms",
-            Self::TenthMilliseconds => "0.1ms",
-            Self::Microseconds => "us",
-            Self::Nanoseconds => "ns",
-        }
-    }
-
-    /// Parses a symbol or a word.
-    pub(super) fn of_word(word: &str) -> Option<Self> {
-        match word {
-            "s" | "sec" | "secs" | "second" | "seconds" | "sek" | "sekunden" => Some(Self::Seconds),
-            "ms" | "msec" | "msecs" | "millis" | "millisecond" | "milliseconds" | "毫秒" => {
-                Some(Self::Milliseconds)
-            }
-            "0.1ms" | "100us" | "0,1ms" => Some(Self::TenthMilliseconds),
-            "us" | "usec" | "µs" | "μs" | "micros" | "microsecond" | "microseconds" => Some(Self::Microseconds),
-            "ns" | "nsec" | "nanos" | "nanoseconds" => Some(Self::Nanoseconds),
-            _ => None,
-        }
-    }
-}
-
 /// Parses the name of a column; `None` if it is unknown.
-pub(super) fn column_name(text: &[u8]) -> Option<ColumnName> {
+pub(in crate::capture::formats) fn column_name(text: &[u8]) -> Option<ColumnName> {
     // GBK and other encodings are not decoded: a head in them has no known names.
     let text = std::str::from_utf8(text).ok().filter(|text| text.len() <= 60)?.to_lowercase();
     let mut found = ColumnName::default();
     let is_separator = |letter: char| {
-        letter.is_whitespace() || matches!(letter, '(' | ')' | '[' | ']' | '_' | '"' | ':' | '=' | '/' | '{' | '}')
+        letter.is_whitespace()
+            || matches!(letter, '(' | ')' | '[' | ']' | '_' | '"' | ':' | '=' | '/' | '{' | '}')
     };
     let mut plain = String::new();
     for (index, word) in text.split(is_separator).filter(|word| !word.is_empty()).enumerate() {
@@ -470,7 +371,8 @@ pub(super) fn is_bus_name(word: &[u8]) -> bool {
     let digits = word.iter().rev().take_while(|byte| byte.is_ascii_digit()).count();
     let Some(letters) = word.get(..word.len().saturating_sub(digits)) else { return false };
     let letters = letters.strip_suffix(b"_").or(letters.strip_suffix(b"-")).unwrap_or(letters);
-    let known = [&b"can"[..], b"vcan", b"slcan", b"ch", b"chn", b"channel", b"bus", b"canbus", b"kanal", b"canfd"];
+    let known =
+        [&b"can"[..], b"vcan", b"slcan", b"ch", b"chn", b"channel", b"bus", b"canbus", b"kanal", b"canfd"];
     matches!(digits, 1..=2) && known.iter().any(|name| letters.eq_ignore_ascii_case(name))
 }
 
