@@ -20,7 +20,9 @@ mod embedded;
 mod explain;
 mod exports;
 mod extcap;
+mod faults;
 mod filter;
+mod inputs;
 mod journeys;
 #[cfg(feature = "parquet")]
 mod lake;

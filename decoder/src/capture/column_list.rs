@@ -60,7 +60,7 @@ impl ColumnRole {
 
 /// Unit of times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::capture) enum TimeUnit {
+pub(in crate::capture) enum ColumnUnit {
     Seconds,
     Milliseconds,
     /// 0.1 ms.
@@ -69,7 +69,7 @@ pub(in crate::capture) enum TimeUnit {
     Nanoseconds,
 }
 
-impl TimeUnit {
+impl ColumnUnit {
     /// Nanoseconds of one unit.
     pub(in crate::capture) const fn nanoseconds(self) -> i64 {
         match self {
@@ -113,7 +113,7 @@ impl TimeUnit {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(in crate::capture) struct StatedColumn {
     pub(in crate::capture) role: ColumnRole,
-    pub(in crate::capture) unit: Option<TimeUnit>,
+    pub(in crate::capture) unit: Option<ColumnUnit>,
     pub(in crate::capture) is_decimal: bool,
 }
 
@@ -201,7 +201,7 @@ fn parse_column(word: &str) -> Result<StatedColumn, String> {
     match (role, detail) {
         (ColumnRole::Time | ColumnRole::Delta, Some(unit)) => {
             column.unit = Some(
-                TimeUnit::of_word(unit)
+                ColumnUnit::of_word(unit)
                     .ok_or_else(|| format!("unknown unit {unit:?}; expected s, ms, 0.1ms, us or ns"))?,
             );
         }

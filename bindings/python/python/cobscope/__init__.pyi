@@ -23,6 +23,7 @@ class _Options(TypedDict, total=False):
     part_gap: float | None
     time: str | None
     columns: str | None
+    time_unit: str | None
     sdo_timeout: float | None
     select: str | Sequence[str] | None
     ignore: str | Sequence[str] | None

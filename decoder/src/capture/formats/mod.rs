@@ -3,20 +3,28 @@
 mod asc;
 mod blf;
 mod busmaster;
+mod can_msgs;
 mod candump;
 mod canking;
 mod carbus;
 mod crtd;
 mod csv;
+mod ctt;
+mod elm327;
 mod excerpt;
+mod gvret;
 pub(super) mod inferred;
+mod isotpdump;
+mod lawicel;
 pub(super) mod mcap;
 mod mdf4;
 mod microchip;
+mod nmea2000;
 mod pcap;
 mod pcapng;
 mod roadster;
 mod trc;
+mod tshark;
 
 use super::text::line_format::complete_lines;
 use super::{CaptureFormat, WritableFormat};
@@ -28,6 +36,7 @@ pub const FORMATS: &[CaptureFormat] = &[
     pcap::FORMAT,
     blf::FORMAT,
     mdf4::FORMAT,
+    gvret::FORMAT,
     trc::FORMAT,
     asc::FORMAT,
     busmaster::FORMAT,
@@ -37,6 +46,14 @@ pub const FORMATS: &[CaptureFormat] = &[
     crtd::FORMAT,
     roadster::FORMAT,
     csv::FORMAT,
+    nmea2000::ACTISENSE,
+    nmea2000::CANBOAT,
+    lawicel::FORMAT,
+    elm327::FORMAT,
+    can_msgs::FORMAT,
+    isotpdump::FORMAT,
+    tshark::FORMAT,
+    ctt::FORMAT,
     candump::FORMAT,
     excerpt::FORMAT,
     inferred::FORMAT,

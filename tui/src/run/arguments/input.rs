@@ -34,6 +34,10 @@ pub struct InputArgs {
     /// separators mark each cell: 'skip time:us id len data' for `17;12034;181;2;37 02`.
     #[arg(long, help_heading = READING, value_name = "COLUMNS")]
     pub columns: Option<ColumnList>,
+    /// Read times in CSV in UNIT (default: the unit of the program; milliseconds if no bus could carry the frames in
+    /// microseconds)
+    #[arg(long, help_heading = READING, value_name = "UNIT")]
+    pub time_unit: Option<TimeUnitOption>,
     /// Read names of nodes, identifiers, bit rates and object values from a bus file (TOML)
     #[arg(long, help_heading = READING, value_name = "FILE")]
     pub bus: Option<PathBuf>,
@@ -314,6 +318,19 @@ pub enum StampStyle {
     /// Timestamps are the time since the previous line (candump -t d)
     #[value(name = "d", alias = "delta")]
     Delta,
+}
+
+/// Unit of times in text.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum TimeUnitOption {
+    /// Seconds
+    S,
+    /// Milliseconds
+    Ms,
+    /// Microseconds
+    Us,
+    /// Nanoseconds
+    Ns,
 }
 
 /// Protocol of the traffic.

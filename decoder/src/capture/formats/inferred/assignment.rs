@@ -5,7 +5,7 @@ use super::facts::{ColumnFacts, agree, infer_unit, runs_backwards};
 use super::layout::{IdentifierForm, TimeForm};
 use super::sample::Sample;
 use super::token::{Token, TokenKind, split_date};
-use crate::capture::column_list::{ColumnRole, TimeUnit};
+use crate::capture::column_list::{ColumnRole, ColumnUnit};
 
 /// Roles of the columns before and after the data.
 #[derive(Debug, Clone, Default)]
@@ -320,7 +320,7 @@ fn time_rating(facts: &ColumnFacts) -> Option<i32> {
 }
 
 /// Unit that the name or the numbers state.
-fn stated_unit(sample: &Sample, facts: &ColumnFacts, is_named: bool) -> Option<TimeUnit> {
+fn stated_unit(sample: &Sample, facts: &ColumnFacts, is_named: bool) -> Option<ColumnUnit> {
     let heading = sample.heading.iter().flatten();
     let of_heading = || {
         let times = heading.filter(|name| matches!(name.role, ColumnRole::Time | ColumnRole::Delta));
@@ -330,7 +330,7 @@ fn stated_unit(sample: &Sample, facts: &ColumnFacts, is_named: bool) -> Option<T
     };
     let own = facts.name.and_then(|name| name.unit);
     // Each number with a unit states its own.
-    let of_numbers = facts.is_all(TokenKind::Quantity).then_some(TimeUnit::Seconds);
+    let of_numbers = facts.is_all(TokenKind::Quantity).then_some(ColumnUnit::Seconds);
     own.or(of_numbers).or_else(|| if is_named || sample.heading_line.is_some() { of_heading() } else { None })
 }
 

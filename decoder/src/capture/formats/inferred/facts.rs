@@ -4,7 +4,7 @@ use super::row::{FLAG_BIT, decimal_value, hex_number};
 use super::sample::{Sample, label_name, words_before};
 use super::token::{Token, TokenKind};
 use super::words::ColumnName;
-use crate::capture::column_list::{ColumnRole, TimeUnit};
+use crate::capture::column_list::{ColumnRole, ColumnUnit};
 
 /// Share of lines that must agree, in percent.
 const AGREEMENT: usize = 90;
@@ -220,7 +220,7 @@ const USUAL_CLOSEST: i128 = 94 * UNIT;
 /// Unit of times without one; `None` if it cannot be inferred.
 ///
 /// Whole numbers are µs or ms. Two frames closer than the bus permits in µs exclude µs.
-pub(super) fn infer_unit(values: &[i128], fraction_digits: usize) -> Option<TimeUnit> {
+pub(super) fn infer_unit(values: &[i128], fraction_digits: usize) -> Option<ColumnUnit> {
     let mut steps: Vec<i128> = values
         .windows(2)
         .filter_map(|pair| {
@@ -231,12 +231,12 @@ pub(super) fn infer_unit(values: &[i128], fraction_digits: usize) -> Option<Time
     let median = steps.get(steps.len() / 2).copied().unwrap_or(0);
     if fraction_digits > 0 {
         let is_seconds = fraction_digits >= 5 || (fraction_digits >= 2 && median < 5 * UNIT);
-        return is_seconds.then_some(TimeUnit::Seconds);
+        return is_seconds.then_some(ColumnUnit::Seconds);
     }
     let first = values.first().copied().unwrap_or(0) / UNIT;
     match first {
-        1_000_000_000_000..=9_999_999_999_999 => return Some(TimeUnit::Milliseconds),
-        1_000_000_000_000_000..=9_999_999_999_999_999 => return Some(TimeUnit::Microseconds),
+        1_000_000_000_000..=9_999_999_999_999 => return Some(ColumnUnit::Milliseconds),
+        1_000_000_000_000_000..=9_999_999_999_999_999 => return Some(ColumnUnit::Microseconds),
         _ => {}
     }
     let least = steps.iter().copied().find(|step| *step > 0)?;
@@ -245,5 +245,5 @@ pub(super) fn infer_unit(values: &[i128], fraction_digits: usize) -> Option<Time
     if may_be_seconds && largest <= 2 * UNIT {
         return None;
     }
-    (least < CLOSEST || least < USUAL_CLOSEST).then_some(TimeUnit::Milliseconds)
+    (least < CLOSEST || least < USUAL_CLOSEST).then_some(ColumnUnit::Milliseconds)
 }

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::token::Dialect;
-use crate::capture::column_list::{ColumnRole, MOST_COLUMNS, TimeUnit};
+use crate::capture::column_list::{ColumnRole, MOST_COLUMNS, ColumnUnit};
 
 /// Number of word positions that are counted from the last word before a column.
 pub(super) const WORD_POSITIONS: usize = 8;
@@ -89,7 +89,7 @@ pub(super) struct IdentifierForm {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct TimeForm {
     /// Unit of numbers; `None` for times of day and dates.
-    pub(super) unit: Option<TimeUnit>,
+    pub(super) unit: Option<ColumnUnit>,
     /// Whether times count from the frame before.
     pub(super) is_delta: bool,
     /// Whether a date precedes the day first.

@@ -35,12 +35,13 @@ use token::{Tokens, is_ruler};
 
 use super::candump::line::is_around;
 use super::excerpt::decisive_lines;
-use crate::capture::column_list::ColumnList;
+use crate::capture::column_list::{ColumnList, ColumnUnit};
 use crate::capture::text::day::TimesOfDay;
 use crate::capture::text::line_format::ONLY_BUS;
 use crate::capture::text::lines::{LineSplitter, LineStep, is_ellipsis, line_excerpt};
 use crate::capture::{
-    Batch, BusNames, CaptureError, CaptureFormat, CapturePlace, FormatParser, MAX_BUSES, Notice,
+    Batch, BusNames, CaptureError, CaptureFormat, CapturePlace, FormatParser, MAX_BUSES, Notice, ReadOptions,
+    TimeUnit,
 };
 use crate::frame::{BusIndex, Frame, Timestamp};
 use crate::words::count_noun;
@@ -51,7 +52,7 @@ pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     is_text: true,
     is_packed: false,
     detect: |head| infer_layout(head).is_some_and(|guess| guess.is_accepted()),
-    parser: |options| Box::new(ColumnParser::new(options.columns)),
+    parser: |options| Box::new(ColumnParser::new(options)),
 };
 
 /// Description of the layout that is nearest to a refused text; `None` if no line resembles a frame.
@@ -59,10 +60,22 @@ pub(in crate::capture) fn describe_refusal(head: &[u8]) -> Option<String> {
     infer_layout(head).map(|guess| guess.describe_refusal())
 }
 
+/// Unit of a column for the unit of `--time-unit`.
+fn column_unit(unit: TimeUnit) -> ColumnUnit {
+    match unit {
+        TimeUnit::Second => ColumnUnit::Seconds,
+        TimeUnit::Millisecond => ColumnUnit::Milliseconds,
+        TimeUnit::Microsecond => ColumnUnit::Microseconds,
+        TimeUnit::Nanosecond => ColumnUnit::Nanoseconds,
+    }
+}
+
 /// Parser of text whose layout is inferred, or stated by the user.
 #[derive(Clone)]
 struct ColumnParser {
     stated: Option<ColumnList>,
+    /// Unit of times that are numbers, as stated by the user.
+    unit: Option<ColumnUnit>,
     is_decided: bool,
     /// `None` if no line can be read.
     layout: Option<Layout>,
@@ -84,9 +97,10 @@ struct SkippedText {
 }
 
 impl ColumnParser {
-    fn new(stated: Option<ColumnList>) -> Self {
+    fn new(options: &ReadOptions) -> Self {
         Self {
-            stated,
+            stated: options.columns,
+            unit: options.time_unit.map(column_unit),
             is_decided: false,
             layout: None,
             lines: LineSplitter::default(),
@@ -106,7 +120,10 @@ impl ColumnParser {
             None => infer_layout(head).filter(LayoutGuess::is_accepted),
         };
         self.is_decided = true;
-        let Some(guess) = guess else { return };
+        let Some(mut guess) = guess else { return };
+        if let (Some(unit), Some(form)) = (self.unit, &mut guess.layout.time) {
+            form.unit = form.unit.map(|_| unit);
+        }
         let text = match &self.stated {
             Some(columns) => format!("columns as stated: {columns}"),
             None => guess.describe(),

@@ -5,7 +5,7 @@ use super::layout::{DataForm, IdentifierForm, Layout, TimeForm};
 use super::places::word_places;
 use super::sample::{Sample, numbers_of};
 use super::token::{Token, TokenKind};
-use crate::capture::column_list::{ColumnRole, MOST_COLUMNS, StatedColumn, TimeUnit};
+use crate::capture::column_list::{ColumnRole, MOST_COLUMNS, StatedColumn, ColumnUnit};
 
 /// Layouts with the stated columns for the lines of a sample.
 pub(super) fn stated_layouts(sample: &Sample, columns: &[StatedColumn]) -> Vec<Layout> {
@@ -72,7 +72,7 @@ fn stated_layout(sample: &Sample, columns: &[StatedColumn], is_packed: bool) -> 
             ..IdentifierForm::default()
         },
         time: timed.map(|column| TimeForm {
-            unit: Some(column.unit.unwrap_or(TimeUnit::Seconds)),
+            unit: Some(column.unit.unwrap_or(ColumnUnit::Seconds)),
             is_delta: column.role == ColumnRole::Delta,
             has_date: true,
         }),

@@ -4,7 +4,7 @@ use super::facts::infer_unit;
 use super::token::{Dialect, TokenKind, Tokens};
 use super::words::{column_name, is_bus_name};
 use crate::capture::column_list::ColumnList;
-use crate::capture::column_list::{ColumnRole, TimeUnit};
+use crate::capture::column_list::{ColumnRole, ColumnUnit};
 use crate::capture::testing::{read_capture, read_in_pieces};
 
 /// Types and texts of the tokens of a line.
@@ -64,7 +64,7 @@ fn names_of_columns_state_units_and_bases() {
     ] {
         assert_eq!(role(text), Some(expected), "{text}");
     }
-    assert_eq!(of("Time (us)").unwrap().unit, Some(TimeUnit::Microseconds));
+    assert_eq!(of("Time (us)").unwrap().unit, Some(ColumnUnit::Microseconds));
     assert_eq!(of("id dec").unwrap().is_decimal, Some(true));
     assert_eq!(of("data[7]").unwrap().byte, Some(7));
     for text in ["", "pressure", "ids", "temperature", "181"] {
@@ -74,7 +74,7 @@ fn names_of_columns_state_units_and_bases() {
 }
 
 /// Times of [`infer_unit`] are billionths of a unit.
-fn unit_of(values: &[i64], digits: usize) -> Option<TimeUnit> {
+fn unit_of(values: &[i64], digits: usize) -> Option<ColumnUnit> {
     let values: Vec<i128> = values.iter().map(|value| i128::from(*value) * 1_000_000).collect();
     infer_unit(&values, digits)
 }
@@ -83,14 +83,14 @@ fn unit_of(values: &[i64], digits: usize) -> Option<TimeUnit> {
 fn a_unit_is_inferred_only_from_evidence() {
     // In thousandths: whole numbers with steps of 66 and 1,000 units.
     let whole = |values: &[i64]| unit_of(&values.iter().map(|value| value * 1_000).collect::<Vec<_>>(), 0);
-    assert_eq!(whole(&[1_493_397_796, 1_493_397_862, 1_493_398_862]), Some(TimeUnit::Milliseconds));
-    assert_eq!(whole(&[10, 12, 12, 30]), Some(TimeUnit::Milliseconds));
+    assert_eq!(whole(&[1_493_397_796, 1_493_397_862, 1_493_398_862]), Some(ColumnUnit::Milliseconds));
+    assert_eq!(whole(&[10, 12, 12, 30]), Some(ColumnUnit::Milliseconds));
     // 250 µs and 250 ms are both possible.
     assert_eq!(whole(&[1_000, 1_250, 1_500]), None);
     // Seconds since 1970 without a fraction.
     assert_eq!(whole(&[1_714_550_000, 1_714_550_000, 1_714_550_001]), None);
-    assert_eq!(whole(&[1_714_550_000_123, 1_714_550_000_423]), Some(TimeUnit::Milliseconds));
-    assert_eq!(unit_of(&[12, 25, 40], 3), Some(TimeUnit::Seconds));
+    assert_eq!(whole(&[1_714_550_000_123, 1_714_550_000_423]), Some(ColumnUnit::Milliseconds));
+    assert_eq!(unit_of(&[12, 25, 40], 3), Some(ColumnUnit::Seconds));
     // One frame in 10 s, or in 10 ms.
     assert_eq!(unit_of(&[1_298_945, 1_308_945, 1_318_945], 3), None);
 }

@@ -3,7 +3,7 @@
 use super::layout::TimeForm;
 use super::token::{TokenKind, split_date, split_unit};
 use crate::capture::calendar::from_utc;
-use crate::capture::column_list::TimeUnit;
+use crate::capture::column_list::ColumnUnit;
 use crate::capture::text::columns::{parse_time, time_of_day};
 
 /// One second in nanoseconds.
@@ -62,11 +62,11 @@ impl RowTime {
 }
 
 /// Parses a number with sign, fraction and unit into nanoseconds.
-fn parse_number(text: &[u8], unit: TimeUnit) -> Option<i64> {
+fn parse_number(text: &[u8], unit: ColumnUnit) -> Option<i64> {
     let (number, symbol) = split_unit(text);
     let unit = match std::str::from_utf8(symbol).ok()? {
         "" => unit,
-        symbol => TimeUnit::of_word(symbol)?,
+        symbol => ColumnUnit::of_word(symbol)?,
     };
     let is_negative = number.starts_with(b"-");
     let digits = number.strip_prefix(b"-").or(number.strip_prefix(b"+")).unwrap_or(number);

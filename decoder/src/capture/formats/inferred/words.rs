@@ -1,6 +1,6 @@
 //! Meaning of words: names of columns, directions, frame types, buses, units.
 
-use crate::capture::column_list::{ColumnRole, TimeUnit};
+use crate::capture::column_list::{ColumnRole, ColumnUnit};
 use crate::frame::FrameFlags;
 
 /// Names of columns in lower case without spaces and punctuation, in English, German, French, Spanish and Chinese.
@@ -216,7 +216,7 @@ pub(in crate::capture::formats) struct ColumnName {
     /// Content of the column.
     pub(in crate::capture::formats) role: ColumnRole,
     /// Unit of a time.
-    pub(super) unit: Option<TimeUnit>,
+    pub(super) unit: Option<ColumnUnit>,
     /// Whether numbers are decimal; `None` if the name does not state it.
     pub(super) is_decimal: Option<bool>,
     /// Number of a byte, such as 3 of `D3`.
@@ -235,7 +235,7 @@ pub(in crate::capture::formats) fn column_name(text: &[u8]) -> Option<ColumnName
     let mut plain = String::new();
     for (index, word) in text.split(is_separator).filter(|word| !word.is_empty()).enumerate() {
         let word = word.trim_end_matches(['.', '#']);
-        match (TimeUnit::of_word(word), word) {
+        match (ColumnUnit::of_word(word), word) {
             (Some(unit), _) if index > 0 => found.unit = Some(unit),
             (_, "hex" | "hexadecimal") if index > 0 => found.is_decimal = Some(false),
             (_, "dec" | "decimal" | "dezimal" | "dez") if index > 0 => found.is_decimal = Some(true),
