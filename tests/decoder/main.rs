@@ -38,6 +38,8 @@ mod imported;
 mod j1939;
 mod j1939_nm;
 mod language;
+mod layouts;
+mod layouts_random;
 mod limits;
 #[allow(dead_code, reason = "a part of the generator")]
 #[path = "../../decoder/benches/machine/mod.rs"]
