@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::token::Dialect;
-use crate::capture::column_list::{ColumnRole, MOST_COLUMNS, ColumnUnit};
+use crate::capture::column_list::{ColumnRole, ColumnUnit, MOST_COLUMNS};
 
 /// Number of word positions that are counted from the last word before a column.
 pub(super) const WORD_POSITIONS: usize = 8;

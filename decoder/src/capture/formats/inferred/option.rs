@@ -5,7 +5,7 @@ use super::layout::{DataForm, IdentifierForm, Layout, TimeForm};
 use super::places::word_places;
 use super::sample::{Sample, numbers_of};
 use super::token::{Token, TokenKind};
-use crate::capture::column_list::{ColumnRole, MOST_COLUMNS, StatedColumn, ColumnUnit};
+use crate::capture::column_list::{ColumnRole, ColumnUnit, MOST_COLUMNS, StatedColumn};
 
 /// Layouts with the stated columns for the lines of a sample.
 pub(super) fn stated_layouts(sample: &Sample, columns: &[StatedColumn]) -> Vec<Layout> {
