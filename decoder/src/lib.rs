@@ -73,6 +73,7 @@ pub mod event;
 pub mod finding;
 pub mod frame;
 mod marked_line;
+mod observation;
 pub mod profile;
 pub mod query;
 pub mod reading;
