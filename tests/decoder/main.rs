@@ -4,6 +4,7 @@
 #![expect(clippy::disallowed_methods, reason = "tests open files")]
 
 mod both_sides;
+mod controller;
 mod corpus;
 mod corpus_conformance;
 mod corpus_j1939;
