@@ -41,6 +41,7 @@ mod limits;
 #[path = "../../decoder/benches/machine/mod.rs"]
 mod machine;
 mod malformed;
+mod missing_frames;
 mod mutations;
 mod mutator;
 mod nmea2000;

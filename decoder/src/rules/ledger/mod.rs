@@ -6,6 +6,7 @@ mod fact_row;
 mod facts;
 mod judged;
 mod manual;
+mod recording;
 mod taken;
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
