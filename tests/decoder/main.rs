@@ -3,6 +3,7 @@
 #![expect(clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 #![expect(clippy::disallowed_methods, reason = "tests open files")]
 
+mod absent_nodes;
 mod both_sides;
 mod corpus;
 mod corpus_conformance;

@@ -177,7 +177,7 @@ impl RuleEngine {
         let is_timed = self.quality.is_timed();
         let mut notes = self.quality.limit_texts();
         if is_timed {
-            notes.extend(self.ledger.lower_by_losses(buses));
+            notes.extend(self.ledger.lower_explained(buses));
         }
         for bus in buses {
             self.emit_news(bus, is_timed, out);
@@ -199,7 +199,7 @@ impl RuleEngine {
             ledger.close_all(bus);
         }
         if self.quality.is_timed() {
-            ledger.lower_by_losses(buses);
+            ledger.lower_explained(buses);
         }
         let error_frames = self.quality.error_frames;
         CaptureFindings { error_frames, ..ledger.into_findings(self.quality.is_timed(), Vec::new()) }

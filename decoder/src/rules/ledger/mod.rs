@@ -1,5 +1,6 @@
 //! Findings of a capture during the check: groups, verdict counts and causes.
 
+mod absent_nodes;
 pub(super) mod causes;
 mod explained;
 mod fact_row;

@@ -32,14 +32,15 @@ const MISSING_FRAMES: [(&str, Option<StreamService>); 18] = [
 ];
 
 impl FindingLedger {
-    /// Lowers the severity of findings that missing frames explain on buses whose recording lost some. Returns one statement per
-    /// such bus.
-    pub(in crate::rules) fn lower_by_losses(&mut self, buses: Buses<'_>) -> Vec<String> {
+    /// Lowers the severity of findings that missing frames or absent nodes explain. Returns statements about the capture.
+    pub(in crate::rules) fn lower_explained(&mut self, buses: Buses<'_>) -> Vec<String> {
         let mut texts = Vec::new();
         for bus in buses {
-            let Some(loss) = RecordingLoss::estimate(bus) else { continue };
-            self.lower_by_loss(loss, bus);
-            texts.push(loss.quality_text());
+            if let Some(loss) = RecordingLoss::estimate(bus) {
+                self.lower_by_loss(loss, bus);
+                texts.push(loss.quality_text());
+            }
+            texts.extend(self.lower_absent(bus));
         }
         texts
     }
