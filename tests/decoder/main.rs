@@ -3,6 +3,7 @@
 #![expect(clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 #![expect(clippy::disallowed_methods, reason = "tests open files")]
 
+mod absent_nodes;
 mod both_sides;
 mod controller;
 mod corpus;
@@ -42,6 +43,7 @@ mod limits;
 #[path = "../../decoder/benches/machine/mod.rs"]
 mod machine;
 mod malformed;
+mod missing_frames;
 mod mutations;
 mod mutator;
 mod nmea2000;

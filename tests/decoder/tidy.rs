@@ -27,7 +27,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("bus_file", &["words", "frame", "wire", "profile"]),
     ("session", &["words", "frame", "wire", "profile", "event", "bus_file"]),
     ("suggestion", &["frame", "wire", "profile", "session"]),
-    ("observation", &["frame", "wire", "session"]),
+    ("observation", &["words", "frame", "wire", "session"]),
     ("query", &["words", "marked_line", "frame", "wire", "profile", "event", "session"]),
     ("statistics", &["words", "frame", "wire", "profile", "event", "session", "query"]),
     (

@@ -114,8 +114,13 @@ impl BusDecoder {
             emit_given_states(frame, &mut self.shared.lend_context(out));
         }
         if frame.flags.contains(FrameFlags::ERROR) {
-            let kind = EventKind::CanError(error_frame::parse_error_frame(frame.id.number(), frame.data()));
-            return self.shared.lend_context(out).emit_can(frame, kind);
+            let error = error_frame::parse_error_frame(frame.id.number(), frame.data());
+            let mut cx = self.shared.lend_context(out);
+            cx.emit_can(frame, EventKind::CanError(error));
+            if error.is_receive_overflow() {
+                cx.emit_can(frame, EventKind::LostFrames { count: None });
+            }
+            return;
         }
         let slot = identifier.or_else(|| self.add_slot(frame, out));
         let Some(slot) = slot else { return self.on_frame_without_slot(frame, out) };

@@ -1,11 +1,13 @@
 //! Findings of a capture during the check: groups, verdict counts and causes.
 
+mod absent_nodes;
 pub(super) mod causes;
 mod explained;
 mod fact_row;
 mod facts;
 mod judged;
 mod manual;
+mod recording;
 mod taken;
 
 use std::collections::{BTreeMap, HashMap, VecDeque};

@@ -13,6 +13,7 @@ mod omissions;
 mod open_transfers;
 mod pdo_identifiers;
 mod state;
+mod streams;
 mod time;
 
 pub(in crate::session) use groups::{ConcernedDevice, SenderGroup};
@@ -32,5 +33,6 @@ pub use nodes::{EmittedSetPoint, GateState, NmtStatus, Node, PendingNodeId};
 pub use objects::{ObjectStore, OriginKind, PendingValue, StoredObject, StoredOrigin};
 pub(in crate::session) use objects::{cob_identifier, nonzero_identifier, predefined_identifier};
 pub use state::Bus;
+pub(crate) use streams::{BusStream, StreamService};
 pub(crate) use time::{AmbiguousGap, SkippedTimes};
 pub(in crate::session) use time::{Cadence, FrameMoment};

@@ -1,0 +1,130 @@
+//! Regularity of a periodic message: single elements that are missing while its phase is unchanged.
+
+/// Usual intervals in a row before a gap; fewer do not show a period.
+const STEADY: u32 = 6;
+
+/// Most intervals in a gap with single missing elements; a longer gap is a silence of the producer.
+const LONGEST_GAP: i64 = 3;
+
+/// Regularity of the intervals of one identifier.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct StreamRegularity {
+    /// Usual interval in ns; 0 before it is known.
+    usual: i64,
+    /// The last interval that differed from the usual one, in ns.
+    other: i64,
+    /// Number of usual intervals, and this number at the last other interval.
+    regular: u32,
+    regular_before: u32,
+    /// Elements missing in the last interval, until the next interval shows that the phase is unchanged.
+    pending: u32,
+    gaps: u32,
+    missing: u32,
+    silences: u32,
+}
+
+impl StreamRegularity {
+    /// Before the first interval.
+    pub(in crate::session) const NEW: Self = Self {
+        usual: 0,
+        other: 0,
+        regular: 0,
+        regular_before: 0,
+        pending: 0,
+        gaps: 0,
+        missing: 0,
+        silences: 0,
+    };
+
+    /// Registers an interval in ns.
+    #[inline]
+    pub(in crate::session) fn note_interval(&mut self, interval: i64) {
+        if interval.abs_diff(self.usual) <= self.usual.unsigned_abs() >> 3 {
+            self.regular = self.regular.saturating_add(1);
+        } else {
+            self.note_other(interval);
+        }
+    }
+
+    #[cold]
+    fn note_other(&mut self, interval: i64) {
+        let settled = self.settled();
+        (self.gaps, self.missing, self.pending) = (settled.gaps, settled.missing, 0);
+        let steady = self.regular.saturating_sub(self.regular_before);
+        self.regular_before = self.regular;
+        let is_near = |one: i64, of: i64| of > 0 && one.abs_diff(of) <= of.unsigned_abs() >> 3;
+        let half = self.usual / 2;
+        let intervals = interval.saturating_add(half).checked_div(self.usual).unwrap_or(0);
+        let is_in_phase = interval.abs_diff(intervals.saturating_mul(self.usual)) <= half.unsigned_abs() / 2;
+        if steady >= STEADY && (2..=LONGEST_GAP).contains(&intervals) && is_in_phase {
+            self.pending = u32::try_from(intervals - 1).unwrap_or(0);
+        } else if steady >= STEADY && intervals > LONGEST_GAP {
+            self.silences = self.silences.saturating_add(1);
+        } else if is_near(interval, self.other) {
+            self.usual = interval;
+        }
+        self.other = interval;
+    }
+
+    /// The present counts; a gap counts once a usual interval follows.
+    fn settled(&self) -> Self {
+        if self.pending == 0 || self.regular == self.regular_before {
+            return *self;
+        }
+        let (gaps, missing) = (self.gaps.saturating_add(1), self.missing.saturating_add(self.pending));
+        Self { gaps, missing, pending: 0, ..*self }
+    }
+
+    /// Number of gaps of one or two elements with an unchanged phase.
+    pub(crate) fn gap_count(&self) -> u32 {
+        self.settled().gaps
+    }
+
+    /// Number of elements that are missing in these gaps.
+    pub(crate) fn missing_count(&self) -> u32 {
+        self.settled().missing
+    }
+
+    /// Number of usual intervals.
+    pub(crate) fn regular_count(&self) -> u32 {
+        self.regular
+    }
+
+    /// Number of longer gaps.
+    pub(crate) fn silence_count(&self) -> u32 {
+        self.silences
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of_intervals(intervals: &[i64]) -> StreamRegularity {
+        let mut stream = StreamRegularity::NEW;
+        intervals.iter().for_each(|interval| stream.note_interval(*interval));
+        stream
+    }
+
+    fn counts(stream: &StreamRegularity) -> (u32, u32, u32) {
+        (stream.gap_count(), stream.missing_count(), stream.silence_count())
+    }
+
+    #[test]
+    fn a_gap_counts_once_the_phase_is_unchanged() {
+        let steady = [100, 101, 99, 100, 100, 102, 98, 100, 100];
+        let lost = of_intervals(&[&steady[..], &[200]].concat());
+        assert_eq!(counts(&lost), (0, 0, 0));
+        let lost = of_intervals(&[&steady[..], &[200, 100], &steady, &[301, 99]].concat());
+        assert_eq!(counts(&lost), (2, 3, 0));
+    }
+
+    #[test]
+    fn other_phases_periods_and_silences_are_no_missing_elements() {
+        let steady = [100; 9];
+        assert_eq!(counts(&of_intervals(&[&steady[..], &[250, 100]].concat())), (0, 0, 0));
+        assert_eq!(counts(&of_intervals(&[&steady[..], &[300; 9]].concat())), (0, 0, 0));
+        assert_eq!(counts(&of_intervals(&[&steady[..], &[1_500, 100]].concat())), (0, 0, 1));
+        assert_eq!(counts(&of_intervals(&[100, 100, 100, 200, 100])), (0, 0, 0));
+    }
+}
