@@ -61,6 +61,12 @@ impl RecordingLoss {
         frames.saturating_mul(2).saturating_add(frames.isqrt().saturating_mul(3)).saturating_add(1)
     }
 
+    /// Most findings about gaps in a periodic message that missing frames explain: the single gaps that were recognised, and some
+    /// that follow each other too closely to be recognised.
+    pub(crate) fn explained_gaps(self, gaps: u64) -> u64 {
+        if self.missing == 1 || gaps == 0 { gaps } else { gaps.saturating_add(gaps / 4).saturating_add(1) }
+    }
+
     /// Statement for the quality of the capture.
     pub(crate) fn quality_text(self) -> String {
         let elements = count_noun(self.missing, "element");

@@ -36,7 +36,7 @@ pub use bus::{
     Bus, EmittedSetPoint, GateState, LifeSign, LifeWatch, NmtStatus, Node, ObjectStore, OriginKind,
     PendingNodeId, PendingValue, SdoPairHint, StoredObject, StoredOrigin, UdsPairHint,
 };
-pub(crate) use bus::{BusStream, ProfileSigns, SkippedTimes, StreamService};
+pub(crate) use bus::{BusStream, ProfileSigns, SkippedTimes, StreamRegularity, StreamService};
 pub use buses::Buses;
 pub use decoder::BusDecoder;
 pub use limits::{

@@ -4,7 +4,9 @@ use std::collections::BTreeSet;
 
 use super::FindingLedger;
 use crate::finding::{FindingGroup, Severity};
+use crate::frame::CanId;
 use crate::session::{Bus, Node};
+use crate::wire::NodeId;
 use crate::words::count_noun;
 
 /// Rule about requests without response.
@@ -13,7 +15,7 @@ const NO_RESPONSE: &str = "sdo-no-response";
 /// Node-IDs without any frame, from which requests to them are a scan.
 const SCANNED: usize = 5;
 
-const SCAN: &str = "scan: no frame of this node-ID";
+const SCAN: &str = "scan: no SDO server with this node-ID";
 const LATER: &str = "the node was not on the bus yet";
 
 impl FindingLedger {
@@ -32,7 +34,7 @@ impl FindingLedger {
         for group in asked {
             let last = group.last.back().or(group.first.last()).map_or(u64::MAX, |at| at.frames.last);
             let reason = match first_frame(group) {
-                0 if is_scan => SCAN,
+                _ if is_scan && !has_server(group, bus) => SCAN,
                 first if first > last => LATER,
                 _ => continue,
             };
@@ -41,4 +43,10 @@ impl FindingLedger {
         }
         is_scan.then(|| format!("scan: no answer on {}", count_noun(absent.len() as u64, "node-ID")))
     }
+}
+
+/// Whether the node sent a response on the predefined SDO channel (CiA 301 §7.3.3).
+fn has_server(group: &FindingGroup, bus: &Bus) -> bool {
+    let Some(NodeId::Canopen(id)) = group.key.node else { return false };
+    bus.identifier_index(CanId::from_standard(0x580 + u16::from(id))).is_some()
 }

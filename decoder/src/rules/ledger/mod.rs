@@ -157,6 +157,8 @@ pub(super) struct FindingLedger {
     unexercised: Vec<(u16, String)>,
     /// Buses that proved not to be CANopen.
     doubted: Vec<BusIndex>,
+    /// Reports of the recorder that it lost frames.
+    reported_losses: Vec<(BusIndex, Timestamp)>,
 }
 
 impl FindingLedger {
@@ -180,6 +182,7 @@ impl FindingLedger {
             news: Vec::new(),
             unexercised: Vec::new(),
             doubted: Vec::new(),
+            reported_losses: Vec::new(),
         }
     }
 
@@ -227,6 +230,7 @@ impl FindingLedger {
 
     /// Records a command, a write or an error frame that may explain findings.
     pub(super) fn observe_event(&mut self, event: &Event, bus: &Bus, now: i64) {
+        self.note_reported_loss(event);
         self.facts.observe_event(event, bus, now);
     }
 

@@ -1,13 +1,24 @@
 //! Findings that frames missing from the recording explain.
 
 use super::FindingLedger;
-use crate::finding::Severity;
+use crate::event::{Event, EventKind};
+use crate::finding::{Occurrence, Severity};
+use crate::frame::BusIndex;
 use crate::observation::RecordingLoss;
-use crate::session::{Bus, BusStream, Buses, StreamService};
+use crate::session::{Bus, BusStream, Buses, StreamRegularity, StreamService};
 use crate::wire::NodeId;
 
 /// Reason for the lower severity of such a finding.
 const NOT_CAPTURED: &str = "single frames missing from the capture may be the cause";
+
+/// Reason for the lower severity near a report of lost frames.
+const REPORTED_LOSS: &str = "lost frames in the capture may be the cause";
+
+/// Max time between a finding and a report of lost frames, in ns.
+const NEAR: u64 = 2_000_000_000;
+
+/// Max number of reports that are kept.
+const REPORTED_LOSSES: usize = 1_024;
 
 /// Rules whose findings one missing frame causes: a periodic message of this service, or any frame.
 const MISSING_FRAMES: [(&str, Option<StreamService>); 18] = [
@@ -40,6 +51,7 @@ impl FindingLedger {
                 self.lower_by_loss(loss, bus);
                 texts.push(loss.quality_text());
             }
+            self.lower_near_losses(bus.index());
             texts.extend(self.lower_absent(bus));
         }
         texts
@@ -55,7 +67,9 @@ impl FindingLedger {
             let rule = MISSING_FRAMES.iter().find(|(rule, _)| **rule == *group.rule);
             let explained = match rule {
                 None => 0,
-                Some((_, Some(service))) => gap_count(&streams, *service, group.key.node),
+                Some((_, Some(service))) => {
+                    loss.explained_gaps(gap_count(&streams, *service, group.key.node))
+                }
                 Some((_, None)) => {
                     let tally = self.tallies.get(usize::from(group.key.rule)).copied().unwrap_or_default();
                     loss.explained_count(tally.passed.saturating_add(tally.failed))
@@ -67,14 +81,45 @@ impl FindingLedger {
             }
         }
     }
+
+    /// Lowers the severity of findings whose occurrences are all near frames that the recorder reported as lost: the report may
+    /// follow the finding.
+    fn lower_near_losses(&mut self, bus: BusIndex) {
+        let Self { groups, reported_losses, .. } = self;
+        let is_near = |at: &Occurrence| {
+            at.time.is_some_and(|time| {
+                let losses = reported_losses.iter().filter(|(losing, _)| *losing == bus);
+                losses.into_iter().any(|(_, loss)| loss.0.abs_diff(time.0) <= NEAR)
+            })
+        };
+        for group in groups.iter_mut().filter(|group| group.key.bus == bus && !group.lasts_to_end) {
+            let is_explained = MISSING_FRAMES.iter().any(|(rule, _)| **rule == *group.rule)
+                && group.first.iter().chain(&group.last).all(is_near);
+            if is_explained && group.severity > Severity::Note {
+                group.severity = Severity::Note;
+                group.downgraded.get_or_insert_with(|| REPORTED_LOSS.to_owned());
+            }
+        }
+    }
+
+    /// Registers a report of the recorder that it lost frames.
+    pub(super) fn note_reported_loss(&mut self, event: &Event) {
+        if let (EventKind::LostFrames { .. }, Some(time)) = (&event.kind, event.time)
+            && self.reported_losses.len() < REPORTED_LOSSES
+        {
+            self.reported_losses.push((event.bus, time));
+        }
+    }
 }
 
-/// Number of gaps with single missing elements in the messages of a service of a node; 0 if one of them also had a longer gap.
+/// Number of gaps with single missing elements in the messages of a service of a node; 0 for a node that was also silent.
 fn gap_count(streams: &[BusStream], service: StreamService, node: Option<NodeId>) -> u64 {
-    let mut owned = streams.iter().filter(|stream| stream.service == service && stream.node == node);
-    let count = |sum: u64, stream: &BusStream| {
-        let counts = stream.regularity;
-        (counts.silence_count() == 0).then(|| sum.saturating_add(u64::from(counts.gap_count())))
+    let owned = streams.iter().filter(|stream| stream.service == service && stream.node == node);
+    let is_silence_judged = service == StreamService::ErrorControl;
+    let mut counts = owned.map(|stream| stream.regularity);
+    let count = |sum: u64, counts: StreamRegularity| {
+        let is_single = counts.silence_count() == 0 || !is_silence_judged;
+        is_single.then(|| sum.saturating_add(u64::from(counts.gap_count())))
     };
-    owned.try_fold(0, count).unwrap_or(0)
+    counts.try_fold(0, count).unwrap_or(0)
 }

@@ -34,5 +34,5 @@ pub use objects::{ObjectStore, OriginKind, PendingValue, StoredObject, StoredOri
 pub(in crate::session) use objects::{cob_identifier, nonzero_identifier, predefined_identifier};
 pub use state::Bus;
 pub(crate) use streams::{BusStream, StreamService};
-pub(crate) use time::{AmbiguousGap, SkippedTimes};
+pub(crate) use time::{AmbiguousGap, SkippedTimes, StreamRegularity};
 pub(in crate::session) use time::{Cadence, FrameMoment};

@@ -4,23 +4,24 @@
 const STEADY: u32 = 6;
 
 /// Most intervals in a gap with single missing elements; a longer gap is a silence of the producer.
-const LONGEST_GAP: i64 = 3;
+const LONGEST_GAP: u32 = 3;
 
-/// Regularity of the intervals of one identifier.
+/// Regularity of the intervals of one identifier. Small, as there is one per identifier: intervals are in units of 1,024 ns,
+/// at most 73 minutes.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct StreamRegularity {
-    /// Usual interval in ns; 0 before it is known.
-    usual: i64,
-    /// The last interval that differed from the usual one, in ns.
-    other: i64,
+    /// Usual interval; 0 before it is known.
+    usual: u32,
+    /// The last interval that differed from the usual one.
+    other: u32,
     /// Number of usual intervals, and this number at the last other interval.
     regular: u32,
     regular_before: u32,
+    gaps: u16,
+    missing: u16,
+    silences: u16,
     /// Elements missing in the last interval, until the next interval shows that the phase is unchanged.
-    pending: u32,
-    gaps: u32,
-    missing: u32,
-    silences: u32,
+    pending: u8,
 }
 
 impl StreamRegularity {
@@ -30,16 +31,17 @@ impl StreamRegularity {
         other: 0,
         regular: 0,
         regular_before: 0,
-        pending: 0,
         gaps: 0,
         missing: 0,
         silences: 0,
+        pending: 0,
     };
 
     /// Registers an interval in ns.
     #[inline]
     pub(in crate::session) fn note_interval(&mut self, interval: i64) {
-        if interval.abs_diff(self.usual) <= self.usual.unsigned_abs() >> 3 {
+        let interval = u32::try_from(interval >> 10).unwrap_or(u32::MAX);
+        if interval.abs_diff(self.usual) <= self.usual >> 3 {
             self.regular = self.regular.saturating_add(1);
         } else {
             self.note_other(interval);
@@ -47,20 +49,19 @@ impl StreamRegularity {
     }
 
     #[cold]
-    fn note_other(&mut self, interval: i64) {
+    fn note_other(&mut self, interval: u32) {
         let settled = self.settled();
         (self.gaps, self.missing, self.pending) = (settled.gaps, settled.missing, 0);
-        let steady = self.regular.saturating_sub(self.regular_before);
+        let is_steady = self.regular.saturating_sub(self.regular_before) >= STEADY;
         self.regular_before = self.regular;
-        let is_near = |one: i64, of: i64| of > 0 && one.abs_diff(of) <= of.unsigned_abs() >> 3;
         let half = self.usual / 2;
         let intervals = interval.saturating_add(half).checked_div(self.usual).unwrap_or(0);
-        let is_in_phase = interval.abs_diff(intervals.saturating_mul(self.usual)) <= half.unsigned_abs() / 2;
-        if steady >= STEADY && (2..=LONGEST_GAP).contains(&intervals) && is_in_phase {
-            self.pending = u32::try_from(intervals - 1).unwrap_or(0);
-        } else if steady >= STEADY && intervals > LONGEST_GAP {
+        let is_in_phase = interval.abs_diff(intervals.saturating_mul(self.usual)) <= half / 2;
+        if is_steady && (2..=LONGEST_GAP).contains(&intervals) && is_in_phase {
+            self.pending = u8::try_from(intervals - 1).unwrap_or(0);
+        } else if is_steady && intervals > LONGEST_GAP {
             self.silences = self.silences.saturating_add(1);
-        } else if is_near(interval, self.other) {
+        } else if self.other > 0 && interval.abs_diff(self.other) <= self.other >> 3 {
             self.usual = interval;
         }
         self.other = interval;
@@ -71,17 +72,17 @@ impl StreamRegularity {
         if self.pending == 0 || self.regular == self.regular_before {
             return *self;
         }
-        let (gaps, missing) = (self.gaps.saturating_add(1), self.missing.saturating_add(self.pending));
-        Self { gaps, missing, pending: 0, ..*self }
+        let missing = self.missing.saturating_add(u16::from(self.pending));
+        Self { gaps: self.gaps.saturating_add(1), missing, pending: 0, ..*self }
     }
 
     /// Number of gaps of one or two elements with an unchanged phase.
-    pub(crate) fn gap_count(&self) -> u32 {
+    pub(crate) fn gap_count(&self) -> u16 {
         self.settled().gaps
     }
 
     /// Number of elements that are missing in these gaps.
-    pub(crate) fn missing_count(&self) -> u32 {
+    pub(crate) fn missing_count(&self) -> u16 {
         self.settled().missing
     }
 
@@ -91,7 +92,7 @@ impl StreamRegularity {
     }
 
     /// Number of longer gaps.
-    pub(crate) fn silence_count(&self) -> u32 {
+    pub(crate) fn silence_count(&self) -> u16 {
         self.silences
     }
 }
@@ -102,11 +103,13 @@ mod tests {
 
     fn of_intervals(intervals: &[i64]) -> StreamRegularity {
         let mut stream = StreamRegularity::NEW;
-        intervals.iter().for_each(|interval| stream.note_interval(*interval));
+        for interval in intervals {
+            stream.note_interval(*interval << 20);
+        }
         stream
     }
 
-    fn counts(stream: &StreamRegularity) -> (u32, u32, u32) {
+    fn counts(stream: &StreamRegularity) -> (u16, u16, u16) {
         (stream.gap_count(), stream.missing_count(), stream.silence_count())
     }
 
