@@ -176,7 +176,8 @@ fn extended_identifiers() {
     assert_eq!(scene.evicted("29-bit identifier"), 1);
 
     // 4,096 prepared events.
-    assert!(scene.decoder.footprint() < 2 << 20);
+    let footprint = scene.decoder.footprint();
+    assert!(footprint < 2 << 20, "{footprint}");
     // Messages beyond the limit are reported all the same.
     let reported = scene.checker.kept.iter().flatten().filter(|line| line.contains("\"j1939-message\""));
     assert_eq!(reported.count(), 10_000);

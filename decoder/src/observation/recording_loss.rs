@@ -23,11 +23,16 @@ struct SenderElements {
     expected: u64,
     /// Longer gaps in one of its messages: in a slower one, each may look like a missing element.
     silences: u64,
+    /// Time of the last gap in one of its messages, in units of 1.05 ms.
+    gap_time: u32,
 }
 
+/// Gaps of several senders within this time are one gap of the bus, in units of 1.05 ms: they do not show single frames.
+const SHARED: u32 = 300;
+
 impl RecordingLoss {
-    /// Estimate for a bus; `None` without a missing element, or if one sender alone misses several: then its messages were
-    /// missing on the bus.
+    /// Estimate for a bus; `None` without a missing element, if one sender alone misses several, or if all senders miss them at
+    /// the same time: then the messages were missing on the bus.
     pub(crate) fn estimate(bus: &Bus) -> Option<Self> {
         Self::from_streams(bus.streams())
     }
@@ -39,23 +44,34 @@ impl RecordingLoss {
             let missing = u64::from(stream.regularity.missing_count());
             elements.missing += missing;
             elements.expected += u64::from(stream.regularity.regular_count()) + missing;
+            if missing > 0 {
+                elements.gap_time = elements.gap_time.max(stream.regularity.last_gap_time());
+            }
             elements.silences = elements.silences.max(u64::from(stream.regularity.silence_count()));
         }
-        let (mut missing, mut expected, mut affected) = (0, 0, 0);
+        let (mut missing, mut expected, mut gap_times) = (0, 0, Vec::new());
         for elements in senders.values() {
             let lost = elements.missing.saturating_sub(elements.silences);
-            affected += usize::from(lost > 0);
+            if lost > 0 {
+                gap_times.push(elements.gap_time);
+            }
             missing += lost;
             expected += elements.expected;
         }
-        (missing == 1 || affected > 1).then_some(Self { missing, expected })
+        let (first, last) = (gap_times.iter().min()?, gap_times.iter().max()?);
+        (missing == 1 || last - first > SHARED).then_some(Self { missing, expected })
+    }
+
+    /// Whether one element only is missing.
+    pub(crate) fn is_single(self) -> bool {
+        self.missing == 1
     }
 
     /// Most occurrences of a finding in so many checks that missing frames explain: twice the expected number, three standard
     /// deviations, and one.
     pub(crate) fn explained_count(self, checks: u64) -> u64 {
-        if self.missing == 1 {
-            return 1;
+        if self.is_single() {
+            return 0;
         }
         let frames = checks.saturating_mul(self.missing) / self.expected.max(1);
         frames.saturating_mul(2).saturating_add(frames.isqrt().saturating_mul(3)).saturating_add(1)
@@ -64,13 +80,13 @@ impl RecordingLoss {
     /// Most findings about gaps in a periodic message that missing frames explain: the single gaps that were recognised, and some
     /// that follow each other too closely to be recognised.
     pub(crate) fn explained_gaps(self, gaps: u64) -> u64 {
-        if self.missing == 1 || gaps == 0 { gaps } else { gaps.saturating_add(gaps / 4).saturating_add(1) }
+        if self.is_single() || gaps == 0 { gaps } else { gaps.saturating_add(gaps / 4).saturating_add(1) }
     }
 
     /// Statement for the quality of the capture.
     pub(crate) fn quality_text(self) -> String {
         let elements = count_noun(self.missing, "element");
-        if self.missing == 1 {
+        if self.is_single() {
             return format!("{elements} of a periodic message not captured: single gaps are notes");
         }
         #[expect(clippy::cast_precision_loss, reason = "a share for display")]

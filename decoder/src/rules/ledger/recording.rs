@@ -48,8 +48,11 @@ impl FindingLedger {
         let mut texts = Vec::new();
         for bus in buses {
             if let Some(loss) = RecordingLoss::estimate(bus) {
-                self.lower_by_loss(loss, bus);
-                texts.push(loss.quality_text());
+                let is_lowered = self.lower_by_loss(loss, bus);
+                // One missing element matters only if a finding is about it.
+                if is_lowered || !loss.is_single() {
+                    texts.push(loss.quality_text());
+                }
             }
             self.lower_near_losses(bus.index());
             texts.extend(self.lower_absent(bus));
@@ -57,7 +60,9 @@ impl FindingLedger {
         texts
     }
 
-    fn lower_by_loss(&mut self, loss: RecordingLoss, bus: &Bus) {
+    /// Whether a finding was lowered.
+    fn lower_by_loss(&mut self, loss: RecordingLoss, bus: &Bus) -> bool {
+        let mut is_lowered = false;
         let streams: Vec<BusStream> = bus.streams().collect();
         for group in &mut self.groups {
             let is_over = group.key.bus == bus.index() && !group.lasts_to_end;
@@ -78,8 +83,10 @@ impl FindingLedger {
             if group.count <= explained {
                 group.severity = Severity::Note;
                 group.downgraded.get_or_insert_with(|| NOT_CAPTURED.to_owned());
+                is_lowered = true;
             }
         }
+        is_lowered
     }
 
     /// Lowers the severity of findings whose occurrences are all near frames that the recorder reported as lost: the report may

@@ -30,7 +30,7 @@ impl IdentifierIntervals {
         if self.count != 0 {
             let interval = now.saturating_sub(self.last);
             self.longest = self.longest.max(interval);
-            self.regularity.note_interval(interval);
+            self.regularity.note_interval(interval, now);
         }
         self.last = now;
         self.count = self.count.wrapping_add(1);

@@ -1,7 +1,7 @@
 //! Regularity of a periodic message: single elements that are missing while its phase is unchanged.
 
 /// Usual intervals in a row before a gap; fewer do not show a period.
-const STEADY: u32 = 6;
+const STEADY: u8 = 6;
 
 /// Most intervals in a gap with single missing elements; a longer gap is a silence of the producer.
 const LONGEST_GAP: u32 = 3;
@@ -14,14 +14,17 @@ pub(crate) struct StreamRegularity {
     usual: u32,
     /// The last interval that differed from the usual one.
     other: u32,
-    /// Number of usual intervals, and this number at the last other interval.
+    /// Number of usual intervals.
     regular: u32,
-    regular_before: u32,
+    /// Time of the last gap, also of a pending one, in units of 1.05 ms.
+    gap_time: u32,
     gaps: u16,
     missing: u16,
     silences: u16,
     /// Elements missing in the last interval, until the next interval shows that the phase is unchanged.
     pending: u8,
+    /// Usual intervals since the last other one, at most 255.
+    streak: u8,
 }
 
 impl StreamRegularity {
@@ -30,35 +33,37 @@ impl StreamRegularity {
         usual: 0,
         other: 0,
         regular: 0,
-        regular_before: 0,
+        gap_time: 0,
         gaps: 0,
         missing: 0,
         silences: 0,
         pending: 0,
+        streak: 0,
     };
 
-    /// Registers an interval in ns.
+    /// Registers an interval in ns that ends at the monotonic time `now`.
     #[inline]
-    pub(in crate::session) fn note_interval(&mut self, interval: i64) {
+    pub(in crate::session) fn note_interval(&mut self, interval: i64, now: i64) {
         let interval = u32::try_from(interval >> 10).unwrap_or(u32::MAX);
         if interval.abs_diff(self.usual) <= self.usual >> 3 {
             self.regular = self.regular.saturating_add(1);
+            self.streak = self.streak.saturating_add(1);
         } else {
-            self.note_other(interval);
+            self.note_other(interval, now);
         }
     }
 
     #[cold]
-    fn note_other(&mut self, interval: u32) {
+    fn note_other(&mut self, interval: u32, now: i64) {
         let settled = self.settled();
         (self.gaps, self.missing, self.pending) = (settled.gaps, settled.missing, 0);
-        let is_steady = self.regular.saturating_sub(self.regular_before) >= STEADY;
-        self.regular_before = self.regular;
+        let is_steady = std::mem::take(&mut self.streak) >= STEADY;
         let half = self.usual / 2;
         let intervals = interval.saturating_add(half).checked_div(self.usual).unwrap_or(0);
         let is_in_phase = interval.abs_diff(intervals.saturating_mul(self.usual)) <= half / 2;
         if is_steady && (2..=LONGEST_GAP).contains(&intervals) && is_in_phase {
             self.pending = u8::try_from(intervals - 1).unwrap_or(0);
+            self.gap_time = u32::try_from(now >> 20).unwrap_or(0);
         } else if is_steady && intervals > LONGEST_GAP {
             self.silences = self.silences.saturating_add(1);
         } else if self.other > 0 && interval.abs_diff(self.other) <= self.other >> 3 {
@@ -69,7 +74,7 @@ impl StreamRegularity {
 
     /// The present counts; a gap counts once a usual interval follows.
     fn settled(&self) -> Self {
-        if self.pending == 0 || self.regular == self.regular_before {
+        if self.pending == 0 || self.streak == 0 {
             return *self;
         }
         let missing = self.missing.saturating_add(u16::from(self.pending));
@@ -84,6 +89,11 @@ impl StreamRegularity {
     /// Number of elements that are missing in these gaps.
     pub(crate) fn missing_count(&self) -> u16 {
         self.settled().missing
+    }
+
+    /// Time of the last gap in units of 1.05 ms; without meaning if there is none.
+    pub(crate) fn last_gap_time(&self) -> u32 {
+        self.gap_time
     }
 
     /// Number of usual intervals.
@@ -103,8 +113,10 @@ mod tests {
 
     fn of_intervals(intervals: &[i64]) -> StreamRegularity {
         let mut stream = StreamRegularity::NEW;
+        let mut now = 0;
         for interval in intervals {
-            stream.note_interval(*interval << 20);
+            now += *interval << 20;
+            stream.note_interval(*interval << 20, now);
         }
         stream
     }
