@@ -103,7 +103,7 @@ fn of_bus(bus: &Bus, catalogue: (&Catalogue, bool), wanted: Option<NodeId>) -> V
     let is_open = |node: &&Node| {
         node.assigned_by().is_none()
             && wanted.is_none_or(|wanted| wanted == node.id())
-            && !bus.is_withdrawn(Some(node.id()))
+            && !bus.protocols().is_withdrawn(Some(node.id()))
     };
     let nodes = bus.nodes().filter(is_open).take(SUGGESTED);
     nodes.flat_map(|node| of_node(bus.index(), node, catalogue)).collect()

@@ -77,7 +77,7 @@ pub fn decode_with(
 fn tally(path: &str) -> Option<Tally> {
     let mut counts = BTreeMap::new();
     let decoder = decode(path, |event, _| *counts.entry(name(event)).or_default() += 1)?;
-    Some(Tally { counts, is_canopen: decoder.buses().iter().any(Bus::is_canopen) })
+    Some(Tally { counts, is_canopen: decoder.buses().iter().any(|bus| bus.protocols().is_canopen()) })
 }
 
 /// 4,314 frames on 584 and 604 start with 0x80; the 6 block segments 0x81 and above are not aborts.

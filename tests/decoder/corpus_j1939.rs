@@ -183,7 +183,7 @@ fn is_j1939(ids: &[u32], rounds: u8) -> bool {
             decoder.push(&frame, &names, &mut |_: &Event, _: &Bus| {});
         }
     }
-    decoder.buses().first().is_some_and(Bus::is_j1939)
+    decoder.buses().first().is_some_and(|bus| bus.protocols().is_j1939())
 }
 
 #[test]

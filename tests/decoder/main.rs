@@ -4,6 +4,7 @@
 #![expect(clippy::disallowed_methods, reason = "tests open files")]
 
 mod absent_nodes;
+mod assumed_mapping;
 mod both_sides;
 mod controller;
 mod corpus;
@@ -22,6 +23,7 @@ mod examples;
 mod expectations;
 mod expected;
 mod findings_explained;
+mod formats_adapters;
 mod formats_blf;
 mod formats_candump;
 mod formats_foreign;
@@ -47,11 +49,14 @@ mod missing_frames;
 mod mutations;
 mod mutator;
 mod nmea2000;
+mod order_of_frames;
 mod pieces;
 mod profiles;
 mod properties;
 mod random_changes;
 mod replay;
+mod rule_grammars;
+mod rule_texts;
 mod rules;
 mod same_events;
 mod same_information;

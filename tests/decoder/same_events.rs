@@ -221,6 +221,6 @@ fn random_traffic_is_no_canopen_network() {
             });
         }
     }
-    assert!(!decoder.buses().first().unwrap().is_canopen());
+    assert!(!decoder.buses().first().unwrap().protocols().is_canopen());
     assert_eq!(claimed, 0);
 }

@@ -1,5 +1,6 @@
 //! Checks of the source code.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,6 +18,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("ascii", &[]),
     ("marked_line", &[]),
     ("escape", &[]),
+    ("figures", &[]),
     ("frame", &[]),
     ("capture", &["words", "ascii", "frame"]),
     ("series", &["frame", "capture"]),
@@ -104,46 +106,6 @@ const LAYERS: &[(&str, &[&str])] = &[
         ],
     ),
     (
-        "answers",
-        &[
-            "ascii",
-            "escape",
-            "frame",
-            "wire",
-            "profile",
-            "event",
-            "finding",
-            "bus_file",
-            "session",
-            "suggestion",
-            "statistics",
-            "diagnosis",
-            "sink",
-            "comparison",
-            "why",
-        ],
-    ),
-    (
-        "report",
-        &[
-            "escape",
-            "words",
-            "frame",
-            "capture",
-            "wire",
-            "profile",
-            "event",
-            "finding",
-            "bus_file",
-            "session",
-            "statistics",
-            "diagnosis",
-            "sink",
-            "comparison",
-            "why",
-        ],
-    ),
-    (
         "decoder",
         &["words", "frame", "capture", "wire", "profile", "event", "session", "query", "statistics", "sink"],
     ),
@@ -183,9 +145,54 @@ const LAYERS: &[(&str, &[&str])] = &[
             "sink",
             "comparison",
             "why",
-            "report",
             "decoder",
             "replay",
+        ],
+    ),
+    (
+        "answers",
+        &[
+            "words",
+            "ascii",
+            "escape",
+            "figures",
+            "frame",
+            "wire",
+            "profile",
+            "event",
+            "finding",
+            "bus_file",
+            "session",
+            "suggestion",
+            "statistics",
+            "diagnosis",
+            "sink",
+            "comparison",
+            "why",
+            "replay",
+            "reading",
+        ],
+    ),
+    (
+        "report",
+        &[
+            "escape",
+            "words",
+            "frame",
+            "capture",
+            "wire",
+            "profile",
+            "event",
+            "finding",
+            "bus_file",
+            "session",
+            "statistics",
+            "diagnosis",
+            "sink",
+            "comparison",
+            "why",
+            "reading",
+            "answers",
         ],
     ),
     ("samples", &["words", "bus_file", "frame", "capture", "wire", "profile", "event", "session", "decoder"]),
@@ -450,4 +457,66 @@ fn every_fixture_is_described() {
         }
     }
     assert!(missing.is_empty(), "{missing:?}");
+}
+
+/// Maximum number of methods of a type, in all its `impl` blocks without a trait.
+const MOST_METHODS: usize = 50;
+
+/// Crates whose types stay below [`MOST_METHODS`].
+const TYPES_WITHIN_LIMIT: &[&str] = &["decoder/src"];
+
+/// Types and the number of their methods, in files with their names.
+fn methods_of_types(files: &[(String, String)]) -> BTreeMap<String, usize> {
+    let method = Regex::new(r"^    (pub(\([^)]*\))? )?(const )?(async )?(unsafe )?fn ").unwrap();
+    let name = Regex::new(r"^impl(<[^<>]*(<[^<>]*>[^<>]*)*>)? (\w+)").unwrap();
+    let mut counts = BTreeMap::new();
+    for (_, text) in files {
+        let mut current = None;
+        for line in without_tests(text).lines() {
+            match line {
+                "}" => current = None,
+                _ if line.starts_with("impl") && !line.contains(" for ") => {
+                    current = name.captures(line).map(|found| found[3].to_owned());
+                }
+                _ if method.is_match(line) => {
+                    if let Some(current) = &current {
+                        *counts.entry(current.clone()).or_default() += 1;
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+    counts
+}
+
+/// A type with more methods has several tasks; a part of its state is a type of its own.
+#[test]
+fn no_type_has_too_many_methods() {
+    for folder in TYPES_WITHIN_LIMIT {
+        let counts = methods_of_types(&all(&[folder]));
+        let large: Vec<_> = counts.iter().filter(|(_, count)| **count > MOST_METHODS).collect();
+        assert!(large.is_empty(), "{folder}: {large:?}");
+    }
+    let file = "impl<'a, T: Copy> Big<'a, T> {\n    pub(crate) const fn f() {}\n    fn g() {\n    }\n}\n\
+                impl Other for Big<'_> {\n    fn h() {}\n}\nimpl Big<'_> {\n    pub fn i() {}\n}\n";
+    let counts = methods_of_types(&[(String::new(), file.to_owned())]);
+    assert_eq!(counts.into_iter().collect::<Vec<_>>(), [("Big".to_owned(), 3)]);
+}
+
+/// Maximum number of files directly in a folder.
+const MOST_FILES: usize = 25;
+
+/// Folders whose files and subfolders stay below [`MOST_FILES`] per folder.
+const FOLDERS_WITHIN_LIMIT: &[&str] = &["decoder/src/session"];
+
+#[test]
+fn no_folder_has_too_many_files() {
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for (name, _) in all(FOLDERS_WITHIN_LIMIT) {
+        let folder = name.rsplit_once('/').map_or("", |(folder, _)| folder);
+        *counts.entry(folder.to_owned()).or_default() += 1;
+    }
+    counts.retain(|_, count| *count > MOST_FILES);
+    assert!(counts.is_empty(), "{counts:?}");
 }

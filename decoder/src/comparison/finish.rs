@@ -144,7 +144,7 @@ fn bus_record(
         last: times.mark_frame(row.last_frame, row.last_time),
     });
     let default = NodeNotes::default();
-    let present = bus.nodes().filter(|node| !bus.is_withdrawn(Some(node.id())));
+    let present = bus.nodes().filter(|node| !bus.protocols().is_withdrawn(Some(node.id())));
     let nodes = present.map(|node| {
         let own = recorder.nodes.get(&(bus.index(), node.id())).unwrap_or(&default);
         let mappings = mapping_records(rows().map(|(row, _)| row), node, times);

@@ -115,7 +115,7 @@ impl BehaviourRecorder {
             EventKind::Pdo(pdo) => {
                 let is_followed = mark.time.is_some_and(|time| notes.following.on_measured(pdo, time));
                 if is_followed {
-                    self.add_followed(event.bus, bus.identifier_of_event(pdo.cob_id));
+                    self.add_followed(event.bus, bus.identifiers().identifier_of_event(pdo.cob_id));
                 }
             }
             EventKind::SdoTransfer(transfer) => notes.note_transfer(transfer, mark),

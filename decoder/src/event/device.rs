@@ -188,6 +188,8 @@ pub struct SetPoint {
     pub effective: EffectiveState,
     /// Names of the closed gates, or of the gates in unknown state.
     pub gates: Vec<String>,
+    /// Names of the gates without evidence on the bus, for example a hardware enable.
+    pub invisible: Vec<String>,
     /// Time to the SYNC that makes it effective, in ns.
     pub sync_after: Option<i64>,
 }

@@ -57,7 +57,7 @@ pub(super) fn node_title(buses: Buses<'_>, index: BusIndex, id: Option<NodeId>) 
 
 /// `node 32/20 boom (PVEA, danfoss-pve-ci)`.
 pub(super) fn describe_node(bus: &Bus, id: NodeId) -> String {
-    let node = bus.present_or_former(id);
+    let node = bus.node_table().present_or_former(id);
     let mut text = id.sentence_label();
     if let Some(now) = node.map(Node::id).filter(|now| *now != id) {
         text = format!("{text}, later {}", now.label());

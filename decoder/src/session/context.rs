@@ -101,26 +101,26 @@ impl MachineContext<'_> {
     /// Passes the prepared event of a slot to the observer.
     #[inline]
     pub(in crate::session) fn send_prepared(&mut self, slot: usize) {
-        self.shared.bus.current_identifier = Some(slot);
+        self.shared.bus.routes.set_current(Some(slot));
         if let Some(event) = self.shared.bus.routes.slot(slot).and_then(|entry| entry.prepared.as_deref()) {
             self.out.on_event(event, &self.shared.bus);
         }
-        self.shared.bus.current_identifier = None;
+        self.shared.bus.routes.set_current(None);
     }
 
     /// Emits an undecoded frame. If a database describes it, it is routine only while unchanged.
     pub(in crate::session) fn emit_undecoded(&mut self, frame: &Frame, name: Option<&'static str>) {
         let bus = &self.shared.bus;
-        let name = name.filter(|name| bus.is_canopen() && !bus.is_lone(frame.id, name));
+        let name = name.filter(|name| bus.protocols.is_canopen() && !bus.routes.is_lone(frame.id, name));
         let is_data = !frame.flags.contains(FrameFlags::REMOTE);
         let message = self.described_message(frame).filter(|_| is_data).cloned();
         if message.is_none() {
-            let (count, extended) = &mut self.shared.bus.undecoded;
+            let (count, extended) = &mut self.shared.bus.protocols.undecoded;
             *count += 1;
             match frame.id {
                 CanId::Extended(_) => *extended += 1,
                 CanId::Standard(_) if is_data => {
-                    self.shared.bus.unnamed.take_frame(frame);
+                    self.shared.bus.hints.unnamed.take_frame(frame);
                     self.follow_dialogue(frame);
                 }
                 CanId::Standard(_) => {}
@@ -138,7 +138,7 @@ impl MachineContext<'_> {
     /// Looks for an SDO dialogue on identifiers of no channel; `true` if this frame revealed one. Its identifiers
     /// are not decoded any more.
     pub(in crate::session) fn follow_dialogue(&mut self, frame: &Frame) -> bool {
-        let Some(pair) = self.shared.bus.dialogues.take_frame(frame) else { return false };
+        let Some(pair) = self.shared.bus.hints.dialogues.take_frame(frame) else { return false };
         self.shared.bus.routes.reroute(pair.request, IdentifierService::Named("SDO-like request"));
         self.shared.bus.routes.reroute(pair.response, IdentifierService::Named("SDO-like response"));
         self.emit_note(frame, pair.hint_text());
@@ -174,9 +174,9 @@ impl MachineContext<'_> {
             return true;
         }
         // A SYNC may precede the first frame of a node that the user named: the note waits for a node.
-        let is_early = node.is_none() && self.shared.bus.named.names_canopen();
-        if self.shared.bus.canopen.protocol_status() == ProtocolStatus::Presumed && !is_early {
-            self.shared.bus.canopen.note_presumed();
+        let is_early = node.is_none() && self.shared.bus.protocols.named.names_canopen();
+        if self.shared.bus.protocols.canopen.protocol_status() == ProtocolStatus::Presumed && !is_early {
+            self.shared.bus.protocols.canopen.note_presumed();
             if !std::mem::replace(&mut self.shared.notices.canopen_presumed, true) {
                 let text = "CANopen not confirmed yet: decoded by the predefined connection set, marked ?";
                 self.emit_note(frame, text.into());
@@ -189,19 +189,21 @@ impl MachineContext<'_> {
     pub(in crate::session) fn is_settled(&mut self, node: Option<NodeId>) -> bool {
         let bus = &mut self.shared.bus;
         let is_named = match node {
-            Some(id) => bus.named.note_canopen(id),
-            None => bus.named.has_canopen(),
+            Some(id) => bus.protocols.named.note_canopen(id),
+            None => bus.protocols.named.has_canopen(),
         };
-        is_named || bus.canopen.is_confirmed()
+        is_named || bus.protocols.canopen.is_confirmed()
     }
 
     /// Like [`Self::is_decoded`], for frames that do not cause an event of their own.
     pub(in crate::session) fn is_followed(&mut self, node: Option<NodeId>, frame: &Frame) -> bool {
-        if self.is_settled(node) || self.shared.bus.canopen.protocol_status() != ProtocolStatus::Rejected {
+        if self.is_settled(node)
+            || self.shared.bus.protocols.canopen.protocol_status() != ProtocolStatus::Rejected
+        {
             return true;
         }
-        if self.shared.bus.protocol != ProtocolChoice::None {
-            self.shared.bus.omissions.canopen += 1;
+        if self.shared.bus.protocols.choice != ProtocolChoice::None {
+            self.shared.bus.protocols.omissions.canopen += 1;
             if !std::mem::replace(&mut self.shared.notices.canopen_rejected, true) {
                 self.emit_rejection(frame);
             }
@@ -212,9 +214,9 @@ impl MachineContext<'_> {
 
     /// Reports why frames are not decoded as CANopen, and which nodes are, because the user named them.
     fn emit_rejection(&mut self, frame: &Frame) {
-        let reason = self.shared.bus.canopen.rejection_reason();
-        let text = if self.shared.bus.named.has_canopen() {
-            let nodes = self.shared.bus.named.canopen_list();
+        let reason = self.shared.bus.protocols.canopen.rejection_reason();
+        let text = if self.shared.bus.protocols.named.has_canopen() {
+            let nodes = self.shared.bus.protocols.named.canopen_list();
             format!(
                 "not detected as CANopen: {reason}; only identifiers of named nodes ({nodes}) are decoded \
                  (--protocol canopen decodes all)"
@@ -231,8 +233,8 @@ impl MachineContext<'_> {
     /// CiA 301.
     #[cold]
     pub(in crate::session) fn emit_contradicted_name(&mut self, node: NodeId, frame: &Frame, expected: &str) {
-        if !self.shared.bus.canopen.is_confirmed()
-            && self.shared.bus.named.contains(node)
+        if !self.shared.bus.protocols.canopen.is_confirmed()
+            && self.shared.bus.protocols.named.contains(node)
             && !std::mem::replace(&mut self.shared.notices.name_contradicted, true)
         {
             let (id, length) = (frame.id, count_noun(u64::from(frame.length), "byte"));
@@ -241,7 +243,7 @@ impl MachineContext<'_> {
                  limits an option to one bus",
                 node.sentence_label()
             );
-            self.shared.bus.named.note_contradiction(&text);
+            self.shared.bus.protocols.named.note_contradiction(&text);
             self.emit_note(frame, text);
         }
     }
@@ -255,7 +257,7 @@ impl MachineContext<'_> {
             frames: FrameRange::one(frame.number),
             protocol: EventProtocol::Canopen,
             node: None,
-            presumed: !self.shared.bus.is_settled(None),
+            presumed: !self.shared.bus.protocols.is_settled(None),
             routine: false,
             kind,
         }
@@ -278,7 +280,7 @@ impl MachineContext<'_> {
     pub(in crate::session) fn event_of(&self, frame: &Frame, node: Option<NodeId>, kind: EventKind) -> Event {
         let mut event = self.canopen_event(frame, kind);
         event.node = node;
-        event.presumed = !self.shared.bus.is_settled(node);
+        event.presumed = !self.shared.bus.protocols.is_settled(node);
         if let Some(NodeId::J1939(_)) = node {
             event.protocol = EventProtocol::J1939;
         }
@@ -329,7 +331,7 @@ impl MachineContext<'_> {
         let sender = NodeId::J1939(id.source);
         let mut event = self.event_of(frame, Some(sender), kind);
         event.node = Some(sender).filter(|node| node.is_valid());
-        event.presumed &= !self.shared.bus.named.concerns_named(id);
+        event.presumed &= !self.shared.bus.protocols.named.concerns_named(id);
         event
     }
 
@@ -430,7 +432,7 @@ mod tests {
         let mut remote = frame(&[]);
         remote.flags = FrameFlags::REMOTE;
         assert_eq!(seen(&mut bus, &remote), (None, true));
-        assert_eq!(bus.bus().undecoded, (1, 0));
+        assert_eq!(bus.bus().protocols.undecoded, (1, 0));
         // A database of one bus does not apply to another.
         assert_eq!(seen(&mut self::bus(&["can1"]), &frame(&[1, 2])), (None, true));
     }

@@ -155,7 +155,7 @@ impl BusDecoder {
             IdentifierService::Nmt => self.nmt.on_frame((), frame, cx),
             IdentifierService::Time => self.time_stamps.on_frame((), frame, cx),
             IdentifierService::Lss(from_master) => {
-                if !cx.bus.canopen.is_confirmed() {
+                if !cx.bus.protocols.canopen.is_confirmed() {
                     self.obd.note_request(frame);
                 }
                 self.lss.on_frame(from_master, frame, cx);
@@ -197,7 +197,7 @@ impl BusDecoder {
     /// Handles a frame on a J1939 identifier; `slot` is `None` if the table of 29-bit identifiers is full.
     fn on_j1939(&mut self, slot: Option<usize>, id: J1939Id, frame: &Frame, out: &mut dyn Observer) {
         let cx = &mut self.shared.lend_context(out);
-        if !cx.bus.j1939.is_confirmed() && !is_followed(id, frame, cx) {
+        if !cx.bus.protocols.j1939.is_confirmed() && !is_followed(id, frame, cx) {
             return;
         }
         if id.pgn == Pgn::ADDRESS_CLAIMED && id.destination == ALL && id.source <= NO_ADDRESS {
@@ -218,7 +218,7 @@ impl BusDecoder {
                     self.on_payload(transfer.as_payload(), &transfer.frame, out);
                 }
             }
-            pgn if cx.bus.sends_fast_packets(pgn) => self.fast_packets.on_frame(id, frame, cx),
+            pgn if cx.bus.protocols.sends_fast_packets(pgn) => self.fast_packets.on_frame(id, frame, cx),
             _ => self.messages.on_frame((slot, id), frame, cx),
         }
     }
@@ -241,7 +241,7 @@ impl BusDecoder {
     /// Handles a frame without a slot: the table of identifiers is full.
     #[cold]
     fn on_frame_without_slot(&mut self, frame: &Frame, out: &mut dyn Observer) {
-        self.shared.bus.omissions.without_slot += 1;
+        self.shared.bus.protocols.omissions.without_slot += 1;
         match self.shared.bus.routes.route_origin(frame.id) {
             RouteOrigin::J1939(id) if !frame.flags.contains(FrameFlags::FD) => {
                 self.on_j1939(None, id, frame, out);
@@ -256,10 +256,10 @@ impl BusDecoder {
         let mut cx = self.shared.lend_context(out);
         let owner = match service {
             IdentifierService::Unclassified | IdentifierService::Named(_) => None,
-            IdentifierService::J1939(_) => cx.bus.is_j1939().then_some("J1939"),
-            _ => cx.bus.is_canopen().then_some("CANopen"),
+            IdentifierService::J1939(_) => cx.bus.protocols.is_j1939().then_some("J1939"),
+            _ => cx.bus.protocols.is_canopen().then_some("CANopen"),
         };
-        cx.bus.omissions.fd += u64::from(owner.is_some());
+        cx.bus.protocols.omissions.fd += u64::from(owner.is_some());
         if let Some(owner) = owner.filter(|_| !std::mem::replace(&mut cx.notices.fd, true)) {
             cx.emit_note(frame, format!("CAN FD frames on {owner} identifiers are not decoded"));
         }
@@ -355,7 +355,7 @@ impl BusDecoder {
         let Some(gap) = gap else { return };
         let now = self.shared.bus.clock.now();
         let received = now.saturating_sub(gap);
-        if self.shared.bus.shared_gap(received).is_none_or(|limit| gap <= limit) {
+        if self.shared.bus.routes.shared_gap(received).is_none_or(|limit| gap <= limit) {
             let bus = &mut self.shared.bus;
             let frames = FrameRange { first, last: number };
             let limit = bus.clock.usual_gap();
@@ -440,7 +440,7 @@ impl BusDecoder {
         self.messages.on_end(cx);
         self.isotp.on_end(cx);
         self.uds.on_end(cx);
-        let (count, extended) = cx.bus.undecoded;
+        let (count, extended) = cx.bus.protocols.undecoded;
         if count > 0 {
             let frame = cx.last_frame();
             let frames = count_noun(count, "frame");
@@ -448,7 +448,7 @@ impl BusDecoder {
                 "{frames} of unknown service ({extended} with 29-bit identifier); decode --frames prints them"
             );
             cx.emit_note(&frame, text);
-            for hint in cx.bus.unnamed.pair_hints() {
+            for hint in cx.bus.hints.unnamed.pair_hints() {
                 cx.emit_note(&frame, hint.to_string());
             }
         }

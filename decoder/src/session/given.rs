@@ -39,7 +39,7 @@ pub(in crate::session) fn apply_given(cx: &mut MachineContext<'_>) {
         };
         cx.bus.routes.set_service(*id, service);
     }
-    if cx.bus.protocol != ProtocolChoice::None {
+    if cx.bus.protocols.choice != ProtocolChoice::None {
         name_nodes(&mut cx.bus, &options);
     }
     let pairs = UdsPairs::new(options.bus_file.uds(&name).cloned().collect());
@@ -63,12 +63,12 @@ pub(in crate::session) fn apply_given(cx: &mut MachineContext<'_>) {
     }
     give_areas(&mut cx.bus, &options, &name);
     for (id, conversion) in options.bus_file.conversions(&name) {
-        if let Some(node) = cx.bus.node_mut(id) {
+        if let Some(node) = cx.bus.nodes.node_mut(id) {
             node.j1939_state().conversion = Some(conversion);
         }
     }
     for (id, address, unit) in options.bus_file.units(&name) {
-        if let Some(node) = cx.bus.node_mut(*id) {
+        if let Some(node) = cx.bus.nodes.node_mut(*id) {
             Arc::make_mut(&mut node.store).give_unit(*address, unit);
         }
     }
@@ -77,16 +77,16 @@ pub(in crate::session) fn apply_given(cx: &mut MachineContext<'_>) {
 /// Settles the protocol of the nodes that the user named, or that a database describes.
 fn name_nodes(bus: &mut Bus, options: &SessionOptions) {
     for (node, is_own) in options.named_nodes(&bus.name) {
-        bus.named.add_node(node, is_own);
+        bus.protocols.named.add_node(node, is_own);
     }
     for node in bus.database.canopen_nodes() {
-        bus.named.add_node(NodeId::Canopen(node), false);
+        bus.protocols.named.add_node(NodeId::Canopen(node), false);
     }
 }
 
 /// Splits the areas listed in the bus file into PDOs of eight bytes, in order.
 fn give_areas(bus: &mut Bus, options: &SessionOptions, name: &str) {
-    for node in &mut bus.nodes {
+    for node in bus.nodes.all_mut() {
         let mut pdos = Vec::new();
         for area in &node.device.areas {
             let entries = options.bus_file.area_entries(name, node.id, &area.name).unwrap_or_default();
@@ -100,7 +100,7 @@ fn give_areas(bus: &mut Bus, options: &SessionOptions, name: &str) {
 /// Stores an object value from the bus file; a number has the size of its object.
 fn give_object(bus: &mut Bus, object: &InitialValue) {
     let (id, address) = (object.node, object.address);
-    let Some(node) = bus.node_mut(id) else { return };
+    let Some(node) = bus.nodes.node_mut(id) else { return };
     let entry = node.device.dictionary.find_object(address).and_then(|found| found.entry);
     let bytes = match &object.value {
         ObjectValue::Bytes(bytes) => bytes.clone(),
@@ -146,7 +146,7 @@ fn give_object(bus: &mut Bus, object: &InitialValue) {
 pub(in crate::session) fn emit_given_states(frame: &Frame, cx: &mut MachineContext<'_>) {
     cx.bus.has_given_states = false;
     let now = cx.bus.clock.now();
-    let given = cx.bus.nodes.iter_mut().filter_map(|node| {
+    let given = cx.bus.nodes.all_mut().iter_mut().filter_map(|node| {
         let nmt = node.nmt.as_mut().filter(|nmt| matches!(nmt.cause, StateCause::BusFile { .. }))?;
         nmt.since = now;
         Some((node.id, *nmt))
@@ -167,7 +167,7 @@ pub(in crate::session) fn emit_given_states(frame: &Frame, cx: &mut MachineConte
 /// Sets the state of a node before its first frame.
 fn give_state(bus: &mut Bus, id: NodeId, state: &InitialState) {
     let since = bus.clock.now();
-    let Some(node) = bus.node_mut(id) else { return };
+    let Some(node) = bus.nodes.node_mut(id) else { return };
     node.nmt = state.nmt.map(|nmt| NmtStatus {
         state: nmt.state,
         certainty: if nmt.is_assumed { StateCertainty::Presumed } else { StateCertainty::Confirmed },
@@ -186,7 +186,7 @@ fn give_state(bus: &mut Bus, id: NodeId, state: &InitialState) {
     node.lost = state.is_lost;
     node.saved = state.is_saved;
     for code in &state.errors {
-        node.raise_error(*code);
+        node.errors.raise_error(*code);
     }
     node.refresh_attention();
     let device = Arc::clone(&node.device);

@@ -17,7 +17,7 @@ pub(in crate::session) fn learn_object(
     cx: &mut MachineContext<'_>,
 ) {
     let (id, object) = (transfer.node, transfer.object);
-    if cx.bus.node_mut(id).is_none() {
+    if cx.bus.nodes.node_mut(id).is_none() {
         return;
     }
     apply_transfer(&mut transfer, frame, cx);

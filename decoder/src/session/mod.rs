@@ -33,8 +33,9 @@ mod uds;
 
 pub use crate::profile::device::GateStatus;
 pub use bus::{
-    Bus, EmittedSetPoint, GateState, LifeSign, LifeWatch, NmtStatus, Node, ObjectStore, OriginKind,
-    PendingNodeId, PendingValue, SdoPairHint, StoredObject, StoredOrigin, UdsPairHint,
+    Bus, BusHints, BusNodes, BusProtocols, EmittedSetPoint, GateState, IdentifierRoutes, LifeSign, LifeWatch,
+    NmtStatus, Node, ObjectStore, OriginKind, PendingNodeId, PendingValue, SdoPairHint, StoredObject,
+    StoredOrigin, UdsPairHint,
 };
 pub(crate) use bus::{BusStream, ProfileSigns, SkippedTimes, StreamRegularity, StreamService};
 pub use buses::Buses;

@@ -9,7 +9,7 @@ use crate::wire::NodeId;
 /// Registers a frame of the node; a lost node is back.
 pub(in crate::session) fn mark_alive(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
     let now = cx.bus.clock.now();
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     if std::mem::replace(&mut node.lost, false) {
         let gap = now.saturating_sub(node.last_received);
         let is_guarded = node.guarding.last_reply.is_some();
@@ -18,7 +18,7 @@ pub(in crate::session) fn mark_alive(id: NodeId, frame: &Frame, cx: &mut Machine
         node.refresh_attention();
         cx.emit_event(frame, id, false, kind);
     }
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     node.last_frame = frame.number;
     if node.first_frame == 0 {
         node.first_frame = frame.number;
@@ -35,7 +35,7 @@ pub(in crate::session) fn emit_node_lost(
     frame: &Frame,
     cx: &mut MachineContext<'_>,
 ) {
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     if std::mem::replace(&mut node.lost, true) {
         return;
     }
@@ -48,7 +48,7 @@ fn build_silence(node: &Node, gap: i64, monitored_by: MonitoringMethod) -> NodeS
     NodeSilence {
         last_frame: node.last_frame,
         last_state: node.nmt.map(|nmt| nmt.state),
-        last_emcy: node.last_error,
+        last_emcy: node.errors.last,
         gap,
         monitored_by,
     }

@@ -5,7 +5,7 @@
 //! gap, and its protocol and sender are known. Everything that later events depend on is updated: clock, intervals,
 //! last frame of bus, node and identifier.
 
-use super::bus::{Bus, IdentifierService, IdentifierState};
+use super::bus::Bus;
 use super::canopen::copy_payload;
 use super::decoder::BusDecoder;
 use super::observer::{MessagePreview, Observer};
@@ -72,21 +72,9 @@ impl Bus {
         let time = frame.time?;
         let now = self.clock.regular_time(time)?;
         let (payload, change) = state.last.next(frame)?;
-        let is_settled = change & needed == 0 && self.is_settled_sender(state);
+        let sender = self.nodes.node_at(usize::from(state.sender));
+        let is_settled = change & needed == 0 && self.protocols.is_settled_sender(state.service, sender);
         is_settled.then_some(MessagePreview { identifier, frame: frame.number, time, now, payload, change })
-    }
-
-    /// Whether the protocol of a PDO or message is confirmed, and its sender present in a known state.
-    #[inline]
-    fn is_settled_sender(&self, state: &IdentifierState) -> bool {
-        let sender = self.node_at(usize::from(state.sender));
-        match state.service {
-            IdentifierService::Pdo(..) => {
-                self.canopen.is_confirmed() && sender.is_none_or(|sender| !sender.attention)
-            }
-            IdentifierService::J1939(_) => self.j1939.is_confirmed() && sender.is_some(),
-            _ => false,
-        }
     }
 
     /// Updates clock, identifier and sender at a frame that the session does not need; `has_event` if an observer needs it.
@@ -106,7 +94,7 @@ impl Bus {
         }
         let sender = usize::from(state.sender);
         // A PDO alone does not prove its node: the identifier may be configured in another one.
-        if let Some(node) = self.node_at_mut(sender) {
+        if let Some(node) = self.nodes.node_at_mut(sender) {
             node.last_frame = preview.frame;
             node.last_seen = Some(preview.time);
             node.last_received = preview.now;

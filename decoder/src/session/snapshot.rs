@@ -73,9 +73,9 @@ impl BusSnapshot {
             uds: bus.uds_pairs.all_pairs().iter().skip(given).cloned().collect(),
             ..BusSettings::default()
         };
-        for node in &bus.nodes {
+        for node in bus.nodes.all() {
             // An entry would settle the protocol of a node whose traffic may be something else.
-            if bus.is_settled(Some(node.id)) {
+            if bus.protocols.is_settled(Some(node.id)) {
                 self.add_node(bus, node, &mut settings);
             }
         }
@@ -152,9 +152,9 @@ fn word_bytes(node: &Node, address: ObjectAddress, raw: u64) -> Vec<u8> {
 
 /// Protocol that the user stated or the traffic proved.
 fn proven_protocol(bus: &Bus) -> Option<ProtocolChoice> {
-    match bus.protocol {
-        ProtocolChoice::Auto if bus.canopen.is_confirmed() => Some(ProtocolChoice::Canopen),
-        ProtocolChoice::Auto if bus.j1939.is_confirmed() => Some(ProtocolChoice::J1939),
+    match bus.protocols.choice {
+        ProtocolChoice::Auto if bus.protocols.canopen.is_confirmed() => Some(ProtocolChoice::Canopen),
+        ProtocolChoice::Auto if bus.protocols.j1939.is_confirmed() => Some(ProtocolChoice::J1939),
         ProtocolChoice::Auto if is_without_protocol(bus) => Some(ProtocolChoice::None),
         ProtocolChoice::Auto => None,
         chosen => Some(chosen),
@@ -163,7 +163,10 @@ fn proven_protocol(bus: &Bus) -> Option<ProtocolChoice> {
 
 /// Whether CANopen was rejected and no frame suggests another protocol.
 fn is_without_protocol(bus: &Bus) -> bool {
-    bus.is_canopen_rejected() && !bus.is_uds && !bus.routes.has_extended() && !bus.named.names_canopen()
+    bus.protocols.is_canopen_rejected()
+        && !bus.protocols.has_uds
+        && !bus.routes.has_extended()
+        && !bus.protocols.named.names_canopen()
 }
 
 /// Profile that the user assigned or the identity selected. A generic one for a device type is found again.
@@ -193,7 +196,7 @@ fn initial_state(node: &Node) -> Option<InitialState> {
         }),
         is_lost: node.lost,
         is_saved: node.saved,
-        errors: node.active_errors.clone(),
+        errors: node.active_errors().to_vec(),
         reset: node.reset_frame.and_then(|(_, restart)| match restart {
             RestartType::Communication => Some(PendingReset::Communication),
             RestartType::Node => Some(PendingReset::Node),

@@ -157,18 +157,18 @@ impl BusStatistics {
     /// Removes the CANopen figures of a bus that proved not to be CANopen; nodes that the user named keep theirs.
     /// Removes nodes of which only PDOs on predefined identifiers were received. Call it after the last event.
     pub fn withdraw_canopen(&mut self, bus: &Bus) {
-        if bus.is_withdrawn(None) {
+        if bus.protocols().is_withdrawn(None) {
             self.master = MasterStatistics::default();
             let (messages, malformed) = std::mem::take(&mut self.presumed);
             self.undecoded += messages;
             self.malformed = self.malformed.saturating_sub(malformed);
         }
-        if bus.is_time_withdrawn() {
+        if bus.protocols().is_time_withdrawn() {
             self.undecoded += std::mem::take(&mut self.master.times);
         }
         // The predefined connection set assigns every identifier to a node, present or not.
         let is_absent = |id, node: &NodeStatistics| bus.node(id).is_none() && node.has_only_pdos();
-        self.nodes.retain_nodes(|id, node| !bus.is_withdrawn(Some(id)) && !is_absent(id, node));
+        self.nodes.retain_nodes(|id, node| !bus.protocols().is_withdrawn(Some(id)) && !is_absent(id, node));
     }
 
     /// Counts an event.

@@ -77,7 +77,7 @@ impl Statistics {
     /// Counts a PDO or J1939 message without an event; see [`Observer::skip_event`](crate::session::Observer::skip_event).
     #[inline]
     pub fn skip_event(&mut self, preview: &MessagePreview, bus: &Bus) {
-        if let Some((pdo, node)) = bus.pdo_at(preview.identifier) {
+        if let Some((pdo, node)) = bus.identifiers().pdo_at(preview.identifier) {
             self.bus_entry(bus.index().0).skip_pdo((pdo, node), preview);
         }
     }

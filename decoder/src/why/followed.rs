@@ -20,7 +20,7 @@ pub(super) enum PdoRole {
 
 impl PdoRole {
     fn role_of(bus: &Bus, identifier: usize) -> Self {
-        match bus.pdo_at(identifier) {
+        match bus.identifiers().pdo_at(identifier) {
             None => Self::None,
             Some((name, node)) if name.is_sent() => Self::Sent(name, node),
             Some((name, node)) => Self::Received(name, node),
@@ -143,8 +143,10 @@ impl FollowedPdos {
         bus: &Bus,
         nodes: &mut NodeMap<Box<NodeWatch>>,
     ) {
-        let is_known =
-            self.0.get(identifier).is_some_and(|known| known.version == Some(bus.version_of(identifier)));
+        let is_known = self
+            .0
+            .get(identifier)
+            .is_some_and(|known| known.version == Some(bus.identifiers().version_of(identifier)));
         if !is_known {
             self.learn_identifier(identifier, bus, nodes);
         }
@@ -163,7 +165,9 @@ impl FollowedPdos {
     pub(super) fn message_times(&self, identifier: usize, bus: &Bus) -> Option<(MessageTimes, u64)> {
         let known = self.0.get(identifier)?;
         let mut beat = known.beat;
-        let Some(skipped) = bus.skipped_times(identifier) else { return Some((beat, known.seen)) };
+        let Some(skipped) = bus.identifiers().skipped_times(identifier) else {
+            return Some((beat, known.seen));
+        };
         for (time, frame) in skipped.times_after(known.seen) {
             beat.add_message(time, frame);
         }
@@ -178,7 +182,7 @@ impl FollowedPdos {
         }
         let role = PdoRole::role_of(bus, identifier);
         let mut known = self.0.get(identifier).copied().unwrap_or(UNKNOWN);
-        let count = bus.skipped_times(identifier).map_or(0, SkippedTimes::skipped_count);
+        let count = bus.identifiers().skipped_times(identifier).map_or(0, SkippedTimes::skipped_count);
         if known.version.is_none() {
             known.seen = count;
         }
@@ -205,7 +209,7 @@ impl FollowedPdos {
             }
         }
         if let Some(place) = self.0.get_mut(identifier) {
-            let version = Some(bus.version_of(identifier));
+            let version = Some(bus.identifiers().version_of(identifier));
             let number = place.number.filter(|_| role == place.role);
             *place = FollowedIdentifier { version, role, beat, seen, changed: place.changed, number };
         }

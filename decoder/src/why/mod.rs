@@ -18,7 +18,6 @@ mod moment;
 mod node_watch;
 mod scope;
 mod state;
-pub mod text;
 mod watch;
 
 pub use crate::suggestion::Suggestion;
@@ -224,7 +223,7 @@ impl WhyObserver {
             ),
             dialogues: buses
                 .iter()
-                .flat_map(|bus| bus.sdo_dialogues().into_iter().map(|pair| (bus.index(), pair)))
+                .flat_map(|bus| bus.hints().sdo_dialogues().into_iter().map(|pair| (bus.index(), pair)))
                 .collect(),
             others: self.other_nodes(buses),
             question: self.question,
@@ -252,7 +251,8 @@ impl WhyObserver {
             (None, Some(state)) if state.has_closed_gate() => vec![FaultKind::SetPoint],
             (None, _) => Vec::new(),
         };
-        let node = state.and_then(|state| find_bus(buses, state.bus)?.present_or_former(state.node));
+        let node =
+            state.and_then(|state| find_bus(buses, state.bus)?.node_table().present_or_former(state.node));
         let device = node.filter(|node| node.assigned_by().is_some()).map(Node::device);
         let checks = check::propose_checks(&FaultContext {
             kinds: &kinds,
@@ -277,7 +277,8 @@ impl WhyObserver {
     fn best_moment(&mut self, buses: Buses<'_>) -> Option<WhyMoment> {
         let latest = self.question.latest;
         let found = self.buses.iter_mut().filter_map(|watch| {
-            find_bus(buses, watch.index()).filter(|bus| bus.detection_doubt().is_none() || bus.is_j1939())?;
+            find_bus(buses, watch.index())
+                .filter(|bus| bus.protocols().detection_doubt().is_none() || bus.protocols().is_j1939())?;
             watch.finish_watch()
         });
         found.reduce(|best, other| {
@@ -334,7 +335,7 @@ impl WhyObserver {
     ) -> Vec<Suggestion> {
         let wanted = node.or(self.question.chosen.as_ref().map(|chosen| chosen.node));
         let watched = self.buses.iter().filter_map(|watch| find_bus(buses, watch.index()));
-        let believed = watched.filter(|bus| bus.detection_doubt().is_none());
+        let believed = watched.filter(|bus| bus.protocols().detection_doubt().is_none());
         believed.flat_map(|bus| suggest_profiles(bus, catalogue, wanted)).collect()
     }
 
@@ -346,7 +347,8 @@ impl WhyObserver {
         let of_bus = |watch: &BusWatch| {
             let bus = watch.index();
             let session = find_bus(buses, bus);
-            let is_withdrawn = |node| session.is_some_and(|session| session.is_withdrawn(Some(node)));
+            let is_withdrawn =
+                |node| session.is_some_and(|session| session.protocols().is_withdrawn(Some(node)));
             let all = watch.reaction_times(node).filter(|(node, _)| !is_withdrawn(*node));
             all.map(|(node, time)| ControllerReaction { bus, node, time: time.clone() }).collect::<Vec<_>>()
         };
@@ -374,9 +376,10 @@ impl WhyObserver {
 
 /// Reason why a bus is not detected as CANopen; `None` for J1939 and UDS.
 fn detection_doubt(bus: &Bus) -> Option<String> {
-    let is_other = !bus.is_canopen() && !bus.is_j1939() && !bus.is_uds();
-    let doubt = is_other.then(|| bus.detection_doubt().unwrap_or_else(|| "no CANopen message".to_owned()))?;
-    Some(match bus.unnamed_uds().first() {
+    let is_other = !bus.protocols().is_canopen() && !bus.protocols().is_j1939() && !bus.protocols().is_uds();
+    let doubt = is_other
+        .then(|| bus.protocols().detection_doubt().unwrap_or_else(|| "no CANopen message".to_owned()))?;
+    Some(match bus.hints().unnamed_uds().first() {
         Some(hint) => format!("{doubt}; {hint}"),
         None => doubt,
     })
@@ -385,8 +388,8 @@ fn detection_doubt(bus: &Bus) -> Option<String> {
 /// Whether the protocol of the fault is confirmed on its bus.
 fn is_believed(bus: &Bus, moment: Option<&WhyMoment>) -> bool {
     match moment.and_then(|moment| moment.node) {
-        Some(node) => bus.is_settled(Some(node)),
-        None => bus.is_canopen(),
+        Some(node) => bus.protocols().is_settled(Some(node)),
+        None => bus.protocols().is_canopen(),
     }
 }
 

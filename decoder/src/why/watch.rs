@@ -158,7 +158,7 @@ impl BusWatch {
     /// Whether the event of a PDO or message is needed: only a PDO that updates the state of the node in a moment.
     pub(super) fn needs_event(&self, preview: &MessagePreview, bus: &Bus) -> bool {
         self.open.as_ref().is_some_and(|open| {
-            let of_pdo = bus.pdo_at(preview.identifier);
+            let of_pdo = bus.identifiers().pdo_at(preview.identifier);
             of_pdo.is_some_and(|(_, node)| open.is_updated_by_pdo(node, preview))
         })
     }
@@ -180,7 +180,7 @@ impl BusWatch {
 
     /// Records a PDO that is not a request. One with unchanged contents is no news.
     fn follow_pdo(&mut self, pdo: &DecodedPdo, event: &Event, bus: &Bus) {
-        let Some(identifier) = bus.identifier_of_event(pdo.cob_id) else { return };
+        let Some(identifier) = bus.identifiers().identifier_of_event(pdo.cob_id) else { return };
         let frame = event.frames.last;
         self.followed.count_pdo((identifier, event.time, frame), bus, &mut self.nodes);
         if let Some(time) = event.time.filter(|_| !event.routine) {

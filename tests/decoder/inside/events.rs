@@ -183,6 +183,7 @@ fn states_and_set_points() -> Vec<EventKind> {
         assumed: true,
         effective: EffectiveState::No,
         gates: vec!["ACTIVE reported".into()],
+        invisible: vec!["hardware enable".into()],
         sync_after: Some(1_000_000),
     };
     vec![

@@ -29,12 +29,12 @@ use super::common::{bus_short, bus_title, bus_width, chosen_columns, has_buses, 
 use super::legend::{self, PaneLegend};
 use super::{Pane, PaneRequest, Sorting};
 use crate::action::Action;
-use crate::figures::{format_millis, format_seconds};
 use crate::state::UiState;
 use crate::theme::{Glyph, TextRole};
 use crate::timeline::SignalKey;
 use crate::widgets::draw;
 use crate::widgets::table::{ColumnWidth, TableCell, TableColumn, TableRow, TableState, TableWidget};
+use cobscope_decoder::figures::{format_millis, format_seconds};
 
 /// Subject of a row: bus, identifier, and whether it counts remote frames.
 type Key = (BusIndex, CanId, bool);
@@ -120,7 +120,7 @@ fn describe_row(world: &ReplayState, row: &IdentifierRow) -> String {
 /// PGN and source address of a J1939 identifier.
 fn j1939_group(world: &ReplayState, row: &IdentifierRow) -> Option<J1939Id> {
     let CanId::Extended(id) = row.id else { return None };
-    let is_j1939 = world.buses().get(usize::from(row.bus.0)).is_some_and(Bus::is_j1939);
+    let is_j1939 = world.buses().get(usize::from(row.bus.0)).is_some_and(|bus| bus.protocols().is_j1939());
     J1939Id::from_identifier(id).filter(|_| is_j1939)
 }
 

@@ -9,7 +9,11 @@ use cobscope_decoder::words::count_noun;
 pub fn decoding_limits(capture: &str, buses: Buses<'_>) -> Vec<String> {
     let of_bus = |bus: &Bus| {
         let place = format!("{capture}: {}", escape(bus.name()));
-        bus.limit_texts().into_iter().map(move |text| format!("{place}: {text}")).collect::<Vec<_>>()
+        bus.protocols()
+            .limit_texts()
+            .into_iter()
+            .map(move |text| format!("{place}: {text}"))
+            .collect::<Vec<_>>()
     };
     buses.iter().flat_map(of_bus).collect()
 }
@@ -17,7 +21,7 @@ pub fn decoding_limits(capture: &str, buses: Buses<'_>) -> Vec<String> {
 /// Frames without values in an output that contains only values, with the options that decode them.
 pub fn without_values(capture: &str, buses: Buses<'_>) -> Vec<String> {
     let of_bus = |bus: &Bus| {
-        let count = bus.unknown_frames();
+        let count = bus.protocols().unknown_frames();
         (count > 0).then(|| {
             format!(
                 "{capture}: {}: {} of unknown service without values; --dbc or [[id]] in a bus file (--bus) decodes them",

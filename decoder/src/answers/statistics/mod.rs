@@ -1,7 +1,10 @@
 //! Statistics of a capture, as `cobscope stats -f json` prints them: times in s, intervals in ms.
 
+mod addresses;
 mod figures;
 mod nodes;
+pub mod phrases;
+pub mod text;
 
 use std::collections::BTreeMap;
 
@@ -223,24 +226,24 @@ impl BusFigures {
             bit_rate,
             bits: load.bits,
             bus: bus.name().to_owned(),
-            canopen: bus.is_canopen(),
-            doubt: bus.detection_doubt(),
+            canopen: bus.protocols().is_canopen(),
+            doubt: bus.protocols().detection_doubt(),
             frames: load.frames,
             guard_requests: master.guard_requests,
             ids: statistics.ids().into_iter().map(identifier).collect(),
-            j1939: bus.is_j1939(),
+            j1939: bus.protocols().is_j1939(),
             j1939_devices: J1939DeviceFigures::all(bus, statistics),
-            limits: bus.limit_texts(),
+            limits: bus.protocols().limit_texts(),
             malformed: statistics.malformed,
             nmt_commands: commands.collect(),
             nodes: present.map(|(id, node)| NodeFigures::new(bus, id, node, end)).collect(),
-            sdo_dialogues: bus.sdo_dialogues().iter().map(SdoDialogue::new).collect(),
+            sdo_dialogues: bus.hints().sdo_dialogues().iter().map(SdoDialogue::new).collect(),
             suggestions: firm_suggestions(bus).iter().map(SuggestedProfile::new).collect(),
             sync: SyncFigures::new(master),
             time: master.times,
-            uds: bus.is_uds(),
+            uds: bus.protocols().is_uds(),
             undecoded: statistics.undecoded,
-            unnamed_uds: bus.unnamed_uds().iter().map(UdsDialogue::new).collect(),
+            unnamed_uds: bus.hints().unnamed_uds().iter().map(UdsDialogue::new).collect(),
             worst_second: WorstSecond { bits: load.worst_bits().0, frames: load.worst_frames().0 },
         }
     }

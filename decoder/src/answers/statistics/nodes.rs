@@ -197,7 +197,7 @@ impl SdoServerFigures {
 impl J1939DeviceFigures {
     /// All source addresses of a J1939 bus.
     pub(super) fn all(bus: &Bus, statistics: &BusStatistics) -> Vec<Self> {
-        if !bus.is_j1939() {
+        if !bus.protocols().is_j1939() {
             return Vec::new();
         }
         let addresses = statistics.addresses().into_iter();

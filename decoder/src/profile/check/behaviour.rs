@@ -58,7 +58,9 @@ impl ProfileCheck<'_> {
 
     pub(super) fn check_condition(&mut self, condition: &DeviceCondition, span: &Range<usize>) {
         match condition {
-            DeviceCondition::Object { object, .. } | DeviceCondition::Inside { object, .. } => {
+            DeviceCondition::Object { object, .. }
+            | DeviceCondition::Inside { object, .. }
+            | DeviceCondition::Known(object) => {
                 self.check_known(*object, span, "condition");
             }
             DeviceCondition::Other(all) => all.0.iter().for_each(|one| self.check_condition(one, span)),

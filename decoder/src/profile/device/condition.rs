@@ -14,6 +14,9 @@ use crate::profile::reference::{BitReference, ObjectRange, ObjectReference};
 pub enum DeviceCondition {
     /// NMT state of the node.
     Nmt(NmtName),
+    /// The capture shows the value of an object, which the session compares with the traffic; without it, the
+    /// condition is invisible.
+    Known(ObjectReference),
     /// The raw value of an object, reduced by a mask, is (or is not) one of several values.
     Object {
         /// Object to compare.
@@ -60,6 +63,7 @@ struct ConditionKeys {
     equals: Option<NumberList>,
     not: Option<NumberList>,
     range: Option<[i64; 2]>,
+    known: Option<bool>,
     mask: Option<u64>,
     state: Option<OneOrMany<String>>,
     sync: Option<bool>,
@@ -76,18 +80,19 @@ impl TryFrom<ConditionKeys> for DeviceCondition {
 
     fn try_from(keys: ConditionKeys) -> Result<Self, &'static str> {
         let mask = keys.mask.unwrap_or(u64::MAX);
-        let object = match (keys.object, keys.equals, keys.not, keys.range) {
-            (None, None, None, None) => None,
-            (Some(object), Some(values), None, None) => {
+        let object = match (keys.object, keys.equals, keys.not, keys.range, keys.known) {
+            (None, None, None, None, None) => None,
+            (Some(object), None, None, None, Some(true)) if keys.mask.is_none() => Some(Self::Known(object)),
+            (Some(object), Some(values), None, None, None) => {
                 Some(Self::Object { object, mask, values, negated: false })
             }
-            (Some(object), None, Some(values), None) => {
+            (Some(object), None, Some(values), None, None) => {
                 Some(Self::Object { object, mask, values, negated: true })
             }
-            (Some(object), None, None, Some(range)) if keys.mask.is_none() && range[0] <= range[1] => {
+            (Some(object), None, None, Some(range), None) if keys.mask.is_none() && range[0] <= range[1] => {
                 Some(Self::Inside { object, range })
             }
-            _ => return Err("expected object with exactly one of equals, not, range"),
+            _ => return Err("expected object with exactly one of equals, not, range, known"),
         };
         let all = [
             keys.nmt.map(Self::Nmt),
@@ -430,6 +435,7 @@ impl DeviceCondition {
                 Self::Object { object: object.pin_repeat(nth, stride), mask, values, negated }
             }
             Self::Inside { object, range } => Self::Inside { object: object.pin_repeat(nth, stride), range },
+            Self::Known(object) => Self::Known(object.pin_repeat(nth, stride)),
             Self::Other(all) => Self::Other(all.pin_repeat(nth, stride)),
             other => other,
         }

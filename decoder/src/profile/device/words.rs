@@ -48,6 +48,7 @@ impl fmt::Display for DeviceCondition {
             Self::Inside { object, range: [least, most] } => {
                 write!(f, "{} = {least} to {most}", object.object)
             }
+            Self::Known(object) => write!(f, "a value of {} in the capture", object.object),
             Self::State(states) => write!(f, "state {}", join_alternatives(states)),
             Self::Sync => f.write_str("SYNC of the node"),
             Self::NoError => f.write_str("no active error"),

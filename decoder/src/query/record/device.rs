@@ -104,6 +104,9 @@ pub(super) fn set_point(point: &SetPoint, fields: &mut dyn FieldConsumer) {
         fields.add_field("gate", FieldValue::Text(gate));
         visit_texts("gates", &point.gates, fields);
     }
+    if !point.invisible.is_empty() {
+        visit_texts("invisible", &point.invisible, fields);
+    }
     if let Some(after) = point.sync_after {
         fields.add_field("sync_after", FieldValue::Seconds(after));
     }

@@ -58,13 +58,14 @@ impl SceneView<'_> {
                 pdo.direction == PdoDirection::Receive
                     && self.bus.node(node).is_none_or(|it| it.last_seen().0 == 0)
             };
-            self.bus.pdo_on(slot.id).is_some_and(is_rpdo) && self.bus.pdo_users(slot.id).is_empty()
+            self.bus.identifiers().pdo_on(slot.id).is_some_and(is_rpdo)
+                && self.bus.node_table().pdo_users(slot.id).is_empty()
         })?;
         let rpdos = (1..=RPDOS).map(|number| PdoName { direction: PdoDirection::Receive, number });
         let mut configured = rpdos.filter_map(|pdo| {
             let (own, is_confirmed) = self.bus.pdo_identifier(id, pdo)?;
             (is_confirmed
-                && self.bus.identifier_index(own).and_then(|own| self.traffic.slot_of(own)).is_none())
+                && self.bus.identifiers().find_slot(own).and_then(|own| self.traffic.slot_of(own)).is_none())
             .then_some((pdo, own))
         });
         let (pdo, own) = configured.next()?;
@@ -101,7 +102,7 @@ impl SceneView<'_> {
     /// The RPDO of the node with the shortest usual interval, if it arrived within twice this interval.
     fn command_stream(&self, id: NodeId) -> Option<CommandStream> {
         let streams = self.traffic.slots().iter().filter_map(|slot| {
-            let (pdo, node) = self.bus.pdo_on(slot.id)?;
+            let (pdo, node) = self.bus.identifiers().pdo_on(slot.id)?;
             let is_command = node == id && pdo.direction == PdoDirection::Receive;
             let (period, age) = (slot.median?, self.now.saturating_sub(slot.last));
             (is_command && age <= period.saturating_mul(2)).then_some(CommandStream { pdo, period, age })

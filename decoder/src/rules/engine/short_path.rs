@@ -253,6 +253,11 @@ impl BusJudge {
             EventKind::J1939Message(message) => message.payload().len(),
             _ => return,
         };
-        self.needs.store_needs(identifier, (bus.version_of(identifier), length), statistics, answers);
+        self.needs.store_needs(
+            identifier,
+            (bus.identifiers().version_of(identifier), length),
+            statistics,
+            answers,
+        );
     }
 }

@@ -3,7 +3,7 @@
 use crate::event::{DecodedPdo, SdoOutcome, SdoTransfer};
 use crate::finding::FindingSubject;
 use crate::frame::CanId;
-use crate::profile::{PdoName, little_endian};
+use crate::profile::{PdoName, connection_set, little_endian};
 use crate::rules::{PdoSlot, RuleContext};
 use crate::session::{Node, OriginKind};
 use crate::wire::canopen::ObjectAddress;
@@ -73,8 +73,7 @@ pub(super) fn cob_identifier(cob_id: u64) -> Option<CanId> {
 
 /// Whether an identifier is restricted by CiA 301 table 40.
 fn is_restricted(id: CanId) -> bool {
-    let CanId::Standard(id) = id else { return false };
-    matches!(id, 0x001..=0x07F | 0x101..=0x180 | 0x581..=0x5FF | 0x601..=0x67F | 0x6E0..=0x6FF | 0x701..=0x7FF)
+    matches!(id, CanId::Standard(id) if connection_set().restriction_reason(id).is_some())
 }
 
 /// Whether a write sets a restricted identifier.
@@ -106,7 +105,11 @@ pub(super) fn mapped_bytes(pdo: &DecodedPdo) -> Option<u16> {
 /// Whether a TPDO is sent on change only: event-driven without an event timer (CiA 301 §7.5.2.37), and never
 /// repeated with unchanged content.
 pub(super) fn is_sent_on_change(slot: &PdoSlot, context: &RuleContext<'_>) -> bool {
-    let sent = context.bus.pdo_on(slot.id).and_then(|(name, node)| Some((name, context.bus.node(node)?)));
+    let sent = context
+        .bus
+        .identifiers()
+        .pdo_on(slot.id)
+        .and_then(|(name, node)| Some((name, context.bus.node(node)?)));
     let is_configured = sent.is_some_and(|(name, node)| {
         let parameter = |sub| confirmed_number(node, name.communication_index(), sub);
         matches!(parameter(2), Some(254 | 255)) && parameter(5) == Some(0)
@@ -133,9 +136,16 @@ mod tests {
 
     #[test]
     fn identifiers_that_the_standard_keeps_for_others() {
-        for (id, expected) in
-            [(0x80, false), (0x180, true), (0x181, false), (0x6DF, false), (0x6E0, true), (0x0, false)]
+        // CiA 301 §7.3.5, table 40; both ends of each range.
+        for (first, last) in
+            [(0x000, 0x07F), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F), (0x6E0, 0x6FF), (0x701, 0x7FF)]
         {
+            let inside = [first, last].map(|id| is_restricted(CanId::from_standard(id)));
+            let outside = [first.wrapping_sub(1), last + 1]
+                .map(|id| id < 0x800 && is_restricted(CanId::from_standard(id)));
+            assert_eq!((inside, outside), ([true; 2], [false; 2]), "{first:03X} to {last:03X}");
+        }
+        for (id, expected) in [(0x80, false), (0x100, false), (0x181, false), (0x6DF, false)] {
             assert_eq!(is_restricted(CanId::from_standard(id)), expected, "{id:03X}");
         }
         assert!(!is_restricted(CanId::from_extended(0x601)));

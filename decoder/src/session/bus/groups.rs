@@ -2,30 +2,14 @@
 
 use std::sync::Arc;
 
-use super::nodes::layout_of_profile;
+use super::nodes::{ConcernedDevice, layout_of_profile};
 use super::state::Bus;
 use crate::frame::CanId;
-use crate::profile::device::{MessageDirection, MessageSpec};
-use crate::profile::{DeviceProfile, EntryResolver, LayoutOrigin, NoValues, PayloadLayout, isobus, pgn_name};
-use crate::wire::NodeId;
+use crate::profile::{EntryResolver, LayoutOrigin, NoValues, PayloadLayout, isobus, pgn_name};
 use crate::wire::j1939::{ALL, J1939Id, Pgn};
 
 /// Max message size without transport protocol, in bytes.
 const FRAME_BYTES: usize = 8;
-
-/// Sender or receiver of a message whose profile describes the message.
-pub(in crate::session) struct ConcernedDevice {
-    pub(in crate::session) node: NodeId,
-    pub(in crate::session) device: Arc<DeviceProfile>,
-    /// Index in the message list of the profile.
-    pub(in crate::session) place: usize,
-}
-
-impl ConcernedDevice {
-    pub(in crate::session) fn message_spec(&self) -> Option<&MessageSpec> {
-        self.device.messages.get(self.place)
-    }
-}
 
 /// Name and layout of a parameter group for one sender.
 pub(in crate::session) struct SenderGroup {
@@ -34,29 +18,9 @@ pub(in crate::session) struct SenderGroup {
 }
 
 impl Bus {
-    /// Device whose profile describes a message: the sender, otherwise a receiver.
-    pub(in crate::session) fn concerned_device(&self, id: J1939Id) -> Option<ConcernedDevice> {
-        let find = |node: NodeId, direction: MessageDirection| {
-            let address = node.j1939()?;
-            let known = self.node(node).filter(|known| known.assigned.is_some())?;
-            let mut messages = known.device.messages.iter();
-            let place =
-                messages.position(|spec| spec.direction == direction && spec.is_for(id.pgn, address))?;
-            Some(ConcernedDevice { node, device: Arc::clone(&known.device), place })
-        };
-        if let Some(sender) = find(NodeId::J1939(id.source), MessageDirection::Transmit) {
-            return Some(sender);
-        }
-        if id.destination != ALL {
-            return find(NodeId::J1939(id.destination), MessageDirection::Receive);
-        }
-        let assigned = self.nodes.iter().filter(|node| node.assigned.is_some());
-        assigned.map(|node| node.id).find_map(|node| find(node, MessageDirection::Receive))
-    }
-
     /// Name and layout of a parameter group for a payload of `length` bytes.
     pub(in crate::session) fn sender_group(&self, id: J1939Id, length: usize) -> SenderGroup {
-        self.group_with(id, length, self.concerned_device(id).as_ref())
+        self.group_with(id, length, self.nodes.concerned_device(id).as_ref())
     }
 
     pub(in crate::session) fn group_with(

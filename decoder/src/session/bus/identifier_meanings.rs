@@ -1,19 +1,15 @@
 //! Present meaning of identifiers, and the nodes that a frame concerns.
 
-use super::identifiers::{IdentifierService, UdsLink};
+use super::identifiers::{IdentifierService, SRDO, UdsLink};
 use super::objects::{nonzero_identifier, predefined_identifier};
 use super::state::Bus;
-use super::time::SkippedTimes;
 use crate::event::EventKind;
 use crate::frame::{CanId, Frame};
-use crate::profile::{PayloadLayout, PdoName};
+use crate::profile::PdoName;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::SdoSide;
 use crate::wire::j1939::{ALL, J1939Id, Pgn};
-
-/// Service of two frames per message, as named in the connection set.
-const SRDO: &str = "srdo";
 
 /// Nodes that a frame concerns.
 enum ConcernedNodes {
@@ -32,13 +28,15 @@ impl Bus {
     pub fn describe_id(&self, id: CanId) -> String {
         match self.routes.find_slot(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service) {
             Some(IdentifierService::IsoTp(link)) => self.uds_pairs.link_text(link),
-            Some(IdentifierService::J1939(_)) if !self.j1939.is_rejected() => self.describe_group(id),
-            service if !self.is_settled_service(service) => String::new(),
-            Some(IdentifierService::Unclassified) if self.other_users(id).is_some() => {
+            Some(IdentifierService::J1939(_)) if !self.protocols.j1939.is_rejected() => {
+                self.describe_group(id)
+            }
+            service if !self.protocols.settles_service(service, &self.channels) => String::new(),
+            Some(IdentifierService::Unclassified) if self.nodes.other_users(id).is_some() => {
                 "no known producer".to_owned()
             }
             None | Some(IdentifierService::Unclassified | IdentifierService::J1939(_)) => String::new(),
-            Some(IdentifierService::Named(name)) if self.is_lone(id, name) => String::new(),
+            Some(IdentifierService::Named(name)) if self.routes.is_lone(id, name) => String::new(),
             Some(IdentifierService::Named(name)) => name.to_owned(),
             Some(IdentifierService::Nmt) => "NMT".to_owned(),
             Some(IdentifierService::Sync) => "SYNC".to_owned(),
@@ -63,21 +61,12 @@ impl Bus {
     /// that uses another identifier.
     fn describe_pdo(&self, id: CanId, name: PdoName, node: NodeId) -> String {
         let is_placed = self.routes.is_placed(IdentifierService::Pdo(name, node));
-        let is_away = self.other_users(id).is_some_and(|users| !users.contains(&(name, node)));
+        let is_away = self.nodes.other_users(id).is_some_and(|users| !users.contains(&(name, node)));
         match (self.node(node).is_some() || is_placed) && !is_away {
             true => format!("{name} of {}", node.number()),
             false if name.is_sent() => "no known producer".to_owned(),
-            false => self.consumers_text(id),
+            false => self.nodes.consumers_text(id),
         }
-    }
-
-    /// Whether a frame belongs to an SRDO of which the other frame was never seen. An SRDO is a pair: data on
-    /// an odd identifier, and the inverted data on the next one (CiA 304, 301 §7.3.3).
-    pub(in crate::session) fn is_lone(&self, id: CanId, name: &str) -> bool {
-        let CanId::Standard(number) = id else { return false };
-        let other =
-            if number.is_multiple_of(2) { number.saturating_sub(1) } else { number.saturating_add(1) };
-        name == SRDO && self.routes.find_slot(CanId::from_standard(other)).is_none()
     }
 
     /// Whether frames of an identifier may be expected at intervals: not for requests, responses, commands and
@@ -85,16 +74,16 @@ impl Bus {
     pub fn is_periodic(&self, id: CanId) -> bool {
         match self.routes.find_slot(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service) {
             Some(IdentifierService::IsoTp(_) | IdentifierService::TestMarker) => false,
-            Some(IdentifierService::J1939(id)) if !self.j1939.is_rejected() => {
+            Some(IdentifierService::J1939(id)) if !self.protocols.j1939.is_rejected() => {
                 event_of_group(id.pgn).is_none()
             }
-            Some(IdentifierService::Named(name)) => name == SRDO || !self.is_settled(None),
+            Some(IdentifierService::Named(name)) => name == SRDO || !self.protocols.is_settled(None),
             service @ Some(
                 IdentifierService::Nmt
                 | IdentifierService::Emcy(_)
                 | IdentifierService::Sdo(..)
                 | IdentifierService::Lss(_),
-            ) => !self.is_settled_service(service),
+            ) => !self.protocols.settles_service(service, &self.channels),
             _ => true,
         }
     }
@@ -103,9 +92,9 @@ impl Bus {
     pub fn filter_of_id(&self, id: CanId) -> String {
         let service =
             self.routes.find_slot(id).and_then(|slot| self.routes.slot(slot)).map(|slot| slot.service);
-        let is_believed = self.is_settled_service(service);
+        let is_believed = self.protocols.settles_service(service, &self.channels);
         match service {
-            Some(IdentifierService::J1939(id)) if !self.j1939.is_rejected() => filter_of_group(id),
+            Some(IdentifierService::J1939(id)) if !self.protocols.j1939.is_rejected() => filter_of_group(id),
             Some(IdentifierService::Nmt) if is_believed => "kind == \"nmt-command\"".to_owned(),
             Some(IdentifierService::Sync) if is_believed => "kind == \"sync\"".to_owned(),
             Some(IdentifierService::Time) if is_believed => "kind == \"time\"".to_owned(),
@@ -116,21 +105,6 @@ impl Bus {
                 format!("node == {} && kind in {{{KINDS}, \"node-lost\", \"node-back\"}}", node.number())
             }
             _ => format!("can.id == 0x{id}"),
-        }
-    }
-
-    /// Whether the protocol of a service is settled, by evidence or by the user.
-    fn is_settled_service(&self, service: Option<IdentifierService>) -> bool {
-        match service {
-            Some(
-                IdentifierService::Emcy(node)
-                | IdentifierService::Pdo(_, node)
-                | IdentifierService::ErrorControl(node),
-            ) => self.is_settled(Some(node)),
-            Some(IdentifierService::Sdo(_, channel)) => {
-                self.is_settled(self.channels.server_node(channel).map(NodeId::Canopen))
-            }
-            _ => self.is_settled(None),
         }
     }
 
@@ -176,54 +150,6 @@ impl Bus {
         let slot = self.node(node)?.behaviour.machines.get(machine)?.slot?;
         match &self.routes.slot(slot)?.prepared.as_deref()?.kind {
             EventKind::Pdo(pdo) => Some(pdo.cob_id),
-            _ => None,
-        }
-    }
-
-    /// PDO that an identifier carries now, and its node.
-    pub fn pdo_on(&self, id: CanId) -> Option<(PdoName, NodeId)> {
-        match self.routes.slot(self.routes.find_slot(id)?)?.service {
-            IdentifierService::Pdo(name, node) => Some((name, node)),
-            _ => None,
-        }
-    }
-
-    /// Index of an identifier in order of appearance; `None` before its first frame.
-    #[inline]
-    pub(crate) fn identifier_index(&self, id: CanId) -> Option<usize> {
-        self.routes.find_slot(id)
-    }
-
-    /// Index of the identifier of the PDO or J1939 message that an observer receives.
-    #[inline]
-    pub(crate) fn identifier_of_event(&self, id: CanId) -> Option<usize> {
-        self.current_identifier.or_else(|| self.routes.find_slot(id))
-    }
-
-    /// PDO and node of an identifier by its index; `None` for other services.
-    #[inline]
-    pub(crate) fn pdo_at(&self, identifier: usize) -> Option<(PdoName, NodeId)> {
-        match self.routes.slot(identifier)?.service {
-            IdentifierService::Pdo(name, node) => Some((name, node)),
-            _ => None,
-        }
-    }
-
-    /// Frames without an event of an RPDO, by the index of its identifier.
-    pub(crate) fn skipped_times(&self, identifier: usize) -> Option<&SkippedTimes> {
-        self.routes.slot(identifier)?.skipped.as_deref()
-    }
-
-    /// Number of the present service and layout of an identifier; it changes with them.
-    #[inline]
-    pub(crate) fn version_of(&self, identifier: usize) -> u32 {
-        self.routes.slot(identifier).map_or(0, |state| state.version)
-    }
-
-    /// Layout of the last PDO with an identifier.
-    pub(crate) fn pdo_layout(&self, id: CanId) -> Option<&PayloadLayout> {
-        match &self.routes.slot(self.routes.find_slot(id)?)?.prepared.as_deref()?.kind {
-            EventKind::Pdo(pdo) => pdo.layout.as_deref(),
             _ => None,
         }
     }

@@ -9,29 +9,29 @@ mod identifiers;
 mod life;
 mod nodes;
 mod objects;
-mod omissions;
 mod open_transfers;
-mod pdo_identifiers;
+mod protocols;
 mod state;
 mod streams;
 mod time;
 
-pub(in crate::session) use groups::{ConcernedDevice, SenderGroup};
+pub(in crate::session) use groups::SenderGroup;
 pub(crate) use hints::ProfileSigns;
-pub use hints::{SdoPairHint, UdsPairHint};
+pub use hints::{BusHints, SdoPairHint, UdsPairHint};
+pub use identifiers::IdentifierRoutes;
 pub(in crate::session) use identifiers::{
-    IdentifierPlan, IdentifierService, IdentifierState, LastPayload, RecentFrames, RouteOrigin, UdsLink,
-    UdsPairs, WatchPlan,
+    IdentifierPlan, IdentifierService, LastPayload, RecentFrames, RouteOrigin, UdsLink, UdsPairs, WatchPlan,
 };
 pub use life::{LifeSign, LifeWatch};
+pub use nodes::{BusNodes, EmittedSetPoint, GateState, NmtStatus, Node, PendingNodeId};
 pub(in crate::session) use nodes::{
-    CommandStep, DetectedByteOrder, DtcChange, GatedSetPoint, MachineState, ProcedureResult, RestartType,
-    RunningProcedure, SetPointState, UNANSWERED, is_triggered_by, layout_of_profile, leads_further, leads_to,
-    leave_text, pdo_layout,
+    CommandStep, ConcernedDevice, DetectedByteOrder, DtcChange, GatedSetPoint, MachineState, ProcedureResult,
+    RestartType, RunningProcedure, SetPointGates, SetPointState, ShortPayload, UNANSWERED, is_triggered_by,
+    layout_of_profile, leads_further, leads_to, leave_text, pdo_layout,
 };
-pub use nodes::{EmittedSetPoint, GateState, NmtStatus, Node, PendingNodeId};
 pub use objects::{ObjectStore, OriginKind, PendingValue, StoredObject, StoredOrigin};
 pub(in crate::session) use objects::{cob_identifier, nonzero_identifier, predefined_identifier};
+pub use protocols::BusProtocols;
 pub use state::Bus;
 pub(crate) use streams::{BusStream, StreamService};
 pub(crate) use time::{AmbiguousGap, SkippedTimes, StreamRegularity};

@@ -21,8 +21,8 @@ pub(in crate::session) fn on_boot_up(id: NodeId, frame: &Frame, cx: &mut Machine
     let cause = boot_cause(&mut cx.bus, id);
     mark_alive(id, frame, cx);
     let lost = count_lost_settings(&cx.bus, id);
-    let Some(node) = cx.bus.node_mut(id) else { return };
-    node.active_errors.clear();
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
+    node.errors.clear_all();
     node.guarding.restart_series();
     node.heartbeat.restart_series();
     cx.emit_event(frame, id, false, EventKind::BootUp { cause, lost });
@@ -39,7 +39,7 @@ pub(in crate::session) fn on_restart(
     if matches!(cause, BootCause::PresumedPowerOn { .. }) {
         cx.bus.restarts.last_boot = Some((cx.bus.clock.now(), id));
     }
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     node.boots = node.boots.saturating_add(1);
     node.just_booted = true;
     let changes = restart_values(&mut cx.bus, id, frame);
@@ -54,7 +54,7 @@ pub(in crate::session) fn boot_cause(bus: &mut Bus, id: NodeId) -> BootCause {
     // A reset of all nodes also applies to a node that sent nothing after it.
     let before = bus.node(id).map_or(0, |node| node.last_frame);
     let reset_of_all = bus.restarts.reset_of_all.filter(|(reset, _)| *reset > before);
-    let Some(node) = bus.node_mut(id) else { return BootCause::PresumedPowerOn { sign } };
+    let Some(node) = bus.nodes.node_mut(id) else { return BootCause::PresumedPowerOn { sign } };
     let commanded = node.reset_frame.take().or(reset_of_all);
     node.restart = commanded.map_or(RestartType::PowerOn, |(_, restart)| restart);
     match commanded {

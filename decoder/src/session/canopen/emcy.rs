@@ -34,7 +34,7 @@ impl ProtocolMachine for EmcyMachine {
         if frame.length == 1 {
             cx.emit_contradicted_name(id, frame, "EMCY of 8 bytes");
         }
-        let Some(node) = cx.bus.node_mut(id) else { return };
+        let Some(node) = cx.bus.nodes.node_mut(id) else { return };
         let (byte_order, byte_order_by) = byte_order(node, frame.data());
         let contradicted = node.contradicted.take();
         let message = match emcy::parse(frame.data(), byte_order) {
@@ -46,15 +46,15 @@ impl ProtocolMachine for EmcyMachine {
             && (message == Message::Ready || node.reset_frame.is_some());
         let boot = starts.then(|| boot_cause(&mut cx.bus, id));
         mark_alive(id, frame, cx);
-        let Some(node) = cx.bus.node_mut(id) else { return };
+        let Some(node) = cx.bus.nodes.node_mut(id) else { return };
         if starts {
-            node.active_errors.clear();
+            node.errors.clear_all();
             node.guarding.restart_series();
             node.heartbeat.restart_series();
         }
         let ((code, register, vendor, vendor_length), action, fits) = apply_message(message, node);
         let alternative = code.and_then(|code| swapped_code(&node.device, code));
-        let active = u16::try_from(node.active_errors.len()).unwrap_or(u16::MAX);
+        let active = u16::try_from(node.active_errors().len()).unwrap_or(u16::MAX);
         let emergency = Emergency {
             cob_id: frame.id,
             code,
@@ -87,7 +87,7 @@ impl ProtocolMachine for EmcyMachine {
 fn is_admitted(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) -> bool {
     if !cx.is_settled(Some(id)) {
         let now = cx.bus.clock.now();
-        cx.bus.canopen.count_unsupported(id.number(), now);
+        cx.bus.protocols.canopen.count_unsupported(id.number(), now);
         let active = cx.bus.node(id).map_or(&[][..], Node::active_errors);
         if !is_plausible(active, frame) {
             cx.emit_undecoded(frame, None);
@@ -110,7 +110,7 @@ fn apply_message(message: Message, node: &mut Node) -> (Content, EmcyAction, boo
         Message::Error { code, register, vendor, vendor_length } => {
             node.signs.note_emcy(code);
             let action = if code == 0 { end_of_error(node, register) } else { EmcyAction::Raised };
-            let fits = action != EmcyAction::Raised || node.raise_error(code);
+            let fits = action != EmcyAction::Raised || node.errors.raise_error(code);
             ((Some(code), register, vendor, vendor_length), action, fits)
         }
     }
@@ -158,7 +158,7 @@ fn apply_emcy_to_nmt(id: NodeId, code: u16, frame: &Frame, cx: &mut MachineConte
 /// Meaning of code 0000.
 fn end_of_error(node: &mut Node, register: Option<u8>) -> EmcyAction {
     let just_booted = std::mem::replace(&mut node.just_booted, false);
-    if just_booted && node.active_errors.is_empty() {
+    if just_booted && node.active_errors().is_empty() {
         return EmcyAction::NoErrorAtBoot;
     }
     // Code 0000 does not identify the cleared error. The register shows whether errors remain
@@ -166,7 +166,7 @@ fn end_of_error(node: &mut Node, register: Option<u8>) -> EmcyAction {
     let all_gone =
         node.device.emcy.cleared == ClearMeaning::AllGone || register.is_none_or(|register| register == 0);
     if all_gone {
-        node.active_errors.clear();
+        node.errors.clear_all();
         EmcyAction::AllCleared
     } else {
         EmcyAction::Cleared

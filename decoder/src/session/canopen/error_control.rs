@@ -25,7 +25,7 @@ impl ProtocolMachine for ErrorControlMachine {
     type Product = ();
 
     fn on_silence(&mut self, delay: i64, bus: &mut Bus) {
-        for node in &mut bus.nodes {
+        for node in bus.nodes.all_mut() {
             // The interval that contains the silence is not a period of the node, and its responses before and
             // after the silence do not follow each other.
             for time in [&mut node.heartbeat.deadline, &mut node.heartbeat.last].into_iter().flatten() {
@@ -42,9 +42,11 @@ impl ProtocolMachine for ErrorControlMachine {
         }
         let parsed = error_control::parse(frame.data());
         match parsed {
-            Ok(message) if frame.length == 1 && message.state.is_some() => cx.bus.canopen.add_evidence(),
+            Ok(message) if frame.length == 1 && message.state.is_some() => {
+                cx.bus.protocols.canopen.add_evidence();
+            }
             _ => {
-                cx.bus.canopen.add_contradiction();
+                cx.bus.protocols.canopen.add_contradiction();
                 let is_byte = frame.length == 1;
                 let expected =
                     if is_byte { "the value 00, 04, 05 or 7F, toggle bit apart" } else { "1 byte" };
@@ -68,7 +70,7 @@ impl ProtocolMachine for ErrorControlMachine {
                 node.guarding.is_open && node.heartbeat.configured.is_none_or(|time| time == 0)
             });
         if message.state == Some(NmtState::Initialising) && !message.toggle {
-            if let Some(node) = cx.bus.node_mut(id) {
+            if let Some(node) = cx.bus.nodes.node_mut(id) {
                 node.signs.is_boot_up_sent = true;
             }
             on_boot_up(id, frame, cx);
@@ -89,7 +91,7 @@ impl TimedMachine for ErrorControlMachine {
     type Deadline = NodeId;
 
     fn on_deadline(&mut self, id: NodeId, now: i64, cx: &mut MachineContext<'_>) {
-        let Some(node) = cx.bus.node_mut(id) else { return };
+        let Some(node) = cx.bus.nodes.node_mut(id) else { return };
         node.heartbeat.queued = false;
         let Some(deadline) = node.heartbeat.deadline else { return };
         if deadline >= now {
@@ -123,8 +125,8 @@ fn on_guard_request(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
         return;
     }
     let now = cx.bus.clock.now();
-    let life_factor = cx.bus.object_number(id, ObjectAddress::new(0x100D, 0));
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let life_factor = cx.bus.nodes.object_number(id, ObjectAddress::new(0x100D, 0));
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     let guarding = &mut node.guarding;
     let first = !std::mem::replace(&mut guarding.seen, true);
     let unanswered = std::mem::replace(&mut guarding.is_open, true);
@@ -142,7 +144,7 @@ fn on_guard_request(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
 fn on_guard_reply(id: NodeId, message: Message, frame: &Frame, cx: &mut MachineContext<'_>) {
     mark_alive(id, frame, cx);
     let now = cx.bus.clock.now();
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     let is_renewed = node.guarding.missed >= UNANSWERED || node.guarding.has_outlived(&node.store, now);
     let guarding = &mut node.guarding;
     let last = guarding.last_reply.replace(now);
@@ -171,7 +173,7 @@ fn rearm_heartbeat(id: NodeId, cx: &mut MachineContext<'_>) {
         return;
     }
     let now = cx.bus.clock.now();
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     let heartbeat = &mut node.heartbeat;
     if let Some(last) = heartbeat.last.replace(now) {
         let [newest, second, third, _] = heartbeat.intervals;

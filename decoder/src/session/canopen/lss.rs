@@ -116,7 +116,7 @@ impl LssMachine {
             _ => false,
         };
         if fits {
-            bus.canopen.add_evidence();
+            bus.protocols.canopen.add_evidence();
         }
     }
 

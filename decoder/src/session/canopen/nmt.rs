@@ -49,11 +49,11 @@ impl ProtocolMachine for NmtMachine {
             && frame.flags.is_classic_data()
             && parsed.is_ok_and(|command| command.target <= 127 && state_after(command.service).is_some());
         if is_valid {
-            cx.bus.canopen.add_evidence();
+            cx.bus.protocols.canopen.add_evidence();
         } else {
-            cx.bus.canopen.add_contradiction();
+            cx.bus.protocols.canopen.add_contradiction();
         }
-        if !is_valid && !cx.bus.canopen.is_confirmed() {
+        if !is_valid && !cx.bus.protocols.canopen.is_confirmed() {
             return cx.emit_undecoded(frame, None);
         }
         if !cx.is_decoded(target_of(frame), frame) {
@@ -92,7 +92,7 @@ fn target_of(frame: &Frame) -> Option<NodeId> {
 }
 
 fn on_command(id: NodeId, service: NmtService, to: NmtState, frame: &Frame, cx: &mut MachineContext<'_>) {
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     if to == NmtState::Initialising {
         node.reset_frame = Some((frame.number, restart_type(service)));
         // A node that resets sends no heartbeat until it has booted.
@@ -114,7 +114,7 @@ pub(in crate::session) fn presume_state(
     cx: &mut MachineContext<'_>,
 ) {
     let now = cx.bus.clock.now();
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     let before = node.nmt.replace(NmtStatus {
         state: to,
         certainty: StateCertainty::Presumed,
@@ -146,7 +146,7 @@ pub(in crate::session) fn confirm_state(
 ) {
     let now = cx.bus.clock.now();
     let runs = cx.bus.clock.has_timestamps();
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     let before = node.nmt;
     let status =
         NmtStatus { state: to, certainty: StateCertainty::Confirmed, cause, frame: frame.number, since: now };
@@ -197,7 +197,7 @@ fn emit_state_change(
     };
     let mut event: Event = cx.canopen_event(frame, EventKind::NmtState(change));
     event.node = Some(id);
-    event.presumed = !cx.bus.is_settled(Some(id));
+    event.presumed = !cx.bus.protocols.is_settled(Some(id));
     // The boot-up message itself means that the node is now pre-operational.
     event.routine = now.cause == StateCause::BootUp;
     cx.send_event(&event);

@@ -32,10 +32,10 @@ impl ProtocolMachine for PdoMachine {
         frame: &Frame,
         cx: &mut MachineContext<'_>,
     ) {
-        let believed = cx.bus.canopen.is_confirmed() || cx.bus.named.note_canopen(id);
+        let believed = cx.bus.protocols.canopen.is_confirmed() || cx.bus.protocols.named.note_canopen(id);
         if !believed {
             let now = cx.bus.clock.now();
-            cx.bus.canopen.count_unsupported(id.number(), now);
+            cx.bus.protocols.canopen.count_unsupported(id.number(), now);
             if !cx.is_decoded(Some(id), frame) {
                 return;
             }
@@ -66,7 +66,9 @@ impl ProtocolMachine for PdoMachine {
         copy_payload(&mut pdo.bytes, frame);
         let mut matters = false;
         if let Some(planned) = &mut entry.plan {
-            matters = planned.plan.triggers || change.is_some_and(|change| change & planned.plan.mask != 0);
+            matters = planned.plan.triggers
+                || is_resized
+                || change.is_some_and(|change| change & planned.plan.mask != 0);
             if planned.plan.commands {
                 planned.recent.push(frame.number, bus.clock.now());
             }
@@ -86,7 +88,7 @@ impl ProtocolMachine for PdoMachine {
 fn mark_producer_alive(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
     let now = cx.bus.clock.now();
     // A PDO alone does not prove its node: the identifier may be configured in another one.
-    let Some(node) = cx.bus.known_node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.known_node_mut(id) else { return };
     if node.attention {
         mark_alive(id, frame, cx);
         confirm_operational_by_pdo(id, frame, cx);
@@ -102,7 +104,7 @@ fn mark_producer_alive(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
 fn record_length(id: NodeId, name: PdoName, frame: &Frame, cx: &mut MachineContext<'_>) {
     if !frame.flags.contains(FrameFlags::REMOTE)
         && cx.bus.node(id).is_some()
-        && let Some(node) = cx.bus.node_mut(id)
+        && let Some(node) = cx.bus.nodes.node_mut(id)
     {
         node.signs.note_pdo(name, frame.length);
     }
@@ -119,7 +121,7 @@ fn first_pdo(slot: usize, name: PdoName, id: NodeId, frame: &Frame, cx: &mut Mac
     // A possible SDO dialogue on unconfigured PDO identifiers: while it is examined, no event is prepared.
     let is_examined = layout.is_none()
         && !frame.flags.contains(FrameFlags::REMOTE)
-        && cx.bus.dialogues.is_candidate(frame)
+        && cx.bus.hints.dialogues.is_candidate(frame)
         && !cx.bus.routes.is_placed(IdentifierService::Pdo(name, id))
         && cx.bus.pdo_identifier(id, name).is_none_or(|(_, is_confirmed)| !is_confirmed);
     if is_examined && cx.follow_dialogue(frame) {
@@ -146,7 +148,7 @@ fn first_pdo(slot: usize, name: PdoName, id: NodeId, frame: &Frame, cx: &mut Mac
         frames: FrameRange::one(frame.number),
         protocol: EventProtocol::Canopen,
         node: Some(id),
-        presumed: !cx.bus.is_settled(Some(id)),
+        presumed: !cx.bus.protocols.is_settled(Some(id)),
         routine: false,
         kind: EventKind::Pdo(pdo),
     };

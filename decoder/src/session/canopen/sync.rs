@@ -36,9 +36,9 @@ impl ProtocolMachine for SyncMachine {
 
     fn on_frame(&mut self, (): (), frame: &Frame, cx: &mut MachineContext<'_>) -> bool {
         if frame.length <= 1 {
-            cx.bus.canopen.count_sync();
+            cx.bus.protocols.canopen.count_sync();
         } else {
-            cx.bus.canopen.add_contradiction();
+            cx.bus.protocols.canopen.add_contradiction();
         }
         if !cx.is_decoded(None, frame) {
             return false;
@@ -57,7 +57,7 @@ impl ProtocolMachine for ConformanceMarks {
     type Product = ();
 
     fn on_frame(&mut self, (): (), frame: &Frame, cx: &mut MachineContext<'_>) {
-        match test_marker::parse(frame.data()).filter(|_| cx.bus.canopen.is_confirmed()) {
+        match test_marker::parse(frame.data()).filter(|_| cx.bus.protocols.canopen.is_confirmed()) {
             Some(marker) => cx.emit_event(frame, None, false, EventKind::TestCase(marker)),
             None => cx.emit_undecoded(frame, None),
         }

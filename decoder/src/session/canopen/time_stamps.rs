@@ -105,7 +105,7 @@ impl ProtocolMachine for TimeStamps {
         if let Some(reason) = self.rejection_reason().filter(|_| !is_given) {
             return self.on_other_traffic(reason, frame, cx);
         }
-        cx.bus.is_time_rejected = false;
+        cx.bus.protocols.is_time_rejected = false;
         // Without evidence of CANopen, only a clock that was observed to run is TIME.
         let is_believed = is_given || cx.is_settled(None) || self.agreements > 0;
         if !is_believed {
@@ -121,9 +121,9 @@ impl ProtocolMachine for TimeStamps {
 impl TimeStamps {
     /// Handles a frame on the identifier of TIME that is not a clock.
     fn on_other_traffic(&mut self, reason: &str, frame: &Frame, cx: &mut MachineContext<'_>) {
-        cx.bus.is_time_rejected = true;
+        cx.bus.protocols.is_time_rejected = true;
         if cx.is_settled(None) {
-            cx.bus.omissions.time += 1;
+            cx.bus.protocols.omissions.time += 1;
             if !std::mem::replace(&mut self.is_reported, true) {
                 let text =
                     format!("identifier {} is not TIME: {reason}; its frames are not decoded", frame.id);

@@ -65,7 +65,7 @@ fn only_tpdos_of_a_named_node_are_decoded_to_the_end() {
     let mut unnamed = decoder(SessionOptions::default());
     let events = push(&mut unnamed, tpdos(9, 200));
     assert_eq!(pdos(&events), 0);
-    let limits = unnamed.bus().limit_texts();
+    let limits = unnamed.bus().protocols.limit_texts();
     assert_eq!(limits.len(), 1);
     // Frames 1 to 50 precede the rejection at frame 51, whose count is 5.0 s after the first.
     assert!(limits[0].starts_with("150 frames on CANopen identifiers not decoded: "), "{limits:?}");
@@ -80,9 +80,9 @@ fn only_tpdos_of_a_named_node_are_decoded_to_the_end() {
         let events = push(&mut named, tpdos(9, 200));
         assert_eq!((pdos(&events), notes(&events).len()), (200, 0), "{:?}", notes(&events));
         assert!(
-            named.bus().is_canopen()
-                && named.bus().detection_doubt().is_none()
-                && named.bus().limit_texts().is_empty()
+            named.bus().protocols.is_canopen()
+                && named.bus().protocols.detection_doubt().is_none()
+                && named.bus().protocols.limit_texts().is_empty()
         );
     }
 }
@@ -133,9 +133,10 @@ fn other_nodes_of_the_bus_are_still_judged_by_evidence() {
         notes(&events).into_iter().filter(|text| text.contains("not detected")).collect();
     assert_eq!(rejections.len(), 1, "reported once");
     assert!(rejections[0].contains("only identifiers of named nodes (9) are decoded"), "{rejections:?}");
-    assert!(bus.bus().limit_texts()[0].contains("frames on CANopen identifiers not decoded"));
+    assert!(bus.bus().protocols.limit_texts()[0].contains("frames on CANopen identifiers not decoded"));
     assert!(
-        bus.bus().is_withdrawn(Some(NodeId::Canopen(8))) && !bus.bus().is_withdrawn(Some(NodeId::Canopen(9)))
+        bus.bus().protocols.is_withdrawn(Some(NodeId::Canopen(8)))
+            && !bus.bus().protocols.is_withdrawn(Some(NodeId::Canopen(9)))
     );
 }
 
@@ -190,9 +191,9 @@ fn a_named_address_is_j1939_at_its_first_frame() {
     assert_eq!(settled, [Some(NodeId::J1939(0x0B)); 2]);
     // The 48th address rejects J1939: it and the 12 later ones are not decoded.
     assert!(
-        bus.bus().limit_texts()[0].starts_with("13 frames with 29-bit identifier"),
+        bus.bus().protocols.limit_texts()[0].starts_with("13 frames with 29-bit identifier"),
         "{:?}",
-        bus.bus().limit_texts()
+        bus.bus().protocols.limit_texts()
     );
 }
 
@@ -230,7 +231,7 @@ fn time_of_day_in_eight_bytes_is_a_time() {
     let events = push(&mut bus, frames);
     let times = events.iter().filter(|event| matches!(event.kind, EventKind::Time { days: 14_610, .. }));
     assert_eq!(times.count(), 5);
-    assert!(!bus.bus().is_time_withdrawn());
+    assert!(!bus.bus().protocols.is_time_withdrawn());
 }
 
 #[test]
@@ -238,15 +239,15 @@ fn fast_traffic_on_the_identifier_of_time_is_given_up_on_a_canopen_bus() {
     let mut bus = decoder(SessionOptions::default());
     let frames = (0..1_000_i64).map(|place| (0x100, vec![place.to_le_bytes()[0], 0, 0, 0, 1, 0], place));
     let events = push(&mut bus, std::iter::once((0x705, vec![5], 0)).chain(frames));
-    assert!(bus.bus().is_time_withdrawn());
+    assert!(bus.bus().protocols.is_time_withdrawn());
     let time_notes =
         notes(&events).into_iter().filter(|text| text.contains("100 is not TIME: period below 10 ms"));
     assert_eq!(time_notes.count(), 1);
     // Ten intervals below 10 ms follow the first message.
     assert!(
-        bus.bus().limit_texts()[0].starts_with("990 frames on the identifier of TIME"),
+        bus.bus().protocols.limit_texts()[0].starts_with("990 frames on the identifier of TIME"),
         "{:?}",
-        bus.bus().limit_texts()
+        bus.bus().protocols.limit_texts()
     );
 }
 

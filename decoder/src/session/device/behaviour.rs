@@ -19,7 +19,7 @@ use crate::event::{DecodedPdo, EventKind, J1939Message};
 use crate::frame::Frame;
 use crate::profile::device::TriggerEvent;
 use crate::profile::{ObjectRole, PayloadLayout, PdoDirection, ValueCarrier};
-use crate::session::bus::{Bus, FrameMoment, OriginKind, StoredOrigin, WatchPlan};
+use crate::session::bus::{Bus, FrameMoment, OriginKind, ShortPayload, StoredOrigin, WatchPlan};
 use crate::session::context::MachineContext;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
@@ -42,15 +42,23 @@ pub(in crate::session) fn on_values(
         | EventKind::J1939Message(J1939Message { layout: Some(layout), .. }) => Arc::clone(layout),
         _ => return,
     };
-    let Some(device) = cx.bus.node(id).map(|node| Arc::clone(&node.device)) else { return };
-    let (mut set_points, mut gates) = (false, false);
+    let short = missing_bytes((carrier, direction), &layout, frame);
+    if short.is_some_and(|it| !it.assumed) {
+        // The device does not process it (CiA 301 §7.2.2.3).
+        set_points_changed(id, carrier, (&layout, short), &plan, frame, cx);
+        return;
+    }
+    let Some(node) = cx.bus.node(id) else { return };
+    let device = Arc::clone(&node.device);
+    let mut set_points = node.behaviour.has_short_payload(carrier);
+    let mut gates = false;
     for watched in &plan.fields {
         let Some(field) = layout.fields.get(watched.place) else { continue };
         let (Some(meaning), Some(raw)) = (&field.meaning, field.extract_bits(frame.data())) else { continue };
         if plan.commands {
             assign_control_slot(&mut cx.bus, id, &device, watched.object, slot);
         }
-        let Some(node) = cx.bus.node_mut(id) else { return };
+        let Some(node) = cx.bus.nodes.node_mut(id) else { return };
         let before = node.behaviour.note_value(watched.object, raw);
         if before == Some(raw) {
             continue;
@@ -67,7 +75,7 @@ pub(in crate::session) fn on_values(
         field_changed(&changed, frame, cx);
     }
     if set_points {
-        set_points_changed(id, carrier, &layout, &plan, frame, cx);
+        set_points_changed(id, carrier, (&layout, short), &plan, frame, cx);
     }
     if gates {
         reassess_set_points(id, frame, cx);
@@ -76,6 +84,17 @@ pub(in crate::session) fn on_values(
         advance_procedures_by_message(id, carrier, frame, cx);
         repeated_bits(id, &layout, &plan, frame, cx);
     }
+}
+
+/// Length of an RPDO with less data than its mapping.
+fn missing_bytes(
+    (carrier, direction): (&ValueCarrier, PdoDirection),
+    layout: &PayloadLayout,
+    frame: &Frame,
+) -> Option<ShortPayload> {
+    let (ValueCarrier::Pdo(_), PdoDirection::Receive) = (carrier, direction) else { return None };
+    let (bytes, needed) = (u8::try_from(frame.data().len()).ok()?, layout.bits.div_ceil(8));
+    (u16::from(bytes) < needed).then_some(ShortPayload { bytes, needed, assumed: layout.assumed })
 }
 
 fn field_changed(changed: &FieldChange<'_>, frame: &Frame, cx: &mut MachineContext<'_>) {
@@ -94,7 +113,7 @@ fn field_changed(changed: &FieldChange<'_>, frame: &Frame, cx: &mut MachineConte
 fn store_sample(bus: &mut Bus, changed: &FieldChange<'_>, frame: &Frame) {
     let length = usize::from(changed.field.bits.div_ceil(8));
     let bytes = changed.raw.to_le_bytes();
-    let Some(node) = bus.node_mut(changed.id) else { return };
+    let Some(node) = bus.nodes.node_mut(changed.id) else { return };
     let origin = StoredOrigin { kind: OriginKind::Pdo, frame: frame.number, time: frame.time };
     let bytes = bytes.get(..length).unwrap_or(&bytes);
     if Arc::make_mut(&mut node.store).set(changed.object, bytes, origin).is_ok() {
@@ -124,7 +143,7 @@ fn repeated_bits(
 /// Applies an EMCY: it may be the cause of a state, or change the effect of set points.
 pub(in crate::session) fn on_emcy_code(id: NodeId, code: u16, frame: &Frame, cx: &mut MachineContext<'_>) {
     let time = cx.bus.clock.now();
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     if code != 0 {
         node.behaviour.emcy = Some(FrameMoment { what: code, frame: frame.number, time });
     }
@@ -140,7 +159,7 @@ pub(in crate::session) fn on_trouble_code(
     cx: &mut MachineContext<'_>,
 ) {
     let time = cx.bus.clock.now();
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     node.behaviour.dtc = Some(FrameMoment { what: code, frame: frame.number, time });
     advance_procedures(id, &TriggerEvent::Dtc(code.0, code.1), frame, cx);
     reassess_set_points(id, frame, cx);
@@ -154,7 +173,7 @@ pub(in crate::session) fn on_nmt_service(
     cx: &mut MachineContext<'_>,
 ) {
     let time = cx.bus.clock.now();
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     let [first, second, _] = node.behaviour.nmt;
     node.behaviour.nmt = [Some(FrameMoment { what: service, frame: frame.number, time }), first, second];
     advance_procedures(id, &TriggerEvent::Nmt(service.name()), frame, cx);
@@ -163,7 +182,7 @@ pub(in crate::session) fn on_nmt_service(
 /// Resets the device state at a boot: procedures end, set points are removed.
 pub(in crate::session) fn on_device_restart(bus: &mut Bus, id: NodeId, frame: &Frame) {
     let time = bus.clock.now();
-    let Some(node) = bus.node_mut(id) else { return };
+    let Some(node) = bus.nodes.node_mut(id) else { return };
     node.behaviour.boot = Some(FrameMoment { what: (), frame: frame.number, time });
     node.behaviour.interrupt_procedures(frame.number);
     node.behaviour.set_points.clear();

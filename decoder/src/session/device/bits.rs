@@ -68,7 +68,7 @@ pub(in crate::session) fn update_mode(
         to: title(number),
         consequence: set_points_under_mode(&cx.bus, id, object),
     };
-    if let Some(node) = cx.bus.node_mut(id) {
+    if let Some(node) = cx.bus.nodes.node_mut(id) {
         node.behaviour.modes.retain(|(known, _)| *known != object);
         node.behaviour.modes.push((object, number));
     }

@@ -178,7 +178,7 @@ fn record_step(
 }
 
 fn machine_mut(bus: &mut Bus, id: NodeId, place: usize) -> Option<&mut MachineState> {
-    let machines = &mut bus.node_mut(id)?.behaviour.machines;
+    let machines = &mut bus.nodes.node_mut(id)?.behaviour.machines;
     if machines.len() <= place {
         machines.resize(place + 1, MachineState::default());
     }

@@ -80,7 +80,14 @@ pub(in crate::session) fn advance_procedures_by_message(
 ) {
     let Some(device) = cx.bus.node(id).map(|node| Arc::clone(&node.device)) else { return };
     let now = cx.bus.clock.now();
-    let subject = GatedSetPoint { object: ObjectAddress::default(), channel: None, carrier, id: None };
+    let subject = GatedSetPoint {
+        object: ObjectAddress::default(),
+        channel: None,
+        carrier,
+        id: None,
+        late: false,
+        short: None,
+    };
     let event = carrier.into();
     for (place, procedure) in device.procedures.iter().enumerate() {
         let Some(node) = cx.bus.node(id) else { return };
@@ -101,7 +108,7 @@ pub(in crate::session) fn advance_procedures_by_message(
 
 /// Consecutive messages that met the trigger of a running procedure.
 fn count_streak(bus: &mut Bus, id: NodeId, place: usize, again: bool) -> u8 {
-    let node = bus.node_mut(id);
+    let node = bus.nodes.node_mut(id);
     let running = node.and_then(|node| node.behaviour.running.iter_mut().find(|it| it.place == place));
     running.map_or(1, |running| {
         running.streak = if again { running.streak.saturating_add(1) } else { 0 };
@@ -127,7 +134,7 @@ pub(super) fn start_procedure(
         }
         return cx.emit_event(frame, id, false, EventKind::Procedure(Box::new(event)));
     }
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     if node.behaviour.running.len() >= MOST_RUNNING {
         node.behaviour.running.remove(0);
     }
@@ -161,7 +168,7 @@ fn enter_step(
     cx: &mut MachineContext<'_>,
 ) {
     let now = cx.bus.clock.now();
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     let Some(running) = node.behaviour.running.iter_mut().find(|it| it.place == place) else { return };
     if running.step.replace(step) == Some(step) {
         return;
@@ -184,7 +191,7 @@ pub(super) fn finish_procedure(
     cx: &mut MachineContext<'_>,
 ) {
     let now = cx.bus.clock.now();
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     let found = node.behaviour.running.iter().position(|running| running.place == place);
     let started = found.map(|found| node.behaviour.running.remove(found).started);
     if procedure.status.is_some() {

@@ -72,7 +72,7 @@ fn resume_procedure(
     frame: &Frame,
     cx: &mut MachineContext<'_>,
 ) {
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     let (ProcedureStatus::Ended, Some(started)) = (last.outcome, last.started) else { return };
     node.behaviour.results.retain(|result| result.place != last.place);
     node.behaviour.running.push(RunningProcedure { place: last.place, started, step: None, streak: 0 });
@@ -126,7 +126,7 @@ fn confirm_result(
     frame: &Frame,
     bus: &mut Bus,
 ) {
-    let Some(node) = bus.node_mut(id) else { return };
+    let Some(node) = bus.nodes.node_mut(id) else { return };
     let results = &mut node.behaviour.results;
     let known = results.iter().find(|result| result.place == place);
     let is_repeated = known.is_some_and(|known| known.is_read && known.outcome == outcome);

@@ -6,7 +6,9 @@ use crate::event::{EventKind, FrameRange};
 use crate::frame::Frame;
 use crate::profile::device::SYNC_AGE;
 use crate::profile::{DecodedValue, ObjectMeaning, ObjectRole, PayloadLayout, PdoName, ValueCarrier};
-use crate::session::bus::{Bus, FrameMoment, SetPointState, WatchPlan, nonzero_identifier};
+use crate::session::bus::{
+    Bus, FrameMoment, SetPointGates, SetPointState, ShortPayload, WatchPlan, nonzero_identifier,
+};
 use crate::session::context::MachineContext;
 use crate::session::machine::{ProtocolMachine, TimedMachine};
 use crate::session::timers::DeadlineSubject;
@@ -16,7 +18,7 @@ use crate::wire::NodeId;
 pub(in crate::session) fn set_points_changed(
     id: NodeId,
     carrier: &ValueCarrier,
-    layout: &PayloadLayout,
+    (layout, short): (&PayloadLayout, Option<ShortPayload>),
     plan: &WatchPlan,
     frame: &Frame,
     cx: &mut MachineContext<'_>,
@@ -37,11 +39,13 @@ pub(in crate::session) fn set_points_changed(
         let Some(point) = set_point_mut(&mut cx.bus, id, place) else { continue };
         point.assumed = layout.assumed;
         (point.id, point.arrived) = (Some(frame.id), frame.number);
-        if point.is_unchanged(&value) {
+        // A short PDO with the value in force changes nothing; a complete one puts the value into force.
+        if point.is_unchanged(&value) && (point.short.is_none() || short.is_some()) {
             point.waiting = None;
-        } else if waits {
+        } else if waits && short.is_none() {
             point.waiting = Some((value, moment));
         } else {
+            point.short = short;
             emit_set_point(id, place, value, moment, frame, cx);
         }
     }
@@ -70,7 +74,7 @@ pub(in crate::session) fn confirm_identifier(
     if is_received_elsewhere(id, &carrier, frame, &cx.bus) {
         return;
     }
-    let Some(node) = cx.bus.known_node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.known_node_mut(id) else { return };
     let mut is_any = false;
     for point in node.behaviour.set_points.iter_mut().filter(|point| point.carrier == carrier) {
         (point.id, point.arrived) = (Some(frame.id), frame.number);
@@ -83,14 +87,14 @@ pub(in crate::session) fn confirm_identifier(
 
 /// Queues a SYNC deadline, unless one is queued already.
 fn await_sync(cx: &mut MachineContext<'_>, id: NodeId, deadline: i64) {
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     if !std::mem::replace(&mut node.behaviour.sync_queued, true) {
         cx.timers.add_deadline(deadline, DeadlineSubject::SetPoint(id));
     }
 }
 
 fn set_point_mut(bus: &mut Bus, id: NodeId, place: usize) -> Option<&mut SetPointState> {
-    bus.node_mut(id)?.behaviour.set_points.get_mut(place)
+    bus.nodes.node_mut(id)?.behaviour.set_points.get_mut(place)
 }
 
 /// Index of a set point, created or updated with its present meaning.
@@ -100,7 +104,7 @@ fn set_point(
     carrier: &ValueCarrier,
     meaning: &Arc<ObjectMeaning>,
 ) -> Option<usize> {
-    let points = &mut bus.node_mut(id)?.behaviour.set_points;
+    let points = &mut bus.nodes.node_mut(id)?.behaviour.set_points;
     let known = points.iter().position(|it| it.meaning.object == meaning.object && it.carrier == *carrier);
     if let Some(place) = known {
         points.get_mut(place)?.meaning = Arc::clone(meaning);
@@ -116,6 +120,7 @@ fn set_point(
         gates: Vec::new(),
         waiting: None,
         late: false,
+        short: None,
         assumed: false,
     });
     Some(points.len() - 1)
@@ -132,8 +137,8 @@ impl ProtocolMachine for DeviceMachine {
     /// A SYNC makes the waiting set points effective.
     fn on_frame(&mut self, (): (), frame: &Frame, cx: &mut MachineContext<'_>) {
         let moment = FrameMoment { what: (), frame: frame.number, time: cx.bus.clock.now() };
-        for place in 0..cx.bus.nodes.len() {
-            let Some(node) = cx.bus.nodes.get_mut(place) else { return };
+        for place in 0..cx.bus.nodes.all().len() {
+            let Some(node) = cx.bus.nodes.all_mut().get_mut(place) else { return };
             if node.assigned.is_none() || node.sync != frame.id {
                 continue;
             }
@@ -145,7 +150,7 @@ impl ProtocolMachine for DeviceMachine {
                     emit_set_point(id, place, value, incoming, frame, cx);
                 }
             }
-            let Some(node) = cx.bus.node_mut(id) else { return };
+            let Some(node) = cx.bus.nodes.node_mut(id) else { return };
             let late = node.behaviour.set_points.iter_mut().map(|point| std::mem::take(&mut point.late));
             if late.fold(false, |any, late| any | late) {
                 reassess_set_points(id, frame, cx);
@@ -154,7 +159,7 @@ impl ProtocolMachine for DeviceMachine {
     }
 
     fn on_silence(&mut self, delay: i64, bus: &mut Bus) {
-        for node in &mut bus.nodes {
+        for node in bus.nodes.all_mut() {
             node.behaviour.postpone_deadlines(delay);
         }
     }
@@ -166,7 +171,7 @@ impl TimedMachine for DeviceMachine {
 
     /// Emits set points that waited too long as not effective.
     fn on_deadline(&mut self, id: NodeId, now: i64, cx: &mut MachineContext<'_>) {
-        let Some(node) = cx.bus.node_mut(id) else { return };
+        let Some(node) = cx.bus.nodes.node_mut(id) else { return };
         node.behaviour.sync_queued = false;
         for place in 0..node.behaviour.set_points.len() {
             let Some(point) = set_point_mut(&mut cx.bus, id, place) else { return };
@@ -200,11 +205,11 @@ fn emit_set_point(
     let runs = cx.bus.clock.has_timestamps();
     let Some(node) = cx.bus.node(id) else { return };
     let Some(point) = node.behaviour.set_points.get(place) else { return };
-    let verdict = node.gate_verdict(point.gated_subject(), now);
+    let verdict = SetPointGates::new(node, point.gated_subject(), now).gate_verdict();
     let waited = incoming.frame != frame.number
         && runs
         && node.behaviour.sync.is_some_and(|it| it.frame == frame.number);
-    let mut reported = point.set_point_event(&value, verdict.effective, &verdict.gates);
+    let mut reported = point.set_point_event(&value, &verdict);
     reported.sync_after = waited.then(|| now.saturating_sub(incoming.time));
     let quantity = reported.to.clone();
     let mut event = cx.event_of(frame, Some(id), EventKind::SetPoint(Box::new(reported)));
@@ -224,9 +229,9 @@ pub(in crate::session) fn reassess_set_points(id: NodeId, frame: &Frame, cx: &mu
     let mut changes = Vec::new();
     for (place, point) in node.behaviour.set_points.iter().enumerate() {
         let Some((value, _)) = &point.reported else { continue };
-        let verdict = node.gate_verdict(point.gated_subject(), now);
+        let verdict = SetPointGates::new(node, point.gated_subject(), now).gate_verdict();
         if point.effective != Some(verdict.effective) {
-            changes.push((place, point.set_point_event(value, verdict.effective, &verdict.gates), verdict));
+            changes.push((place, point.set_point_event(value, &verdict), verdict));
         }
     }
     for (place, event, verdict) in changes {
@@ -265,10 +270,42 @@ mod tests {
         open = { sync = true }
     "#;
 
+    /// RPDO1 with two set points of 16 bits; its transmission type decides whether it waits for SYNC.
+    const BY_TYPE: &str = r#"
+        id = "acme-pump"
+        extends = ["cia301"]
+        [[object]]
+        index = 0x2000
+        name = "set point"
+        type = "INTEGER16"
+        role = "set-point"
+        [[object]]
+        index = 0x2001
+        name = "ramp"
+        type = "INTEGER16"
+        [[pdo]]
+        pdo = "RPDO1"
+        mapping = "fixed"
+        fields = [{ object = "2000:00", bits = 16 }, { object = "2001:00", bits = 16 }]
+        [[gate]]
+        name = "operational"
+        open = { nmt = "operational" }
+        [[gate]]
+        name = "hardware enable"
+        open = { visible = false }
+    "#;
+
+    type EmittedRow = (Option<i64>, String, &'static str, FrameRange);
+
     /// Set points emitted for frames, each with time in ms, identifier and data.
-    fn set_points_of(frames: &[(i64, u16, &[u8])]) -> Vec<(Option<i64>, String, &'static str, FrameRange)> {
+    fn set_points_of(frames: &[(i64, u16, &[u8])]) -> Vec<EmittedRow> {
+        set_points_with_gates(PROFILE, frames).into_iter().map(|(row, _)| row).collect()
+    }
+
+    /// Set points with the names of their closed, unknown and invisible gates.
+    fn set_points_with_gates(profile: &str, frames: &[(i64, u16, &[u8])]) -> Vec<(EmittedRow, String)> {
         let mut catalogue = Catalogue::default();
-        catalogue.add_text("pump.toml", PROFILE).unwrap();
+        catalogue.add_text("pump.toml", profile).unwrap();
         let device = catalogue.device("acme-pump").unwrap();
         let assignment = Assignment { bus: None, node: NodeId::Canopen(2), device, by: AssignedBy::Option };
         let options = SessionOptions { assignments: vec![assignment], ..SessionOptions::default() };
@@ -281,7 +318,9 @@ mod tests {
             bus.push(&frame, &mut |event: &Event, _: &Bus| {
                 if let EventKind::SetPoint(point) = &event.kind {
                     let time = event.time.map(|time| time.0 / 1_000_000);
-                    reported.push((time, point.to.text.clone(), point.effective.name(), event.frames));
+                    let gates = [point.gates.join("+"), point.invisible.join("+")].join("/");
+                    let row = (time, point.to.text.clone(), point.effective.name(), event.frames);
+                    reported.push((row, gates));
                 }
             });
         }
@@ -308,5 +347,64 @@ mod tests {
         // The late SYNC arrives.
         assert_eq!(reported[2], (Some(5000), "3".into(), "yes", FrameRange::one(45)));
         assert_eq!(reported.len(), 3);
+    }
+
+    /// Frames as value, time, effectiveness and gates.
+    fn verdicts_by_type(frames: &[(i64, u16, &[u8])]) -> Vec<String> {
+        let reported = set_points_with_gates(BY_TYPE, frames);
+        let verdict = |((time, value, effective, _), gates): ((Option<i64>, _, _, _), _)| {
+            format!("{} {value} {effective} {gates}", time.unwrap_or(-1))
+        };
+        reported.into_iter().map(verdict).collect()
+    }
+
+    /// CiA 301 §7.5.2.35: types 0 to 240 take effect at the next SYNC, 254 and 255 at once.
+    #[test]
+    fn a_synchronous_rpdo_without_sync_has_no_effect() {
+        for (kind, expected) in [
+            (1, vec!["1500 7 no SYNC/hardware enable", "4000 7 yes /hardware enable"]),
+            (240, vec!["1500 7 no SYNC/hardware enable", "4000 7 yes /hardware enable"]),
+            (254, vec!["500 7 yes /hardware enable"]),
+            (255, vec!["500 7 yes /hardware enable"]),
+        ] {
+            let write = [0x2F, 0x00, 0x14, 0x02, kind, 0, 0, 0];
+            let mut frames: Vec<(i64, u16, &[u8])> = vec![
+                (0, 0x702, &[0]),
+                (10, 0x602, &write),
+                (20, 0x582, &[0x60, 0x00, 0x14, 0x02, 0, 0, 0, 0]),
+                (30, 0x000, &[1, 2]),
+                (40, 0x702, &[5]),
+                (500, 0x202, &[7, 0, 0, 0]),
+            ];
+            frames.extend((6..40).map(|step| (step * 100, 0x705, &[5][..])));
+            frames.push((4000, 0x080, &[]));
+            assert_eq!(verdicts_by_type(&frames), expected, "type {kind}");
+        }
+    }
+
+    /// CiA 301 §7.2.2.3: an RPDO with less data than its mapping is not processed.
+    #[test]
+    fn an_rpdo_that_is_too_short_has_no_effect() {
+        let frames: [(i64, u16, &[u8]); 10] = [
+            (0, 0x702, &[0]),
+            (30, 0x000, &[1, 2]),
+            (40, 0x702, &[5]),
+            (100, 0x202, &[7, 0, 0, 0]),
+            // The value in force, then another one, twice.
+            (200, 0x202, &[7, 0]),
+            (300, 0x202, &[8, 0, 0]),
+            (400, 0x202, &[8, 0, 0]),
+            // Complete: with the same value, and longer than the mapping.
+            (500, 0x202, &[8, 0, 0, 0]),
+            (600, 0x202, &[9, 0, 0, 0, 0]),
+            (700, 0x202, &[9, 0]),
+        ];
+        let expected = [
+            "100 7 yes /hardware enable",
+            "300 8 no RPDO length/hardware enable",
+            "500 8 yes /hardware enable",
+            "600 9 yes /hardware enable",
+        ];
+        assert_eq!(verdicts_by_type(&frames), expected);
     }
 }

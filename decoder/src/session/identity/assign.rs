@@ -31,7 +31,7 @@ pub(in crate::session) fn assign_device(
     by: AssignedBy,
     cx: &mut MachineContext<'_>,
 ) {
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     node.device = Arc::clone(device);
     node.assigned = Some(by);
     if id.canopen().is_some() {
@@ -39,12 +39,12 @@ pub(in crate::session) fn assign_device(
     }
     cx.bus.routes.refresh_pdos_of(id);
     let is_detected = matches!(by, AssignedBy::Identity | AssignedBy::DeviceType);
-    if cx.bus.protocol != ProtocolChoice::None {
-        cx.bus.named.add_node(id, is_detected);
+    if cx.bus.protocols.choice != ProtocolChoice::None {
+        cx.bus.protocols.named.add_node(id, is_detected);
     }
     if id.j1939().is_some() {
         if is_detected {
-            cx.bus.j1939.add_evidence();
+            cx.bus.protocols.j1939.add_evidence();
         }
         refresh_messages(cx);
     }
@@ -86,7 +86,7 @@ pub(in crate::session) fn identify_node(
         return;
     }
     assign_matching(id, &introduction, frame, cx);
-    if let Some(node) = cx.bus.node_mut(id) {
+    if let Some(node) = cx.bus.nodes.node_mut(id) {
         node.introduction = Some(Arc::new(introduction));
     }
 }
@@ -116,7 +116,7 @@ pub(in crate::session) fn assign_matching(
         several => {
             let known = cx.bus.node(id).is_some_and(|node| node.ambiguous);
             if !known {
-                if let Some(node) = cx.bus.node_mut(id) {
+                if let Some(node) = cx.bus.nodes.node_mut(id) {
                     node.ambiguous = true;
                 }
                 let names = several.join(", ");

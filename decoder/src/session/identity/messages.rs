@@ -7,7 +7,7 @@ use crate::session::timers::DeadlineSubject;
 pub(in crate::session) fn refresh_messages(cx: &mut MachineContext<'_>) {
     for (slot, cadence) in cx.bus.routes.refresh_messages() {
         cx.timers.remove_subject(DeadlineSubject::Message(slot));
-        if let Some(node) = cx.bus.node_mut(cadence.node) {
+        if let Some(node) = cx.bus.nodes.node_mut(cadence.node) {
             node.behaviour.overdue.retain(|overdue| *overdue != cadence.name);
         }
     }

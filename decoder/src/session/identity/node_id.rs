@@ -59,7 +59,7 @@ pub(in crate::session) fn join_by_serial(id: NodeId, frame: &Frame, cx: &mut Mac
     let (Some(other), None) = (alike.next(), alike.next()) else { return };
     let (from, device, assigned) = (other.id, Arc::clone(&other.device), other.assigned);
     drop(alike);
-    if let Some(node) = cx.bus.node_mut(id) {
+    if let Some(node) = cx.bus.nodes.node_mut(id) {
         node.is_joined = true;
     }
     let is_open = cx.bus.node(id).is_some_and(|node| node.assigned.is_none());
@@ -95,7 +95,7 @@ pub(in crate::session) fn change_node_id(
     if let Some(from) = from {
         let staying = retained_pdo_ids(&cx.bus, from);
         move_node(from, to, cx);
-        if let Some(node) = cx.bus.node_mut(to) {
+        if let Some(node) = cx.bus.nodes.node_mut(to) {
             node.previous_id = Some(from);
         }
         move_delivered(&mut cx.bus, to);
@@ -126,7 +126,7 @@ fn reset_moved_objects(bus: &mut Bus, id: NodeId) {
     let ranges = node.device.identity_change.resets.clone();
     let objects: Vec<_> = node.store.sorted().into_iter().map(|(object, _)| object).collect();
     for object in objects.into_iter().filter(|it| ranges.iter().any(|range| range.covers(*it, 0, 0))) {
-        if let Some(node) = bus.node_mut(id) {
+        if let Some(node) = bus.nodes.node_mut(id) {
             Arc::make_mut(&mut node.store).remove(object);
         }
         revert_object(bus, id, object);
@@ -136,20 +136,7 @@ fn reset_moved_objects(bus: &mut Bus, id: NodeId) {
 /// Changes the node-ID of a node; a node that has it already is removed. Learnt identifiers stay with the
 /// node, default identifiers follow the node-ID.
 fn move_node(from: NodeId, to: NodeId, cx: &mut MachineContext<'_>) {
-    let place = |bus: &Bus, id: NodeId| bus.node_by_id.get(id.table_place()).copied().unwrap_or(0);
-    let (moved, replaced) = (place(&cx.bus, from), place(&cx.bus, to));
-    for (place, id) in [(moved, to), (replaced, from)] {
-        if let Some(node) = usize::from(place).checked_sub(1).and_then(|place| cx.bus.nodes.get_mut(place)) {
-            node.id = id;
-        }
-        if let Some(slot) = cx.bus.node_by_id.get_mut(id.table_place()) {
-            *slot = place;
-        }
-    }
-    // The entry of the replaced node is now empty and has the old node-ID.
-    if let Some(node) = usize::from(replaced).checked_sub(1).and_then(|place| cx.bus.nodes.get_mut(place)) {
-        *node = Node::new(from, None);
-    }
+    cx.bus.nodes.change_id(from, to);
     for (id, service) in cx.bus.routes.learnt_services() {
         let moved = match service {
             IdentifierService::Pdo(name, node) if node == from => IdentifierService::Pdo(name, to),
@@ -158,15 +145,12 @@ fn move_node(from: NodeId, to: NodeId, cx: &mut MachineContext<'_>) {
         };
         cx.bus.routes.learn_service(id, moved);
     }
-    cx.bus.refresh_pdo_users();
+    cx.bus.nodes.refresh_pdo_users();
     // Deadlines are queued by node-ID.
     for id in [from, to] {
         cx.timers.remove_subject(DeadlineSubject::Heartbeat(id));
     }
-    let place = usize::from(moved).checked_sub(1);
-    if let Some(heartbeat) =
-        place.and_then(|place| cx.bus.nodes.get_mut(place)).map(|node| &mut node.heartbeat)
-    {
+    if let Some(heartbeat) = cx.bus.nodes.known_node_mut(to).map(|node| &mut node.heartbeat) {
         heartbeat.queued = heartbeat.deadline.is_some();
         if let Some(deadline) = heartbeat.deadline {
             cx.timers.add_deadline(deadline, DeadlineSubject::Heartbeat(to));

@@ -35,7 +35,7 @@ pub(in crate::session) fn on_watched_message(slot: usize, frame: &Frame, cx: &mu
     }
     if let Some((node, name, kind)) = gap {
         cx.emit_event(frame, node, false, kind);
-        if let Some(node) = cx.bus.node_mut(node) {
+        if let Some(node) = cx.bus.nodes.node_mut(node) {
             node.behaviour.overdue.retain(|overdue| *overdue != name);
         }
         reassess_set_points(node, frame, cx);
@@ -57,7 +57,7 @@ pub(in crate::session) fn on_message_deadline(slot: u16, now: i64, cx: &mut Mach
     }
     cadence.is_overdue = true;
     let (node, name, number) = (cadence.node, cadence.name.clone(), cadence.last_frame);
-    if let Some(node) = cx.bus.node_mut(node)
+    if let Some(node) = cx.bus.nodes.node_mut(node)
         && !node.behaviour.overdue.contains(&name)
     {
         node.behaviour.overdue.push(name);

@@ -154,7 +154,7 @@ impl ClaimMachine {
                 return cx.emit_malformed_j1939(id, error, "a commanded address has nine bytes", frame);
             }
         };
-        let present = cx.bus.address_of(name);
+        let present = cx.bus.nodes.address_of(name);
         let evicted = self.store_command(PendingAddress { name, address, frame: frame.number });
         let command = CommandedAddress { name, address, source: id.source, present };
         let mut event = cx.j1939_event(frame, id, EventKind::CommandedAddress(command));
@@ -168,7 +168,7 @@ impl ClaimMachine {
     /// Result of an address claim.
     fn on_claim(&mut self, name: J1939Name, source: u8, cx: &mut MachineContext<'_>) -> AddressClaim {
         let holder = cx.bus.node(NodeId::J1939(source)).and_then(Node::j1939_name);
-        let had = cx.bus.address_of(name).or_else(|| self.last_address(name));
+        let had = cx.bus.nodes.address_of(name).or_else(|| self.last_address(name));
         let contention =
             holder.filter(|it| *it != name).map(|other| AddressConflict { other, winner: other.min(name) });
         let (action, contention) = match contention {
@@ -196,7 +196,7 @@ impl ClaimMachine {
 
     /// Handles a cannot-claim message.
     fn on_cannot_claim(&mut self, name: J1939Name, cx: &mut MachineContext<'_>) -> AddressClaim {
-        let from = cx.bus.address_of(name).or_else(|| self.last_address(name));
+        let from = cx.bus.nodes.address_of(name).or_else(|| self.last_address(name));
         self.leave_address(name, cx);
         let action = ClaimAction::CannotClaim;
         AddressClaim { action, name, source: NO_ADDRESS, from, contention: None, commanded: 0 }
@@ -204,7 +204,7 @@ impl ClaimMachine {
 
     /// Assigns an address to the device with this NAME, with all its state.
     fn take_address(&mut self, name: J1939Name, address: u8, cx: &mut MachineContext<'_>) {
-        let present = cx.bus.address_of(name);
+        let present = cx.bus.nodes.address_of(name);
         refresh_assigned(&[present, Some(address)], cx);
         let known = match present {
             Some(present) => remove_resident(present, cx),
@@ -233,7 +233,7 @@ impl ClaimMachine {
 
     /// Removes the address of a device; its state is stored until its next claim.
     fn leave_address(&mut self, name: J1939Name, cx: &mut MachineContext<'_>) {
-        let Some(present) = cx.bus.address_of(name) else { return };
+        let Some(present) = cx.bus.nodes.address_of(name) else { return };
         refresh_assigned(&[Some(present)], cx);
         if let Some(node) = remove_resident(present, cx) {
             self.remember_node(node);
@@ -243,7 +243,8 @@ impl ClaimMachine {
 
 /// The holder of an address defended it.
 fn note_defence(address: u8, bus: &mut Bus) {
-    if let Some(state) = bus.node_mut(NodeId::J1939(address)).and_then(|node| node.j1939.as_deref_mut()) {
+    if let Some(state) = bus.nodes.node_mut(NodeId::J1939(address)).and_then(|node| node.j1939.as_deref_mut())
+    {
         state.challenged = None;
     }
 }
@@ -252,7 +253,7 @@ fn note_defence(address: u8, bus: &mut Bus) {
 /// absent, also if its NAME is lower. Stores the claim.
 fn is_undefended(address: u8, name: J1939Name, bus: &mut Bus) -> bool {
     let (now, runs) = (bus.clock.now(), bus.clock.has_timestamps());
-    let Some(node) = bus.node_mut(NodeId::J1939(address)) else { return false };
+    let Some(node) = bus.nodes.node_mut(NodeId::J1939(address)) else { return false };
     let challenged = &mut node.j1939_state().challenged;
     match *challenged {
         Some((known, since)) if known == name => runs && now.saturating_sub(since) > DEFENCE,
@@ -275,9 +276,9 @@ fn refresh_assigned(addresses: &[Option<u8>], cx: &mut MachineContext<'_>) {
 fn remove_resident(address: u8, cx: &mut MachineContext<'_>) -> Option<Node> {
     let id = NodeId::J1939(address);
     cx.bus.node(id)?;
-    let name = cx.bus.given_name(id);
+    let name = cx.bus.nodes.given_name(id);
     cancel_dm1_deadline(id, cx);
-    let node = cx.bus.node_mut(id)?;
+    let node = cx.bus.nodes.node_mut(id)?;
     Some(std::mem::replace(node, Node::new(id, name)))
 }
 
@@ -285,8 +286,8 @@ fn remove_resident(address: u8, cx: &mut MachineContext<'_>) -> Option<Node> {
 fn store_node(address: u8, mut node: Node, cx: &mut MachineContext<'_>) {
     let id = NodeId::J1939(address);
     node.id = id;
-    node.name = cx.bus.given_name(id);
-    if let Some(place) = cx.bus.node_mut(id) {
+    node.name = cx.bus.nodes.given_name(id);
+    if let Some(place) = cx.bus.nodes.node_mut(id) {
         *place = node;
     }
     schedule_dm1_deadline(id, cx);

@@ -258,9 +258,9 @@ impl FastPackets {
         let (id, frames) = (packet.id, packet.frames);
         let is_complete = packet.is_complete();
         if is_complete {
-            cx.bus.is_nmea2000 = true;
-            if packet.seen.count_ones() >= EVIDENCE_FRAMES && !cx.bus.j1939.is_confirmed() {
-                cx.bus.j1939.add_evidence();
+            cx.bus.protocols.has_nmea2000 = true;
+            if packet.seen.count_ones() >= EVIDENCE_FRAMES && !cx.bus.protocols.j1939.is_confirmed() {
+                cx.bus.protocols.j1939.add_evidence();
             }
         }
         let repeats = is_complete && self.repeats_data(id, &packet.data);

@@ -37,7 +37,7 @@ impl ProtocolMachine for MessageMachine {
             return cx.emit_undecoded(frame, None);
         }
         let Some(slot) = slot else { return unprepared_message(id, frame, cx) };
-        let believed = cx.bus.j1939.is_confirmed() || cx.bus.named.concerns_named(id);
+        let believed = cx.bus.protocols.j1939.is_confirmed() || cx.bus.protocols.named.concerns_named(id);
         let bus = &mut cx.bus;
         let Some(entry) = bus.routes.slot_mut(slot) else { return };
         let Some(event) = &mut entry.prepared else { return first_message(slot, id, frame, cx) };
@@ -107,7 +107,7 @@ fn emit_fast_packet_note(pgn: Pgn, frame: &Frame, cx: &mut MachineContext<'_>) {
     if is_nmea2000_group(pgn) {
         return;
     }
-    cx.bus.omissions.fast_packets += 1;
+    cx.bus.protocols.omissions.fast_packets += 1;
     if !std::mem::replace(&mut cx.notices.fast_packets, true) {
         let text =
             format!("PGN {pgn} looks like fast packets, but is not in the list: each frame is one message");
@@ -118,8 +118,8 @@ fn emit_fast_packet_note(pgn: Pgn, frame: &Frame, cx: &mut MachineContext<'_>) {
 /// Handles the first message of an identifier, and a message whose layout changes.
 #[cold]
 fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut MachineContext<'_>) {
-    cx.bus.is_nmea2000 |= is_nmea2000_group(id.pgn);
-    let concerned = cx.bus.concerned_device(id);
+    cx.bus.protocols.has_nmea2000 |= is_nmea2000_group(id.pgn);
+    let concerned = cx.bus.nodes.concerned_device(id);
     if let Some(concerned) = &concerned {
         store_deciding_values(&mut cx.bus, concerned, frame);
     }
@@ -131,7 +131,7 @@ fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut MachineContex
     let mut event = cx.j1939_event(frame, id, EventKind::J1939Message(build_message(id, frame, group)));
     let now = cx.bus.clock.now();
     let cadence = concerned.as_ref().and_then(|concerned| message_cadence(concerned, id));
-    let needed = needed_bits(id, plan.as_ref(), cadence.as_ref(), cx.bus.is_nmea2000);
+    let needed = needed_bits(id, plan.as_ref(), cadence.as_ref(), cx.bus.protocols.has_nmea2000);
     if let Some(entry) = cx.bus.routes.slot_mut(slot) {
         event.routine = false;
         (entry.last, entry.needed) = (LastPayload::payload_of(frame), needed);
@@ -161,7 +161,7 @@ fn pass_values_to_device(slot: usize, id: J1939Id, frame: &Frame, cx: &mut Machi
     if cx.bus.routes.slot(slot).is_none_or(|slot| slot.plan.is_none()) {
         return;
     }
-    let Some(concerned) = cx.bus.concerned_device(id) else { return };
+    let Some(concerned) = cx.bus.nodes.concerned_device(id) else { return };
     let Some(spec) = concerned.message_spec() else { return };
     let direction: PdoDirection = spec.direction.into();
     on_values(slot, (&message_carrier(spec), direction), concerned.node, frame, cx);
@@ -180,7 +180,7 @@ fn store_deciding_values(bus: &mut Bus, concerned: &ConcernedDevice, frame: &Fra
         let length = usize::from(field.bits.div_ceil(8));
         let bytes = raw.to_le_bytes();
         let origin = StoredOrigin { kind: OriginKind::Pdo, frame: frame.number, time: frame.time };
-        let Some(node) = bus.node_mut(concerned.node) else { return };
+        let Some(node) = bus.nodes.node_mut(concerned.node) else { return };
         // If the store is full, the value is ignored: no real profile lists that many objects.
         let _ = Arc::make_mut(&mut node.store).set(object, bytes.get(..length).unwrap_or(&bytes), origin);
     }

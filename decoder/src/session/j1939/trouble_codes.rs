@@ -47,7 +47,7 @@ impl ProtocolMachine for TroubleCodeMachine {
         let node_id = NodeId::J1939(id.source);
         let now = cx.bus.clock.now();
         let is_active = id.pgn == Pgn::DM1;
-        let Some(node) = cx.bus.node_mut(node_id) else { return };
+        let Some(node) = cx.bus.nodes.node_mut(node_id) else { return };
         let codes = list.codes(conversion_method(node));
         let faults = &mut node.j1939_state().faults;
         let (changes, refused) = if is_active {
@@ -70,7 +70,7 @@ impl ProtocolMachine for TroubleCodeMachine {
     }
 
     fn on_silence(&mut self, delay: i64, bus: &mut Bus) {
-        for state in bus.nodes.iter_mut().filter_map(|node| node.j1939.as_deref_mut()) {
+        for state in bus.nodes.all_mut().iter_mut().filter_map(|node| node.j1939.as_deref_mut()) {
             state.faults.postpone_dm1(delay);
         }
     }
@@ -81,7 +81,7 @@ impl TimedMachine for TroubleCodeMachine {
     type Deadline = NodeId;
 
     fn on_deadline(&mut self, id: NodeId, now: i64, cx: &mut MachineContext<'_>) {
-        let Some(node) = cx.bus.node_mut(id) else { return };
+        let Some(node) = cx.bus.nodes.node_mut(id) else { return };
         let silence = code_timeout(&node.device);
         let faults = &mut node.j1939_state().faults;
         faults.is_queued = false;
@@ -114,7 +114,7 @@ fn emit_trouble_code(
     frame: &Frame,
     cx: &mut MachineContext<'_>,
 ) {
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     let code = change.known.code;
     let has_ended = change.action == DtcAction::NoLongerReported;
     let may_be_hidden = has_ended && may_be_hidden(node, code);
@@ -172,7 +172,7 @@ pub(in crate::session) fn clear_trouble_codes(
         _ => return,
     };
     let id = NodeId::J1939(source);
-    let Some(state) = cx.bus.node_mut(id).and_then(|node| node.j1939.as_deref_mut()) else { return };
+    let Some(state) = cx.bus.nodes.node_mut(id).and_then(|node| node.j1939.as_deref_mut()) else { return };
     for change in state.faults.clear_codes(all) {
         emit_trouble_code(id, change, FrameRange::one(frame.number), frame, cx);
     }
@@ -181,7 +181,7 @@ pub(in crate::session) fn clear_trouble_codes(
 /// Sets the deadline for the next DM1 of a node with active codes.
 pub(in crate::session) fn schedule_dm1_deadline(id: NodeId, cx: &mut MachineContext<'_>) {
     let (now, runs) = (cx.bus.clock.now(), cx.bus.clock.has_timestamps());
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     let silence = code_timeout(&node.device);
     let Some(state) = node.j1939.as_deref_mut() else { return };
     let faults = &mut state.faults;
@@ -194,7 +194,7 @@ pub(in crate::session) fn schedule_dm1_deadline(id: NodeId, cx: &mut MachineCont
 
 /// Cancels the DM1 deadline of a node that lost its address.
 pub(in crate::session) fn cancel_dm1_deadline(id: NodeId, cx: &mut MachineContext<'_>) {
-    let state = cx.bus.node_mut(id).and_then(|node| node.j1939.as_deref_mut());
+    let state = cx.bus.nodes.node_mut(id).and_then(|node| node.j1939.as_deref_mut());
     if state.is_some_and(|state| std::mem::take(&mut state.faults.is_queued)) {
         cx.timers.remove_subject(DeadlineSubject::Dm1(id));
     }

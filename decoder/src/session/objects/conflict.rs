@@ -35,7 +35,7 @@ pub(in crate::session) fn check_device_file(
     let Some(described) = import.file.find_object(object) else { return };
     if kind != OriginKind::Upload {
         let is_wanted = described.value.is_some();
-        let node = cx.bus.node_mut(id).filter(|node| node.conflicts.written.len() < OBJECT_LIMIT);
+        let node = cx.bus.nodes.node_mut(id).filter(|node| node.conflicts.written.len() < OBJECT_LIMIT);
         if let Some(node) = node.filter(|_| is_wanted) {
             node.conflicts.written.insert(object);
         }
@@ -49,7 +49,7 @@ pub(in crate::session) fn check_device_file(
     if !is_new_conflict(id, object, value, frame, cx) {
         return;
     }
-    let name = cx.bus.meaning(id, object).map(|meaning| meaning.name).unwrap_or_default();
+    let name = cx.bus.nodes.meaning(id, object).map(|meaning| meaning.name).unwrap_or_default();
     let sources = [(source, stated), (kind.name(), value.to_vec())].into_iter();
     let sources =
         sources.filter(|(_, data)| !data.is_empty()).map(|(who, data)| (who.into(), data)).collect();
@@ -65,7 +65,7 @@ fn is_new_conflict(
     frame: &Frame,
     cx: &mut MachineContext<'_>,
 ) -> bool {
-    let Some(node) = cx.bus.node_mut(id) else { return false };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return false };
     let conflicts = &mut node.conflicts;
     if conflicts.reported.len() < CONFLICT_LIMIT {
         return conflicts.reported.insert((object, FixedState::default().hash_one(value)));

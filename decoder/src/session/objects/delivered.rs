@@ -18,7 +18,7 @@ const MOVED_CHANNEL: u16 = 1;
 
 /// Applies identifiers and DCF values of a device that was assigned to the node.
 pub(in crate::session) fn take_delivered(bus: &mut Bus, id: NodeId, by: AssignedBy) {
-    let Some(node) = bus.node_mut(id) else { return };
+    let Some(node) = bus.nodes.node_mut(id) else { return };
     if let Some(import) = &node.device.file {
         // A DCF found by identity may belong to another node with the same type of device.
         let is_its = by != AssignedBy::Identity || import.file.node_id.is_none_or(|own| own == id.number());
@@ -72,7 +72,7 @@ fn apply_wanted(bus: &mut Bus, id: NodeId, object: ObjectAddress) {
 
 /// Removes the identifiers of the delivery state.
 fn forget_delivered(bus: &mut Bus, id: NodeId) {
-    let Some(node) = bus.node_mut(id) else { return };
+    let Some(node) = bus.nodes.node_mut(id) else { return };
     let stays: Vec<PdoName> =
         node.device.identity_change.cob_ids_stay.iter().filter_map(|name| name.parse().ok()).collect();
     for can_id in std::mem::take(&mut node.delivered_ids) {
@@ -137,14 +137,14 @@ fn apply_defaults(bus: &mut Bus, id: NodeId, service: IdentifierService, can_id:
 
 fn learn_delivered(bus: &mut Bus, id: NodeId, can_id: CanId, service: IdentifierService) {
     bus.routes.learn_service(can_id, service);
-    if let Some(node) = bus.node_mut(id) {
+    if let Some(node) = bus.nodes.node_mut(id) {
         node.delivered_ids.push(can_id);
     }
 }
 
 /// Sets the SYNC that a node uses; other nodes may use another one.
 fn deliver_sync(bus: &mut Bus, id: NodeId, can_id: CanId) {
-    if let Some(node) = bus.node_mut(id) {
+    if let Some(node) = bus.nodes.node_mut(id) {
         node.sync = can_id;
     }
     if present_service(bus, can_id) != Some(IdentifierService::Sync) {
@@ -160,8 +160,8 @@ fn deliver_channel(bus: &mut Bus, id: NodeId, request: CanId) {
         return;
     }
     if let Some(channel) = bus.channels.add_channel(id.number(), MOVED_CHANNEL, request, response, None) {
-        bus.route_channel(channel, request, response);
-        if let Some(node) = bus.node_mut(id) {
+        bus.routes.route_channel(channel, request, response);
+        if let Some(node) = bus.nodes.node_mut(id) {
             node.delivered_ids.extend([request, response]);
         }
     }

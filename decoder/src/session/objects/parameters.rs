@@ -18,7 +18,7 @@ pub(in crate::session) fn apply_object(bus: &mut Bus, id: NodeId, address: Objec
     if !PARAMETERS.contains(&address.index) {
         return;
     }
-    let Some(number) = bus.object_number(id, address) else { return };
+    let Some(number) = bus.nodes.object_number(id, address) else { return };
     match (address.index, address.sub) {
         (0x1005, 0) => own_sync(bus, id, number),
         (0x1012, 0) => route_to(bus, IdentifierService::Time, number & !0xC000_0000),
@@ -44,7 +44,7 @@ fn route_to(bus: &mut Bus, service: IdentifierService, cob_id: u64) {
 }
 
 fn heartbeat_time(bus: &mut Bus, id: NodeId, milliseconds: u64) {
-    let Some(node) = bus.node_mut(id) else { return };
+    let Some(node) = bus.nodes.node_mut(id) else { return };
     let nanoseconds = i64::try_from(milliseconds).unwrap_or(0).saturating_mul(1_000_000);
     node.heartbeat.configured = Some(nanoseconds);
     if nanoseconds == 0 {
@@ -57,25 +57,26 @@ fn learn_channel(bus: &mut Bus, id: NodeId, index: u16) {
     if index == 0x1200 {
         return;
     }
-    let ids =
-        [1, 2].map(|sub| bus.object_number(id, ObjectAddress::new(index, sub)).and_then(cob_identifier));
-    let client = bus.object_number(id, ObjectAddress::new(index, 3)).and_then(|id| u8::try_from(id).ok());
+    let ids = [1, 2]
+        .map(|sub| bus.nodes.object_number(id, ObjectAddress::new(index, sub)).and_then(cob_identifier));
+    let client =
+        bus.nodes.object_number(id, ObjectAddress::new(index, 3)).and_then(|id| u8::try_from(id).ok());
     if let [Some(request), Some(response)] = ids
         && let Some(channel) = bus.channels.add_channel(id.number(), index, request, response, client)
     {
-        bus.route_channel(channel, request, response);
+        bus.routes.route_channel(channel, request, response);
     }
 }
 
 /// SDO client parameter 1280 and up: server that the node accesses, and the identifiers.
 fn learn_client(bus: &mut Bus, id: NodeId, index: u16) {
-    let number = |sub| bus.object_number(id, ObjectAddress::new(index, sub));
+    let number = |sub| bus.nodes.object_number(id, ObjectAddress::new(index, sub));
     let ids = [number(1).and_then(cob_identifier), number(2).and_then(cob_identifier)];
     let server = number(3).and_then(|server| u8::try_from(server).ok());
     if let ([Some(request), Some(response)], Some(server @ 1..=127)) = (ids, server)
         && let Some(channel) = bus.channels.of_client(server, index, request, response, id.number())
     {
-        bus.route_channel(channel, request, response);
+        bus.routes.route_channel(channel, request, response);
     }
 }
 
@@ -84,7 +85,7 @@ fn learn_client(bus: &mut Bus, id: NodeId, index: u16) {
 fn learn_pdo(bus: &mut Bus, id: NodeId, address: ObjectAddress) {
     let Some(name) = PdoName::of_parameter(address.index) else { return };
     let service = IdentifierService::Pdo(name, id);
-    let cob_id = bus.object_number(id, ObjectAddress::new(name.communication_index(), 1));
+    let cob_id = bus.nodes.object_number(id, ObjectAddress::new(name.communication_index(), 1));
     let is_valid = cob_id.is_none_or(|cob_id| cob_id & INVALID == 0);
     if address == ObjectAddress::new(name.communication_index(), 1)
         && let Some(cob_id) = cob_id
@@ -94,7 +95,7 @@ fn learn_pdo(bus: &mut Bus, id: NodeId, address: ObjectAddress) {
             route_to(bus, service, cob_id);
         }
         route_predefined(bus, name, id);
-        bus.refresh_pdo_users();
+        bus.nodes.refresh_pdo_users();
     }
     let is_mapping = address.index == name.mapping_index();
     if is_valid && (is_mapping || address.sub == 1) {
@@ -123,7 +124,7 @@ pub(in crate::session) fn revert_object(bus: &mut Bus, id: NodeId, address: Obje
         (0x1005, 0) => own_sync(bus, id, SYNC),
         (0x1014, 0) => forget_route(bus, IdentifierService::Emcy(id)),
         (0x1017, 0) => {
-            if let Some(node) = bus.node_mut(id) {
+            if let Some(node) = bus.nodes.node_mut(id) {
                 node.heartbeat.configured = None;
             }
         }
@@ -131,7 +132,7 @@ pub(in crate::session) fn revert_object(bus: &mut Bus, id: NodeId, address: Obje
             if let Some(name) = PdoName::of_parameter(address.index) {
                 forget_route(bus, IdentifierService::Pdo(name, id));
                 route_predefined(bus, name, id);
-                bus.refresh_pdo_users();
+                bus.nodes.refresh_pdo_users();
             }
         }
         _ => {}
@@ -148,7 +149,7 @@ fn forget_route(bus: &mut Bus, service: IdentifierService) {
 /// Sets the SYNC that a node uses; identifiers of other SYNCs stay, because other nodes may use them.
 fn own_sync(bus: &mut Bus, id: NodeId, cob_id: u64) {
     let Some(sync) = cob_identifier(cob_id & !0xC000_0000) else { return };
-    if let Some(node) = bus.node_mut(id) {
+    if let Some(node) = bus.nodes.node_mut(id) {
         node.sync = sync;
     }
     if sync.number() != 0 && bus.default_service(sync) != IdentifierService::Sync {

@@ -36,7 +36,7 @@ pub(in crate::session) fn count_lost_settings(bus: &Bus, id: NodeId) -> u32 {
 
 /// Applies a restart to the values of a node; returns the changes, which are emitted after the boot event.
 pub(in crate::session) fn restart_values(bus: &mut Bus, id: NodeId, frame: &Frame) -> Vec<RestartChange> {
-    let Some(node) = bus.node_mut(id) else { return Vec::new() };
+    let Some(node) = bus.nodes.node_mut(id) else { return Vec::new() };
     let presumed = node.restart == RestartType::PowerOn;
     let is_due = node.restart_brings();
     let waiting = Arc::make_mut(&mut node.store).take_waiting(is_due);
@@ -86,7 +86,7 @@ pub(in crate::session) fn emit_restart_changes(
 
 /// Applies an object that changed without a message: its identifiers and times follow.
 fn revert_value(bus: &mut Bus, id: NodeId, object: ObjectAddress) {
-    if let Some(node) = bus.node_mut(id) {
+    if let Some(node) = bus.nodes.node_mut(id) {
         let decides = node.device.emcy.byte_order.as_ref().and_then(ErrorCodeOrder::object) == Some(object);
         node.emcy_order = node.emcy_order.filter(|_| !decides);
     }

@@ -46,7 +46,7 @@ pub(in crate::session) fn apply_transfer(
     cx: &mut MachineContext<'_>,
 ) {
     let (id, object, kind) = (transfer.node, transfer.object, transfer.kind);
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     let device = Arc::clone(&node.device);
     let found = device.dictionary.find_object(object);
     let entry = found.and_then(|found| found.entry);
@@ -94,7 +94,7 @@ fn defer_download(
     frame: &Frame,
     cx: &mut MachineContext<'_>,
 ) {
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     let effect = entry.map_or(WriteEffect::Unknown, |entry| entry.effect);
     let from = node.store.seen_value(learnt.object).map(|entry| entry.value.clone());
     let waiting = PendingValue { value: learnt.value.to_vec(), effect, origin: learnt.origin };
@@ -126,7 +126,7 @@ fn set_value(
     frame: &Frame,
     cx: &mut MachineContext<'_>,
 ) {
-    let Some(node) = cx.bus.node_mut(id) else { return };
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     let store = Arc::make_mut(&mut node.store);
     if let Some(was_stale) = store.confirm_value(learnt.object, learnt.value, learnt.origin) {
         if was_stale {
@@ -178,7 +178,7 @@ fn note_store_command(
     value: &[u8],
     device: &DeviceProfile,
 ) {
-    let Some(node) = bus.node_mut(id) else { return };
+    let Some(node) = bus.nodes.node_mut(id) else { return };
     let is_save = object.index == STORE && value == b"save";
     // Any later write makes the parameters unsaved again.
     node.saved = is_save;
@@ -203,7 +203,7 @@ fn invalidate_dependents(bus: &mut Bus, id: NodeId, found: ResolvedObject<'_>) {
 
 /// Marks values as doubtful and refreshes the PDOs that depend on them.
 pub(in crate::session) fn mark_stale(bus: &mut Bus, id: NodeId, covers: impl Fn(ObjectAddress) -> bool) {
-    let Some(node) = bus.node_mut(id) else { return };
+    let Some(node) = bus.nodes.node_mut(id) else { return };
     for object in Arc::make_mut(&mut node.store).doubt_all(covers) {
         bus.routes.refresh_dependents(id, object);
     }
@@ -211,7 +211,7 @@ pub(in crate::session) fn mark_stale(bus: &mut Bus, id: NodeId, covers: impl Fn(
 
 /// Marks one value as doubtful, except one that the bus file states, and refreshes the PDOs that depend on it.
 pub(in crate::session) fn mark_value_stale(bus: &mut Bus, id: NodeId, object: ObjectAddress) {
-    let Some(node) = bus.node_mut(id) else { return };
+    let Some(node) = bus.nodes.node_mut(id) else { return };
     let known = node.store().seen_value(object);
     if known.is_some_and(|entry| entry.origin.kind != OriginKind::BusFile && !entry.stale) {
         Arc::make_mut(&mut node.store).mark_doubtful(object);
@@ -227,7 +227,7 @@ pub(in crate::session) fn set_fallback(
     value: i64,
     frame: &Frame,
 ) {
-    let Some(node) = bus.node_mut(id) else { return };
+    let Some(node) = bus.nodes.node_mut(id) else { return };
     let data_type = node.device.dictionary.data_type(object);
     let Ok(bytes) = encode_number(value, data_type) else { return };
     let origin = StoredOrigin { kind: OriginKind::Upload, frame: frame.number, time: frame.time };
@@ -240,7 +240,7 @@ pub(in crate::session) fn set_fallback(
 
 /// Marks unsaved values as doubtful after a boot, if the profile does not define their storage.
 pub(in crate::session) fn mark_unsaved_stale(bus: &mut Bus, id: NodeId) {
-    let Some(node) = bus.node_mut(id) else { return };
+    let Some(node) = bus.nodes.node_mut(id) else { return };
     if node.saved || node.store().is_empty() {
         return;
     }

@@ -40,7 +40,7 @@ impl ProtocolMachine for IsoTpMachine {
     type Product = Option<CompleteMessage>;
 
     fn on_frame(&mut self, link: UdsLink, frame: &Frame, cx: &mut MachineContext<'_>) -> Self::Product {
-        if cx.bus.protocol == ProtocolChoice::None {
+        if cx.bus.protocols.choice == ProtocolChoice::None {
             cx.emit_undecoded(frame, None);
             return None;
         }

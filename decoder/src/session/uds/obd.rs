@@ -97,7 +97,7 @@ impl ObdPairs {
         self.note_request(frame);
         let CanId::Standard(id) = frame.id else { return None };
         let server = id.checked_sub(RESPONSE).filter(|server| *server < SERVERS)?;
-        if LSS.contains(&server) && cx.bus.canopen.is_confirmed() {
+        if LSS.contains(&server) && cx.bus.protocols.canopen.is_confirmed() {
             return None;
         }
         let physical = self.physical.get(usize::from(server)).and_then(Option::as_deref);

@@ -192,7 +192,7 @@ fn emit_response(
     let server = answer.link.opposite_link();
     let mut frames = answer.transfer.frames;
     if let Some(exchange) = exchange {
-        cx.bus.is_uds = true;
+        cx.bus.protocols.has_uds = true;
         frames = FrameRange { first: exchange.request.frames.first, last: frames.last };
     }
     let reported = describe_exchange(&cx.bus, server, answer.service, exchange, Some(answer), outcome);
@@ -222,7 +222,8 @@ fn node_id_written(bus: &Bus, server: UdsLink, reported: &UdsExchange) -> Option
 /// Node that receives requests of `link`. In a CANopen network, addresses below 0x80 are node-IDs.
 fn uds_node(bus: &Bus, link: UdsLink) -> Option<NodeId> {
     let address = link.server_address()?;
-    let canopen = Some(NodeId::Canopen(address)).filter(|id| bus.is_settled(Some(*id)) && id.is_valid());
+    let canopen =
+        Some(NodeId::Canopen(address)).filter(|id| bus.protocols.is_settled(Some(*id)) && id.is_valid());
     canopen.or(Some(NodeId::J1939(address))).filter(|id| id.is_valid())
 }
 

@@ -42,7 +42,7 @@ impl MessageChanges {
         let (name, layout, payload, note) = match &event.kind {
             EventKind::Pdo(message) if !message.is_request => {
                 let mut note = Vec::new();
-                if let Some(users) = bus.other_users(message.cob_id) {
+                if let Some(users) = bus.node_table().other_users(message.cob_id) {
                     pdo::push_users(message, event, users, bus, &mut note);
                 }
                 if message.layout.is_none() {

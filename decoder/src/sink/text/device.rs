@@ -82,6 +82,9 @@ pub(super) fn set_point(point: &SetPoint) -> LineContent {
     let tone = match point.effective {
         EffectiveState::Yes => {
             what.push_str("effective");
+            if !point.invisible.is_empty() {
+                let _ = write!(what, ", as far as visible: {} not on the bus", point.invisible.join(", "));
+            }
             LineTone::Plain
         }
         EffectiveState::No => {

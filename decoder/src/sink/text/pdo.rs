@@ -48,7 +48,7 @@ pub(super) fn push_text(pdo: &DecodedPdo, event: &Event, bus: &Bus, asks_mapping
     if let Some(layout) = pdo.layout.as_deref().filter(|_| !pdo.is_request) {
         push_signals(layout, pdo.payload(), out);
     }
-    if let Some(users) = bus.other_users(pdo.cob_id) {
+    if let Some(users) = bus.node_table().other_users(pdo.cob_id) {
         push_users(pdo, event, users, bus, out);
     }
     if asks_mapping {

@@ -232,7 +232,9 @@ impl Pane for NodesPane {
         let row = |index: usize| {
             lines.get(index).map_or_else(TableRow::default, |line| Self::table_row(core, line, room))
         };
-        let doubt = core.bus_state().and_then(|world| world.buses().iter().find_map(Bus::detection_doubt));
+        let doubt = core
+            .bus_state()
+            .and_then(|world| world.buses().iter().find_map(|bus| bus.protocols().detection_doubt()));
         let empty = match (core.bus_state(), doubt) {
             (None, _) => "reading …".to_owned(),
             (Some(_), Some(doubt)) => format!("no nodes: {doubt}"),
@@ -380,7 +382,7 @@ impl Pane for NodesPane {
 /// The name of a row, with a mark if the node differs from the other capture.
 fn marked_name(core: &UiState, line: &NodeRow) -> TableCell<'static> {
     match line.key.node() {
-        Some(node) if !core.differences_of(node).is_empty() => {
+        Some(node) if !core.against.differences_of(core.bus_state(), node).is_empty() => {
             TableCell::new(format!("{DIFFERS} {}", line.name), core.theme.role_style(TextRole::Caution))
         }
         _ => line.name.clone().into(),

@@ -36,7 +36,8 @@ impl<'a> ShownNode<'a> {
         let rows = world.identifiers().rows().iter();
         let rows = rows.filter(|row| row.bus == bus.index() && row.last_frame > started && !row.is_remote);
         let is_own = |row: &&IdentifierRow| {
-            row.node == Some(node.id()) || bus.awaited_message(row.id).is_some_and(|(id, _)| id == node.id())
+            row.node == Some(node.id())
+                || bus.identifiers().awaited_message(row.id).is_some_and(|(id, _)| id == node.id())
         };
         Self {
             bus,

@@ -23,7 +23,7 @@ pub fn master_row(world: &ReplayState, bus: &Bus) -> Option<NodeRow> {
     let guarded: Vec<_> =
         bus.nodes().filter(|node| node.is_guarded()).map(|node| node.id().number().to_string()).collect();
     let sync = bus.last_sync().and_then(of);
-    let has_commands = bus.is_canopen() && of(NMT).is_some();
+    let has_commands = bus.protocols().is_canopen() && of(NMT).is_some();
     if sync.is_none() && !has_commands && guarded.is_empty() {
         return None;
     }
@@ -59,7 +59,7 @@ fn rhythm_values(row: &IdentifierRow) -> SetActualValues {
 
 /// Periodic identifiers without a known producer or consumer.
 pub fn orphan_rows(world: &ReplayState, bus: &Bus, now: Option<Timestamp>) -> Vec<NodeRow> {
-    if !bus.is_canopen() && !bus.is_j1939() {
+    if !bus.protocols().is_canopen() && !bus.protocols().is_j1939() {
         return Vec::new();
     }
     let rows = world.identifiers().rows().iter();

@@ -34,6 +34,7 @@ pub fn device_condition_text(device: &DeviceProfile, condition: &DeviceCondition
         DeviceCondition::Inside { object, range: [least, most] } => {
             format!("{least} ≤ {} ≤ {most}", object.object)
         }
+        DeviceCondition::Known(object) => format!("{} seen, and used by the sender", object.object),
         DeviceCondition::State(states) => format!("state {}", states.join(" or ")),
         DeviceCondition::Sync => "SYNC with the node's own identifier received".into(),
         DeviceCondition::NoError => "no active error".into(),

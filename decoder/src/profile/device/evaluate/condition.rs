@@ -89,7 +89,9 @@ impl DeviceCondition {
     /// Object that the condition depends on.
     pub(crate) fn object(&self) -> Option<ObjectAddress> {
         match self {
-            Self::Object { object, .. } | Self::Inside { object, .. } => Some(object.object),
+            Self::Object { object, .. } | Self::Inside { object, .. } | Self::Known(object) => {
+                Some(object.object)
+            }
             Self::Nmt(_)
             | Self::State(_)
             | Self::Sync
@@ -119,6 +121,10 @@ impl DeviceCondition {
                     GateStatus::of_number((*least..=*most).contains(&number.raw), number)
                 })
             }
+            Self::Known(object) => match facts.object_number(object.object) {
+                Some(number) if !number.assumed => GateStatus::Open,
+                _ => GateStatus::Invisible,
+            },
             Self::State(states) => match facts.reported_state(channel) {
                 None => GateStatus::Unknown,
                 Some(state) if states.iter().any(|wanted| wanted == state) => GateStatus::Open,

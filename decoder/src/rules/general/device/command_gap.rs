@@ -181,7 +181,7 @@ impl CommandGap {
         }
         let entry = self.awaited.entry(message.can_id);
         let awaited = entry.or_insert_with(|| MonitoredMessage {
-            of: context.bus.awaited_message(message.can_id),
+            of: context.bus.identifiers().awaited_message(message.can_id),
             last: None,
         });
         let Some((node, limit)) = awaited.of else { return };

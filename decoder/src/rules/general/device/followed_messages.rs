@@ -50,7 +50,7 @@ impl FollowedMessages {
 impl FollowedMessage {
     #[cold]
     fn new(message: &J1939Message, layout: &Arc<PayloadLayout>, bus: &Bus) -> Self {
-        let commanded = bus.awaited_message(message.can_id).map(|(node, _)| node);
+        let commanded = bus.identifiers().awaited_message(message.can_id).map(|(node, _)| node);
         let id = commanded.unwrap_or(NodeId::J1939(message.id.source));
         let mut fields = Self { layout: Some(Arc::clone(layout)), ..Self::default() };
         let Some(node) = bus.node(id) else { return fields };

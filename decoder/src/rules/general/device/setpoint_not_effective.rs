@@ -168,7 +168,8 @@ fn has_ended(point: &SetPointWatch, context: &RuleContext<'_>) -> bool {
         }
     };
     let slots = context.traffic.slots().iter();
-    let carrying = slots.filter(|slot| context.bus.pdo_on(slot.id) == Some((*name, point.node)));
+    let carrying =
+        slots.filter(|slot| context.bus.identifiers().pdo_on(slot.id) == Some((*name, point.node)));
     carrying.max_by_key(|slot| slot.last).is_some_and(|slot| {
         slot.period_since(i64::MIN).is_some_and(|period| slot.has_ended(period, context.now))
     })

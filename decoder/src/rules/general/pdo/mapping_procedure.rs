@@ -197,7 +197,8 @@ impl KnownMapping {
             return None;
         }
         let sent = context.traffic.slots().iter().filter(|slot| slot.count > 0);
-        let mut own = sent.filter(|slot| context.bus.pdo_on(slot.id) == Some((self.name, node)));
+        let mut own =
+            sent.filter(|slot| context.bus.identifiers().pdo_on(slot.id) == Some((self.name, node)));
         own.next().map(|slot| slot.frames.0)
     }
 
@@ -273,7 +274,10 @@ impl MappingProcedure {
         let mut machines = node.device().machines.iter();
         let place = machines.position(|it| it.name == state.machine && it.channel == state.channel);
         let control = place.and_then(|place| context.bus.control_identifier(id, place));
-        let Some((name, owner)) = control.and_then(|control| context.bus.pdo_on(control)) else { return };
+        let Some((name, owner)) = control.and_then(|control| context.bus.identifiers().pdo_on(control))
+        else {
+            return;
+        };
         if owner == id
             && state.cause_frame > 0
             && let Some(known) = self.known_mapping(id, name)

@@ -122,7 +122,7 @@ impl PdoInvalid {
 /// Whether an RPDO reaches an operational node that does not receive it, and no other one.
 fn is_unheard(node: NodeId, pdo: &DecodedPdo, context: &RuleContext<'_>) -> bool {
     let is_operational = context.confirmed_state(node) == Some(NmtState::Operational);
-    let users = context.bus.pdo_users(pdo.cob_id);
+    let users = context.bus.node_table().pdo_users(pdo.cob_id);
     is_operational && !context.is_tested && users.iter().all(|(name, _)| name.is_sent())
 }
 

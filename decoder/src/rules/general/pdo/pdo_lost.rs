@@ -97,7 +97,8 @@ fn new(policy: &RulePolicy) -> PdoLost {
 impl PdoLost {
     /// Starts to watch a TPDO once its period is known.
     fn watch_tpdo(&mut self, slot: &PdoSlot, context: &mut RuleContext<'_>) {
-        let Some((name, node)) = context.bus.pdo_on(slot.id).filter(|(name, _)| name.is_sent()) else {
+        let Some((name, node)) = context.bus.identifiers().pdo_on(slot.id).filter(|(name, _)| name.is_sent())
+        else {
             return;
         };
         let changed = self.changed.get(node).copied().unwrap_or(i64::MIN);
@@ -183,7 +184,7 @@ impl PdoLost {
         let Some((_, node, period)) = stream.of else { return };
         let limit = period.loss_limit(self.times, self.least);
         let Some(silence) = tpdo_silence(period, node, slot, limit, context) else { return };
-        if !is_operational(node, context) || !context.bus.is_settled(Some(node)) {
+        if !is_operational(node, context) || !context.bus.protocols().is_settled(Some(node)) {
             return;
         }
         let first_missing = match (period, stream.expected) {
@@ -291,7 +292,8 @@ impl PdoLost {
 fn sent_tpdos<'a>(node: NodeId, context: &RuleContext<'a>) -> impl Iterator<Item = (PdoName, &'a PdoSlot)> {
     let bus = context.bus;
     context.traffic.slots().iter().filter_map(move |slot| {
-        let (name, _) = bus.pdo_on(slot.id).filter(|(name, of)| *of == node && name.is_sent())?;
+        let (name, _) =
+            bus.identifiers().pdo_on(slot.id).filter(|(name, of)| *of == node && name.is_sent())?;
         Some((name, slot))
     })
 }
@@ -304,7 +306,7 @@ fn is_silent(node: NodeId, context: &RuleContext<'_>) -> bool {
 
 /// Names of the actual values in a PDO that a set point is paired with; `None` without any.
 fn actual_values(slot: &PdoSlot, context: &RuleContext<'_>) -> Option<String> {
-    let fields = context.bus.pdo_layout(slot.id)?.fields.iter();
+    let fields = context.bus.identifiers().pdo_layout(slot.id)?.fields.iter();
     let names = fields.filter_map(|field| field.meaning.as_deref().filter(|meaning| meaning.of.is_some()));
     let names: Vec<_> = names.map(|meaning| meaning.name.as_str()).collect();
     (!names.is_empty()).then(|| names.join(", "))

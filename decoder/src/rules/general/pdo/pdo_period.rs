@@ -97,7 +97,7 @@ fn ended_with_trigger(node: NodeId, slot: &PdoSlot, context: &RuleContext<'_>) -
     let traffic = context.traffic;
     let by_sync = slot.since_sync == 1 && traffic.sync_count() > SEEN && traffic.syncs_since(slot) == 0;
     let received = traffic.slots().iter().filter(|other| {
-        let pdo = context.bus.pdo_on(other.id);
+        let pdo = context.bus.identifiers().pdo_on(other.id);
         other.count > SEEN && pdo.is_some_and(|(name, of)| of == node && !name.is_sent())
     });
     by_sync || received.map(|other| other.last).max().is_some_and(|last| last <= slot.last)

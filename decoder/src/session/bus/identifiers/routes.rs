@@ -8,6 +8,8 @@ use foldhash::fast::FixedState;
 use super::last_payload::LastPayload;
 use super::link::UdsLink;
 use super::plan::IdentifierPlan;
+use super::service::{IdentifierService, SRDO};
+use super::shared_gap::shared_gap;
 use crate::event::{DecodedPdo, Event, EventKind};
 use crate::frame::{CanId, Frame};
 use crate::profile::{IdentifierOwner, PayloadLayout, PdoDirection, PdoName, connection_set};
@@ -17,34 +19,6 @@ use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::SdoSide;
 use crate::wire::j1939::{J1939Id, NO_ADDRESS};
-
-/// Service of an identifier, with its node.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::session) enum IdentifierService {
-    /// No known service.
-    Unclassified,
-    /// Reserved identifier with a name; not decoded.
-    Named(&'static str),
-    Nmt,
-    Sync,
-    Time,
-    /// EMCY of a node.
-    Emcy(NodeId),
-    /// PDO of a node.
-    Pdo(PdoName, NodeId),
-    /// Request or response of an SDO channel.
-    Sdo(SdoSide, u16),
-    /// NMT error control of a node: heartbeat, boot-up and guarding.
-    ErrorControl(NodeId),
-    /// LSS; `true` for messages of the master.
-    Lss(bool),
-    /// Markers of the CiA conformance test tool.
-    TestMarker,
-    /// A J1939 message.
-    J1939(J1939Id),
-    /// ISO-TP frame of a link.
-    IsoTp(UdsLink),
-}
 
 /// State of one identifier, created at its first frame.
 #[derive(Debug, Clone)]
@@ -70,22 +44,6 @@ pub(in crate::session) struct IdentifierState {
     /// Last frame, if only a database describes it.
     pub(in crate::session) described: Option<Box<Frame>>,
     pulse: IdentifierIntervals,
-}
-
-impl IdentifierService {
-    /// Whether frames of the identifier become plain frames.
-    pub(in crate::session) const fn is_undecoded(self) -> bool {
-        matches!(self, Self::Unclassified | Self::Named(_))
-    }
-
-    /// Whether remote frames go to the service's machine. Only PDOs and error control are requested by remote
-    /// frames (CiA 301 §7.2.2, §7.2.8.3.2.1). Frames of unknown services are emitted undecoded.
-    pub(in crate::session) const fn has_remote_frames(self) -> bool {
-        matches!(
-            self,
-            Self::Pdo(..) | Self::ErrorControl(_) | Self::J1939(_) | Self::Unclassified | Self::Named(_)
-        )
-    }
 }
 
 impl IdentifierState {
@@ -140,7 +98,7 @@ fn sender_slot(service: IdentifierService) -> u16 {
 
 /// Services of all identifiers of one bus.
 #[derive(Debug, Clone)]
-pub(in crate::session) struct IdentifierRoutes {
+pub struct IdentifierRoutes {
     /// Index of the state of each 11-bit identifier.
     standard: Box<[u16; 2048]>,
     /// The same for 29-bit identifiers.
@@ -153,6 +111,8 @@ pub(in crate::session) struct IdentifierRoutes {
     /// UDS servers from the user; they override only the defaults.
     named: Arc<BTreeMap<CanId, IdentifierService>>,
     refused: bool,
+    /// Index of the identifier whose PDO or message is being sent to the observer.
+    current: Option<usize>,
 }
 
 impl Default for IdentifierRoutes {
@@ -165,6 +125,7 @@ impl Default for IdentifierRoutes {
             learnt: Arc::default(),
             named: Arc::default(),
             refused: false,
+            current: None,
         }
     }
 }
@@ -183,7 +144,7 @@ pub(in crate::session) enum RouteOrigin {
 impl IdentifierRoutes {
     /// Index of an identifier in order of appearance; `None` before its first frame.
     #[inline]
-    pub(in crate::session) fn find_slot(&self, id: CanId) -> Option<usize> {
+    pub(crate) fn find_slot(&self, id: CanId) -> Option<usize> {
         let slot = match id {
             CanId::Standard(id) => self.standard.get(usize::from(id)).copied()?,
             CanId::Extended(id) => self.extended.get(&id).copied()?,
@@ -410,6 +371,81 @@ impl IdentifierRoutes {
             }
         }
         dropped
+    }
+
+    /// PDO that an identifier carries now, and its node.
+    pub fn pdo_on(&self, id: CanId) -> Option<(PdoName, NodeId)> {
+        match self.slot(self.find_slot(id)?)?.service {
+            IdentifierService::Pdo(name, node) => Some((name, node)),
+            _ => None,
+        }
+    }
+
+    /// Device that must receive a J1939 message within a time, and the time from its manual, in ns.
+    pub fn awaited_message(&self, id: CanId) -> Option<(NodeId, i64)> {
+        let slot = self.slot(self.find_slot(id)?)?;
+        slot.cadence.as_deref().map(Cadence::max_interval)
+    }
+
+    /// Whether a frame belongs to an SRDO of which the other frame was never seen. An SRDO is a pair: data on
+    /// an odd identifier, and the inverted data on the next one (CiA 304, 301 §7.3.3).
+    pub(in crate::session) fn is_lone(&self, id: CanId, name: &str) -> bool {
+        let CanId::Standard(number) = id else { return false };
+        let other =
+            if number.is_multiple_of(2) { number.saturating_sub(1) } else { number.saturating_add(1) };
+        name == SRDO && self.find_slot(CanId::from_standard(other)).is_none()
+    }
+
+    /// Routes both identifiers of a channel.
+    pub(in crate::session) fn route_channel(&mut self, channel: u16, request: CanId, response: CanId) {
+        self.learn_service(request, IdentifierService::Sdo(SdoSide::Client, channel));
+        self.learn_service(response, IdentifierService::Sdo(SdoSide::Server, channel));
+    }
+
+    /// Time in ns after `received`, the monotonic time of a frame, at which at least three periodic producers have missed all
+    /// their messages, if no frame follows.
+    pub(in crate::session) fn shared_gap(&self, received: i64) -> Option<i64> {
+        shared_gap(self.pulses(), received).map(|due| due.saturating_sub(received))
+    }
+
+    /// Sets the index of the identifier whose PDO or message is being sent to the observer.
+    #[inline]
+    pub(in crate::session) fn set_current(&mut self, slot: Option<usize>) {
+        self.current = slot;
+    }
+
+    /// Index of the identifier of the PDO or J1939 message that an observer receives.
+    #[inline]
+    pub(crate) fn identifier_of_event(&self, id: CanId) -> Option<usize> {
+        self.current.or_else(|| self.find_slot(id))
+    }
+
+    /// PDO and node of an identifier by its index; `None` for other services.
+    #[inline]
+    pub(crate) fn pdo_at(&self, identifier: usize) -> Option<(PdoName, NodeId)> {
+        match self.slot(identifier)?.service {
+            IdentifierService::Pdo(name, node) => Some((name, node)),
+            _ => None,
+        }
+    }
+
+    /// Frames without an event of an RPDO, by the index of its identifier.
+    pub(crate) fn skipped_times(&self, identifier: usize) -> Option<&SkippedTimes> {
+        self.slot(identifier)?.skipped.as_deref()
+    }
+
+    /// Number of the present service and layout of an identifier; it changes with them.
+    #[inline]
+    pub(crate) fn version_of(&self, identifier: usize) -> u32 {
+        self.slot(identifier).map_or(0, |state| state.version)
+    }
+
+    /// Layout of the last PDO with an identifier.
+    pub(crate) fn pdo_layout(&self, id: CanId) -> Option<&PayloadLayout> {
+        match &self.slot(self.find_slot(id)?)?.prepared.as_deref()?.kind {
+            EventKind::Pdo(pdo) => pdo.layout.as_deref(),
+            _ => None,
+        }
     }
 
     /// Bytes held by the tables.

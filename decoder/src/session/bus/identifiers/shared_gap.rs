@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::routes::IdentifierService;
+use super::service::IdentifierService;
 use crate::profile::PdoDirection;
 use crate::session::bus::time::IdentifierIntervals;
 

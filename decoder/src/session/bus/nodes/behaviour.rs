@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::set_point::SetPointState;
 use super::state_machine::MachineState;
+use crate::profile::ValueCarrier;
 use crate::profile::device::ProcedureStatus;
 use crate::session::bus::time::FrameMoment;
 use crate::wire::canopen::ObjectAddress;
@@ -64,6 +65,11 @@ impl DeviceBehaviour {
     /// Last raw value of a watched object in a PDO.
     pub(in crate::session) fn last_word(&self, object: ObjectAddress) -> Option<u64> {
         self.words.iter().find(|(known, _)| *known == object).map(|(_, raw)| *raw)
+    }
+
+    /// Whether a set point of this carrier came with less data than its mapping.
+    pub(in crate::session) fn has_short_payload(&self, carrier: &ValueCarrier) -> bool {
+        self.set_points.iter().any(|point| point.short.is_some() && point.carrier == *carrier)
     }
 
     /// Stores a raw value and returns the previous one.

@@ -1,6 +1,5 @@
 //! Facts about a node, on which the conditions of its profile are evaluated.
 
-use super::behaviour::RunningProcedure;
 use super::node::Node;
 use super::set_point::GatedSetPoint;
 use crate::profile::device::{DeviceCondition, DeviceFacts, DeviceProcedure, GateStatus, StateDefinition};
@@ -20,12 +19,6 @@ impl Node {
     /// Running procedures.
     pub fn procedures(&self) -> impl Iterator<Item = &DeviceProcedure> {
         self.behaviour.running.iter().filter_map(|running| self.device.procedures.get(running.place))
-    }
-
-    /// Name of the running procedure, if it takes control of the set points.
-    pub(in crate::session) fn takes_over(&self, running: &RunningProcedure) -> Option<&str> {
-        let procedure = self.device.procedures.get(running.place)?;
-        procedure.takes_over.then_some(procedure.name.as_str())
     }
 
     /// Facts at a monotonic time, for conditions that are not about a set point.
@@ -53,7 +46,7 @@ impl<'a> NodeFacts<'a> {
 
     /// Name of a running procedure that takes control of the set points.
     fn procedure_in_control(&self) -> Option<&'a str> {
-        self.node.behaviour.running.iter().find_map(|running| self.node.takes_over(running))
+        self.node.procedures().find(|it| it.takes_over).map(|it| it.name.as_str())
     }
 
     /// Name of the message that carries the set point, if that message is overdue.
@@ -76,6 +69,8 @@ impl<'a> NodeFacts<'a> {
                 Some(DecidingNumber { raw, assumed }) => {
                     format!("{object} = {raw}{}", if assumed { "?" } else { "" })
                 }
+                // Its gate is named after the object.
+                None if matches!(condition, DeviceCondition::Known(_)) => String::new(),
                 None => format!("{object} not seen"),
             };
         }

@@ -1,16 +1,13 @@
 //! Gates: conditions under which a set point takes effect.
 
 use super::node::Node;
-use super::set_point::GatedSetPoint;
+use super::reception::{ReceptionObstacle, SYNC_GATE, reception_obstacles};
+use super::set_point::{GateVerdict, GatedSetPoint};
 use crate::event::EffectiveState;
 use crate::frame::CanId;
 use crate::profile::ValueCarrier;
 use crate::profile::device::{DeviceCondition, Gate, GateFallback, GateStatus, PdoEffect};
-use crate::session::bus::objects::{INVALID, OriginKind, nonzero_identifier};
 use crate::wire::canopen::ObjectAddress;
-
-/// Name of the gate of the COB-ID of an RPDO, which every device has.
-const COB_ID: &str = "RPDO COB-ID";
 
 /// Highest transmission type that waits for SYNC (CiA 301 §7.5.2.35).
 const LAST_SYNCHRONOUS: u64 = 240;
@@ -47,13 +44,6 @@ impl GateState {
     }
 }
 
-/// Result of all gates of a set point.
-pub(in crate::session) struct GateVerdict {
-    pub(in crate::session) effective: EffectiveState,
-    /// Names of the closed gates; if none is closed, of the unknown ones.
-    pub(in crate::session) gates: Vec<String>,
-}
-
 impl Node {
     /// Whether an RPDO takes effect at the next SYNC; the profile overrides the transmission type.
     pub(in crate::session) fn waits_for_sync(&self, carrier: &ValueCarrier) -> bool {
@@ -78,22 +68,22 @@ impl Node {
         let mut all: Vec<GateState> = Vec::new();
         for point in &self.behaviour.set_points {
             let subject = point.gated_subject();
-            if let Some((detail, id)) = self.find_contradiction(subject) {
-                let detail = format!("{detail}, commands arrive on {id}h, {}", consumers(id));
+            let gates = SetPointGates::new(self, subject, now);
+            for obstacle in gates.obstacles() {
+                let commands = obstacle.id.map(|id| format!(", commands arrive on {id}h, {}", consumers(id)));
                 all.push(GateState {
                     set_point: subject.object,
                     name: point.object_title().to_owned(),
-                    gate: COB_ID.to_owned(),
-                    status: GateStatus::Closed,
-                    detail,
+                    gate: obstacle.gate.to_owned(),
+                    status: obstacle.status,
+                    detail: obstacle.detail + &commands.unwrap_or_default(),
                     text: String::new(),
-                    check: "send the commands on the configured COB-ID, or configure the one that is sent"
-                        .to_owned(),
-                    source: "CiA 301 §7.5.2.35".to_owned(),
+                    check: obstacle.check.to_owned(),
+                    source: obstacle.source.to_owned(),
                 });
             }
-            for gate in self.gates_of(subject) {
-                let (status, detail) = self.status_with_detail(gate, subject, now);
+            for gate in gates.gates() {
+                let (status, detail) = gates.status_with_detail(gate);
                 all.push(GateState {
                     set_point: subject.object,
                     name: point.object_title().to_owned(),
@@ -109,69 +99,82 @@ impl Node {
         all.sort_by_key(|gate| (gate.set_point, gate.status != GateStatus::Closed));
         all
     }
+}
 
-    /// Contradiction between the configured COB-ID of an RPDO and the identifier on which it arrives
-    /// (CiA 301 §7.5.2.35: bit 31 marks a PDO that is not valid). A set point received before the COB-ID was
-    /// written remains in force.
-    fn find_contradiction(&self, subject: GatedSetPoint<'_>) -> Option<(String, CanId)> {
-        let (ValueCarrier::Pdo(name), Some((id, frame))) = (subject.carrier, subject.id) else { return None };
-        let cob_id = self.configured_cob_id(*name)?;
-        let object = ObjectAddress::new(name.communication_index(), 1);
-        if cob_id & INVALID != 0 {
-            return Some((format!("{object} = {cob_id:X}h (bit 31: not valid)"), id));
-        }
-        let origin = self.store.seen_value(object)?.origin;
-        let is_later = origin.kind != OriginKind::Download || frame > origin.frame;
-        let is_other = is_later && nonzero_identifier(cob_id) != Some(id);
-        is_other.then(|| (format!("{object} = {cob_id:X}h"), id))
+/// Gates of one set point of a node at one time.
+pub(in crate::session) struct SetPointGates<'a> {
+    node: &'a Node,
+    subject: GatedSetPoint<'a>,
+    now: i64,
+}
+
+impl<'a> SetPointGates<'a> {
+    /// Gates of a set point at the monotonic time `now`.
+    pub(in crate::session) fn new(node: &'a Node, subject: GatedSetPoint<'a>, now: i64) -> Self {
+        Self { node, subject, now }
     }
 
-    fn gates_of<'a>(&'a self, subject: GatedSetPoint<'a>) -> impl Iterator<Item = &'a Gate> {
-        self.device.gates.iter().filter(move |gate| {
+    /// Reasons for which the RPDO is not processed. A profile with a SYNC gate of its own decides about SYNC.
+    fn obstacles(&self) -> Vec<ReceptionObstacle> {
+        let mut conditions = self.gates().flat_map(|gate| gate.open.0.iter());
+        let has_sync_gate = conditions.any(|condition| matches!(condition, DeviceCondition::Sync));
+        let obstacles = reception_obstacles(self.node, self.subject);
+        obstacles.into_iter().filter(|it| !(has_sync_gate && it.gate == SYNC_GATE)).collect()
+    }
+
+    fn gates(&self) -> impl Iterator<Item = &'a Gate> + use<'a> {
+        let subject = self.subject;
+        self.node.device.gates.iter().filter(move |gate| {
             gate.is_for(subject.object, subject.channel)
                 && gate.pdo.is_none_or(|pdo| *subject.carrier == ValueCarrier::Pdo(pdo))
         })
     }
 
     /// Evaluates all gates of a set point.
-    pub(in crate::session) fn gate_verdict(&self, subject: GatedSetPoint<'_>, now: i64) -> GateVerdict {
-        let (mut closed, mut unknown, mut any) = (Vec::new(), Vec::new(), false);
-        if self.find_contradiction(subject).is_some() {
-            closed.push(COB_ID.to_owned());
+    pub(in crate::session) fn gate_verdict(&self) -> GateVerdict {
+        let (mut closed, mut unknown, mut invisible) = (Vec::new(), Vec::new(), Vec::new());
+        let mut any = false;
+        for obstacle in self.obstacles() {
+            let list = if obstacle.status == GateStatus::Closed { &mut closed } else { &mut unknown };
+            list.push(obstacle.gate.to_owned());
         }
-        for gate in self.gates_of(subject) {
+        for gate in self.gates() {
             any = true;
-            match self.gate_status(gate, subject, now) {
+            match self.gate_status(gate) {
                 GateStatus::Closed => closed.push(gate.name.clone()),
                 GateStatus::Unknown => unknown.push(gate.name.clone()),
-                GateStatus::Open | GateStatus::Invisible => {}
+                GateStatus::Invisible if gate.open.0.contains(&DeviceCondition::Invisible) => {
+                    invisible.push(gate.name.clone());
+                }
+                GateStatus::Invisible | GateStatus::Open => {}
             }
         }
         match (closed.is_empty(), unknown.is_empty() && any) {
-            (false, _) => GateVerdict { effective: EffectiveState::No, gates: closed },
-            (true, true) => GateVerdict { effective: EffectiveState::Yes, gates: Vec::new() },
-            (true, false) => GateVerdict { effective: EffectiveState::Unknown, gates: unknown },
+            (false, _) => GateVerdict { effective: EffectiveState::No, gates: closed, invisible },
+            (true, true) => GateVerdict { effective: EffectiveState::Yes, gates: Vec::new(), invisible },
+            (true, false) => GateVerdict { effective: EffectiveState::Unknown, gates: unknown, invisible },
         }
     }
 
     /// Evaluates one gate for a set point.
-    fn gate_status(&self, gate: &Gate, subject: GatedSetPoint<'_>, now: i64) -> GateStatus {
-        let facts = self.facts_of(subject, now);
-        let status =
-            |open: &DeviceCondition| with_otherwise(gate, open.evaluate_condition(&facts, subject.channel));
+    fn gate_status(&self, gate: &Gate) -> GateStatus {
+        let facts = self.node.facts_of(self.subject, self.now);
+        let status = |open: &DeviceCondition| {
+            with_otherwise(gate, open.evaluate_condition(&facts, self.subject.channel))
+        };
         gate.open.0.iter().map(status).fold(GateStatus::Open, GateStatus::and)
     }
 
     /// Evaluates one gate and returns the fact that decided.
-    fn status_with_detail(&self, gate: &Gate, subject: GatedSetPoint<'_>, now: i64) -> (GateStatus, String) {
-        let facts = self.facts_of(subject, now);
+    fn status_with_detail(&self, gate: &Gate) -> (GateStatus, String) {
+        let facts = self.node.facts_of(self.subject, self.now);
         let mut worst = (GateStatus::Open, String::new());
         for condition in &gate.open.0 {
-            let found = condition.evaluate_condition(&facts, subject.channel);
+            let found = condition.evaluate_condition(&facts, self.subject.channel);
             let status = with_otherwise(gate, found);
             let both = worst.0.and(status);
             if both != worst.0 || worst.1.is_empty() {
-                worst = (both, facts.deciding_fact(condition, subject.channel, found));
+                worst = (both, facts.deciding_fact(condition, self.subject.channel, found));
             }
         }
         worst

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::behaviour::DeviceBehaviour;
 use super::conflicts::EmittedConflicts;
+use super::errors::ActiveErrors;
 use super::faults::J1939State;
 use super::monitoring::{GuardingState, HeartbeatState};
 use super::restart::RestartType;
@@ -13,7 +14,6 @@ use crate::profile::device::PdoField;
 use crate::profile::{DeviceProfile, EntryResolver, ObjectMeaning, PdoName, ReportedIdentity, plain_device};
 use crate::session::bus::hints::ProfileSigns;
 use crate::session::bus::objects::{ObjectStore, StoredOrigin};
-use crate::session::limits::ACTIVE_ERROR_LIMIT;
 use crate::wire::NodeId;
 use crate::wire::canopen::emcy::EmcyByteOrder;
 use crate::wire::canopen::{NmtState, ObjectAddress};
@@ -78,9 +78,7 @@ pub struct Node {
     pub(in crate::session) boots: u32,
     pub(in crate::session) heartbeat: HeartbeatState,
     pub(in crate::session) guarding: GuardingState,
-    /// Active error codes, oldest first.
-    pub(in crate::session) active_errors: Vec<u16>,
-    pub(in crate::session) last_error: Option<u16>,
+    pub(in crate::session) errors: ActiveErrors,
     /// Parameters were stored (1010) after the last download.
     pub(in crate::session) saved: bool,
     pub(in crate::session) store: Arc<ObjectStore>,
@@ -148,8 +146,7 @@ impl Node {
             boots: 0,
             heartbeat: HeartbeatState::default(),
             guarding: GuardingState::default(),
-            active_errors: Vec::new(),
-            last_error: None,
+            errors: ActiveErrors::default(),
             saved: false,
             store: Arc::default(),
             device: Arc::clone(plain_device()),
@@ -186,7 +183,7 @@ impl Node {
 
     /// Error codes raised and not cleared; an upper bound if the device does not clear each code.
     pub fn active_errors(&self) -> &[u16] {
-        &self.active_errors
+        self.errors.codes()
     }
 
     /// Behaviour that can suggest a profile.
@@ -271,28 +268,14 @@ impl Node {
 
     /// Active errors as text: EMCY codes, and faults of DM1.
     pub(in crate::session) fn error_texts(&self) -> impl Iterator<Item = String> {
-        let codes = self.active_errors.iter().map(|code| format!("{code:04X}"));
+        let codes = self.errors.codes().iter().map(|code| format!("{code:04X}"));
         codes.chain(self.active_dtcs().map(|(spn, fmi)| format!("SPN {spn} FMI {fmi}")))
-    }
-
-    /// Adds an active error; `false` if the oldest one was evicted.
-    pub(in crate::session) fn raise_error(&mut self, code: u16) -> bool {
-        self.last_error = Some(code);
-        if self.active_errors.contains(&code) {
-            return true;
-        }
-        let fits = self.active_errors.len() < ACTIVE_ERROR_LIMIT;
-        if !fits {
-            self.active_errors.remove(0);
-        }
-        self.active_errors.push(code);
-        fits
     }
 
     /// Bytes held, without the store.
     pub(in crate::session) fn footprint(&self) -> usize {
         size_of::<Self>()
-            + self.active_errors.capacity() * 2
+            + self.errors.footprint()
             + self.behaviour.footprint()
             + self.delivered_ids.capacity() * size_of::<CanId>()
             + self.conflicts.footprint()

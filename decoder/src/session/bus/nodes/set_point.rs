@@ -16,6 +16,30 @@ pub(in crate::session) struct GatedSetPoint<'a> {
     pub(in crate::session) carrier: &'a ValueCarrier,
     /// Identifier on which its PDO arrives, and a frame with it.
     pub(in crate::session) id: Option<(CanId, u64)>,
+    /// No SYNC came after its synchronous PDO.
+    pub(in crate::session) late: bool,
+    /// Its PDO has less data than the mapping.
+    pub(in crate::session) short: Option<ShortPayload>,
+}
+
+/// An RPDO with less data than its mapping.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::session) struct ShortPayload {
+    /// Bytes received.
+    pub(in crate::session) bytes: u8,
+    /// Bytes of the mapping.
+    pub(in crate::session) needed: u16,
+    /// The mapping is a default.
+    pub(in crate::session) assumed: bool,
+}
+
+/// Result of all gates of a set point.
+pub(in crate::session) struct GateVerdict {
+    pub(in crate::session) effective: EffectiveState,
+    /// Names of the closed gates; if none is closed, of the unknown ones.
+    pub(in crate::session) gates: Vec<String>,
+    /// Names of the gates without evidence on the bus.
+    pub(in crate::session) invisible: Vec<String>,
 }
 
 /// State of one set point of a node.
@@ -35,6 +59,8 @@ pub(in crate::session) struct SetPointState {
     pub(in crate::session) waiting: Option<(DecodedValue, FrameMoment<()>)>,
     /// Emitted without SYNC, because the SYNC did not arrive in time.
     pub(in crate::session) late: bool,
+    /// Emitted from a PDO with less data than its mapping.
+    pub(in crate::session) short: Option<ShortPayload>,
     /// The layout of its PDO is a default, or may have changed unnoticed.
     pub(in crate::session) assumed: bool,
 }
@@ -63,6 +89,8 @@ impl SetPointState {
             channel: self.meaning.channel,
             carrier: &self.carrier,
             id: self.id.map(|id| (id, self.arrived)),
+            late: self.late,
+            short: self.short,
         }
     }
 
@@ -114,8 +142,7 @@ impl SetPointState {
     pub(in crate::session) fn set_point_event(
         &self,
         value: &DecodedValue,
-        effective: EffectiveState,
-        gates: &[String],
+        verdict: &GateVerdict,
     ) -> SetPoint {
         SetPoint {
             object: self.meaning.object,
@@ -127,8 +154,9 @@ impl SetPointState {
             to: self.value_quantity(value),
             unit: self.meaning.unit.clone(),
             assumed: self.assumed || self.meaning.assumed,
-            effective,
-            gates: gates.to_vec(),
+            effective: verdict.effective,
+            gates: verdict.gates.clone(),
+            invisible: verdict.invisible.clone(),
             sync_after: None,
         }
     }

@@ -52,8 +52,8 @@ impl ProtocolMachine for SdoMachine {
         let server = cx.bus.channels.server_node(channel)?;
         let node = NodeId::Canopen(server);
         match side {
-            SdoSide::Client => cx.bus.canopen.note_request(server, frame.data()),
-            SdoSide::Server => cx.bus.canopen.note_response(server, frame.data()),
+            SdoSide::Client => cx.bus.protocols.canopen.note_request(server, frame.data()),
+            SdoSide::Server => cx.bus.protocols.canopen.note_response(server, frame.data()),
         }
         if !cx.is_followed(Some(node), frame) {
             return None;
@@ -70,7 +70,7 @@ impl ProtocolMachine for SdoMachine {
         if !cx.is_settled(Some(node)) && !message.starts_transfer() && !self.transfers.is_answered(channel) {
             // Without evidence of CANopen, a transfer without start is decoded only after a frame of the
             // other side. A message that starts a transfer may come from a master that scans for nodes.
-            cx.bus.canopen.count_unsupported(server, now);
+            cx.bus.protocols.canopen.count_unsupported(server, now);
             cx.emit_undecoded(frame, None);
         }
         let elsewhere = cx.open_data.isotp + cx.open_data.uds;
@@ -170,13 +170,13 @@ fn emit_transfer(
     frame: &Frame,
     cx: &mut MachineContext<'_>,
 ) -> Option<ObjectTransfer> {
-    if !cx.bus.is_settled(Some(server)) && transfer.cut_start && !transfer.is_answered() {
+    if !cx.bus.protocols.is_settled(Some(server)) && transfer.cut_start && !transfer.is_answered() {
         return None;
     }
     let described = transfer_event(&cx.bus, server, &mut transfer, frame.time);
     let mut event = cx.canopen_event(frame, EventKind::SdoTransfer(Box::new(described)));
     event.node = Some(server);
-    event.presumed = !cx.bus.is_settled(Some(server));
+    event.presumed = !cx.bus.protocols.is_settled(Some(server));
     event.frames = transfer.frames;
     cx.send_event(&event);
     let EventKind::SdoTransfer(described) = event.kind else { return None };
@@ -225,7 +225,7 @@ fn write_consequence(
 
 /// Meaning of the transferred data.
 fn data_meaning(bus: &Bus, server: NodeId, transfer: &SdoTransferState) -> Option<ObjectMeaning> {
-    let meaning = bus.meaning(server, transfer.object?)?;
+    let meaning = bus.nodes.meaning(server, transfer.object?)?;
     Some(if transfer.direction == Some(SdoDirection::Download) { meaning.for_write() } else { meaning })
 }
 
@@ -236,7 +236,8 @@ fn transfer_event(
     transfer: &mut SdoTransferState,
     end: Option<Timestamp>,
 ) -> SdoTransfer {
-    let (request, response) = bus.channel_ids(transfer.channel).unwrap_or((Frame::EMPTY.id, Frame::EMPTY.id));
+    let (request, response) =
+        bus.channels.channel_ids(transfer.channel).unwrap_or((Frame::EMPTY.id, Frame::EMPTY.id));
     let (previous, previous_assumed) = previous_value(bus, server, transfer.object);
     let (effect, persists) = write_consequence(bus, server, transfer);
     let (missing_segments, losses, first_loss) = transfer.count_losses();
