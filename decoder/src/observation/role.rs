@@ -14,6 +14,7 @@ const SLAVE_SERVICES: [u16; 5] = [0x180, 0x280, 0x380, 0x480, 0x580];
 pub(crate) fn is_controller(bus: &Bus, node: NodeId) -> bool {
     let NodeId::Canopen(id) = node else { return false };
     let Some(known) = bus.node(node) else { return false };
-    let is_slave_service = |base| bus.identifier_index(CanId::from_standard(base + u16::from(id))).is_some();
+    let is_slave_service =
+        |base| bus.identifiers().find_slot(CanId::from_standard(base + u16::from(id))).is_some();
     known.assigned_by().is_none() && !known.is_guarded() && !SLAVE_SERVICES.into_iter().any(is_slave_service)
 }

@@ -48,5 +48,5 @@ impl FindingLedger {
 /// Whether the node sent a response on the predefined SDO channel (CiA 301 §7.3.3).
 fn has_server(group: &FindingGroup, bus: &Bus) -> bool {
     let Some(NodeId::Canopen(id)) = group.key.node else { return false };
-    bus.identifier_index(CanId::from_standard(0x580 + u16::from(id))).is_some()
+    bus.identifiers().find_slot(CanId::from_standard(0x580 + u16::from(id))).is_some()
 }
