@@ -7,7 +7,7 @@ use crate::wire::NodeId;
 /// Identifiers of a slave in the predefined connection set (CiA 301 §7.3.3): four TPDOs, SDO response.
 const SLAVE_SERVICES: [u16; 5] = [0x180, 0x280, 0x380, 0x480, 0x580];
 
-/// Whether a node is presumably the controller of its bus: it sends NMT error control only, nobody guards it, and no device is
+/// Whether a node is presumably the controller of its bus: it sends NMT error control only, it is not guarded, and no device is
 /// assigned to it. NMT commands to all nodes do not concern their sender, which may have a heartbeat of its own.
 ///
 /// A slave that is never configured, never started and never read looks the same.

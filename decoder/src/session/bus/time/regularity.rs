@@ -63,7 +63,7 @@ impl StreamRegularity {
         let is_in_phase = interval.abs_diff(intervals.saturating_mul(self.usual)) <= half / 2;
         if is_steady && (2..=LONGEST_GAP).contains(&intervals) && is_in_phase {
             self.pending = u8::try_from(intervals - 1).unwrap_or(0);
-            self.gap_time = u32::try_from(now >> 20).unwrap_or(0);
+            self.gap_time = u32::try_from(now >> 20 & i64::from(u32::MAX)).unwrap_or(0);
         } else if is_steady && intervals > LONGEST_GAP {
             self.silences = self.silences.saturating_add(1);
         } else if self.other > 0 && interval.abs_diff(self.other) <= self.other >> 3 {
@@ -91,7 +91,7 @@ impl StreamRegularity {
         self.settled().missing
     }
 
-    /// Time of the last gap in units of 1.05 ms; without meaning if there is none.
+    /// Time of the last gap in units of 1.05 ms; 0 before the first one.
     pub(crate) fn last_gap_time(&self) -> u32 {
         self.gap_time
     }
