@@ -17,6 +17,7 @@ use foldhash::fast::FixedState;
 
 use self::causes::{CauseEffect, CauseExplanation};
 use self::facts::LedgerFacts;
+use self::recording::ReportedLosses;
 use super::conformance::{CaseStanding, ConformanceRun};
 use super::policy::RulePolicy;
 use crate::event::{Event, FindingNews, FrameRange, Kind};
@@ -161,8 +162,7 @@ pub(super) struct FindingLedger {
     unexercised: Vec<(u16, String)>,
     /// Buses that proved not to be CANopen.
     doubted: Vec<BusIndex>,
-    /// Reports of the recorder that it lost frames.
-    reported_losses: Vec<(BusIndex, Timestamp)>,
+    reported_losses: ReportedLosses,
 }
 
 impl FindingLedger {
@@ -186,7 +186,7 @@ impl FindingLedger {
             news: Vec::new(),
             unexercised: Vec::new(),
             doubted: Vec::new(),
-            reported_losses: Vec::new(),
+            reported_losses: ReportedLosses::default(),
         }
     }
 
@@ -234,7 +234,7 @@ impl FindingLedger {
 
     /// Records a command, a write or an error frame that may explain findings.
     pub(super) fn observe_event(&mut self, event: &Event, bus: &Bus, now: i64) {
-        self.note_reported_loss(event);
+        self.reported_losses.note_event(event);
         self.facts.observe_event(event, bus, now);
     }
 

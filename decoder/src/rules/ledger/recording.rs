@@ -3,7 +3,7 @@
 use super::FindingLedger;
 use crate::event::{Event, EventKind};
 use crate::finding::{Occurrence, Severity};
-use crate::frame::BusIndex;
+use crate::frame::{BusIndex, Timestamp};
 use crate::observation::RecordingLoss;
 use crate::session::{Bus, BusStream, Buses, StreamRegularity, StreamService};
 use crate::wire::NodeId;
@@ -93,29 +93,36 @@ impl FindingLedger {
     /// follow the finding.
     fn lower_near_losses(&mut self, bus: BusIndex) {
         let Self { groups, reported_losses, .. } = self;
-        let is_near = |at: &Occurrence| {
-            at.time.is_some_and(|time| {
-                let losses = reported_losses.iter().filter(|(losing, _)| *losing == bus);
-                losses.into_iter().any(|(_, loss)| loss.0.abs_diff(time.0) <= NEAR)
-            })
-        };
         for group in groups.iter_mut().filter(|group| group.key.bus == bus && !group.lasts_to_end) {
             let is_explained = MISSING_FRAMES.iter().any(|(rule, _)| **rule == *group.rule)
-                && group.first.iter().chain(&group.last).all(is_near);
+                && group.first.iter().chain(&group.last).all(|at| reported_losses.is_near(bus, at));
             if is_explained && group.severity > Severity::Note {
                 group.severity = Severity::Note;
                 group.downgraded.get_or_insert_with(|| REPORTED_LOSS.to_owned());
             }
         }
     }
+}
 
-    /// Registers a report of the recorder that it lost frames.
-    pub(super) fn note_reported_loss(&mut self, event: &Event) {
+/// Reports of the recorder that it lost frames.
+#[derive(Debug, Clone, Default)]
+pub(super) struct ReportedLosses(Vec<(BusIndex, Timestamp)>);
+
+impl ReportedLosses {
+    /// Registers an event that may be such a report.
+    pub(super) fn note_event(&mut self, event: &Event) {
         if let (EventKind::LostFrames { .. }, Some(time)) = (&event.kind, event.time)
-            && self.reported_losses.len() < REPORTED_LOSSES
+            && self.0.len() < REPORTED_LOSSES
         {
-            self.reported_losses.push((event.bus, time));
+            self.0.push((event.bus, time));
         }
+    }
+
+    fn is_near(&self, bus: BusIndex, at: &Occurrence) -> bool {
+        let is_close = |time: Timestamp| {
+            self.0.iter().any(|(losing, loss)| *losing == bus && loss.0.abs_diff(time.0) <= NEAR)
+        };
+        at.time.is_some_and(is_close)
     }
 }
 
