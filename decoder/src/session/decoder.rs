@@ -106,6 +106,16 @@ impl BusDecoder {
         }
     }
 
+    /// An error frame; an overflow of the receive buffer also shows that frames are missing from the capture.
+    fn on_error_frame(&mut self, frame: &Frame, out: &mut dyn Observer) {
+        let error = error_frame::parse_error_frame(frame.id.number(), frame.data());
+        let mut cx = self.shared.lend_context(out);
+        cx.emit_can(frame, EventKind::CanError(error));
+        if error.is_receive_overflow() {
+            cx.emit_can(frame, EventKind::LostFrames { count: None });
+        }
+    }
+
     /// Decodes a frame and sends its events to `out`; `identifier` is the index of its identifier, if it is known.
     #[inline(never)]
     fn decode_frame(&mut self, identifier: Option<usize>, frame: &Frame, out: &mut dyn Observer) {
@@ -117,8 +127,7 @@ impl BusDecoder {
             emit_given_states(frame, &mut self.shared.lend_context(out));
         }
         if frame.flags.contains(FrameFlags::ERROR) {
-            let kind = EventKind::CanError(error_frame::parse_error_frame(frame.id.number(), frame.data()));
-            return self.shared.lend_context(out).emit_can(frame, kind);
+            return self.on_error_frame(frame, out);
         }
         let slot = identifier.or_else(|| self.add_slot(frame, out));
         let Some(slot) = slot else { return self.on_frame_without_slot(frame, out) };

@@ -90,8 +90,9 @@ impl ProtocolMachine for SdoMachine {
             cx.emit_event(frame, node, false, kind);
         }
         if cx.bus.clock.has_timestamps() {
-            let deadline = now.saturating_add(cx.bus.options.sdo_silence);
-            if self.transfers.set_deadline(channel, deadline) {
+            let silence = cx.bus.options.sdo_silence;
+            if self.transfers.set_deadline(channel, now, silence) {
+                let deadline = now.saturating_add(silence);
                 cx.timers.add_deadline(deadline, DeadlineSubject::SdoChannel(channel));
             }
         }
