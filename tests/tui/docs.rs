@@ -138,7 +138,7 @@ fn inferred_layouts() -> String {
         "\n## Text without a known format\n\nIf no format matches, the columns are inferred from the first lines: \
          bytes whose number equals a length, identifiers, rising times, words for directions and frame types, names of \
          columns in English, German, French, Spanish and Chinese. One line on standard error states the columns, the \
-         number of lines that fit, and what is ignored. At least 90 % of the lines with bytes must fit, and no second \
+         number of lines that fit, and the ignored columns. At least 90 % of the lines with bytes must fit, and no second \
          reading may fit as well; otherwise the capture is refused with the nearest layout and the first line that does \
          not fit.\n\n`--columns` states the columns, in the order of a line: `time`, `delta` (time since the frame \
          before), `date`, `id`, `len`, `data`, `bus`, `dir`, `kind`, `ext`, `rtr`, `skip`. Units follow a colon \

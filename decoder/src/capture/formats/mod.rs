@@ -26,6 +26,7 @@ mod roadster;
 mod trc;
 mod tshark;
 
+use super::foreign::foreign_file;
 use super::text::line_format::complete_lines;
 use super::{CaptureFormat, WritableFormat};
 
@@ -82,7 +83,10 @@ pub fn detect_format(head: &[u8], is_whole: bool) -> Option<&'static CaptureForm
         .find(|format| !is_last_resort(format) && (format.detect)(if format.is_text { lines } else { head }));
     found.or_else(|| {
         let window = excerpt::decisive_lines(head, is_whole).filter(|window| !window.is_empty())?;
-        FORMATS.iter().find(|format| is_last_resort(format) && (format.detect)(window))
+        // Tables of numbers occur in databases and device files, too.
+        let is_foreign = foreign_file(window, None).is_some();
+        let matching = |format: &&CaptureFormat| is_last_resort(format) && (format.detect)(window);
+        FORMATS.iter().find(matching).filter(|format| format.name == excerpt::FORMAT.name || !is_foreign)
     })
 }
 

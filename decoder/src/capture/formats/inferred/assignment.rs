@@ -299,7 +299,7 @@ fn usual_gap(facts: &ColumnFacts) -> Option<u8> {
     gaps.find(|gap| agree(count(*gap), facts.tokens.len()))
 }
 
-/// How well a column fits times; `None` if it does not.
+/// Evidence that a column contains times; `None` if it cannot.
 fn time_rating(facts: &ColumnFacts) -> Option<i32> {
     let is_of_day = facts.is_all(TokenKind::Clock);
     let is_number = facts.tokens.iter().all(|(_, token)| {

@@ -73,7 +73,7 @@ fn cell_facts(sample: &Sample, data: &DataPlaces, cell: usize) -> ColumnFacts {
     };
     let places: Vec<ColumnPlace> = data.places.iter().filter_map(place).collect();
     let heading = sample.heading.get(cell).copied().flatten();
-    // Words of a cell are no label: the next cell has its own.
+    // The words of a cell do not name the next cell.
     ColumnFacts { label: None, ..ColumnFacts::new(sample, &places, heading) }
 }
 

@@ -49,7 +49,7 @@ impl ColumnFacts {
             let words: Vec<&[u8]> = first.iter().take(count).rev().map(Vec::as_slice).collect();
             let name = label_name(&words);
             facts.name = facts.name.or(name);
-            // Other words, such as the frame type of most lines, are no part of the column.
+            // Other words, such as the frame type of most lines, do not belong to the column.
             facts.label = name.and_then(|_| first.first().cloned());
         }
         facts
@@ -107,7 +107,7 @@ impl ColumnFacts {
         counted.len() >= 3 && agree(steps, counted.len() - 1)
     }
 
-    /// How well the column fits identifiers; `None` if it cannot contain them.
+    /// Evidence that the column contains identifiers; `None` if it cannot.
     pub(super) fn identifier_score(&self, sample: &Sample, is_decimal: bool) -> Option<i32> {
         match self.named_role() {
             Some(ColumnRole::Id) | None => {}

@@ -38,7 +38,7 @@ pub(super) struct LayoutGuess {
     pub(super) spoils: usize,
     /// Number of other lines.
     pub(super) others: usize,
-    /// The first line with bytes that is not a frame: its number and text.
+    /// First line with bytes but without a frame: its number and text.
     pub(super) first_spoil: Option<(u64, String)>,
     /// Evidence for the layout.
     pub(super) score: i32,
@@ -289,7 +289,7 @@ fn evaluate(sample: &Sample, proposal: &Proposal) -> LayoutGuess {
     }
 }
 
-/// Whether a line that is not a frame contains bytes: three numbers of one or two hexadecimal digits in a row.
+/// Whether a line without a frame contains bytes: three numbers of one or two hexadecimal digits in a row.
 fn resembles_frame(tokens: &Tokens) -> bool {
     let mut run = 0;
     tokens.list().iter().any(|token| {
@@ -377,6 +377,9 @@ impl SampleReading {
         let least = if is_proven { 5 } else { 8 };
         if self.fits * 10 < all * least && !(is_named && self.fits * 5 >= all && self.fits >= 3) {
             return Some("most lines are other text");
+        }
+        if self.bytes.is_none_or(|(_, most)| most == 0) {
+            return Some("no line has data");
         }
         if self.are_addresses() {
             return Some("the identifiers are addresses of a dump");

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! No list of programs decides, but agreement over the first lines: bytes whose number equals a length, identifiers,
-//! times that rise, words for directions and frame types. This format is the last one that is tried. A layout is refused
+//! times that rise, words for directions and frame types. This format is tried last. A layout is refused
 //! if another one fits as well, since a wrong frame is worse than none.
 
 mod assignment;
