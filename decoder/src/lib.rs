@@ -85,6 +85,7 @@ pub mod samples;
 pub mod series;
 pub mod session;
 pub mod sink;
+pub mod standard_tables;
 pub mod statistics;
 pub mod suggestion;
 pub mod why;

@@ -40,6 +40,8 @@ mod imported;
 mod j1939;
 mod j1939_nm;
 mod language;
+mod layouts;
+mod layouts_random;
 mod limits;
 #[allow(dead_code, reason = "a part of the generator")]
 #[path = "../../decoder/benches/machine/mod.rs"]
@@ -66,6 +68,7 @@ mod sdo_dialogues;
 mod sdo_gaps;
 mod sdo_in_flight;
 mod short_path;
+mod standard_tables;
 mod statements;
 mod stories;
 #[path = "../support/mod.rs"]

@@ -115,10 +115,12 @@ fn values<'a>(event: &Event, text: &'a str) -> Option<&'a str> {
     const ENDS: [&str; 8] =
         [" ok", " REFUSED", " ABORTED", " NO RESPONSE", " superseded", " unfinished", " NRC", " ("];
     match &event.kind {
-        EventKind::Pdo(_)
-        | EventKind::J1939Message(_)
-        | EventKind::J1939Transfer(_)
-        | EventKind::Frame(_) => {
+        EventKind::J1939Transfer(transfer) => {
+            event.decode_signals().next()?;
+            // The values follow the bytes, the outcome and the mode.
+            text.split_once(&format!("{}: ", transfer.mode?.name())).map(|(_, values)| values)
+        }
+        EventKind::Pdo(_) | EventKind::J1939Message(_) | EventKind::Frame(_) => {
             event.decode_signals().next()?;
             text.split_once(": ").map(|(_, values)| values)
         }
@@ -156,6 +158,14 @@ fn is_in_csv(event: &Event) -> bool {
         EventKind::Emcy(_) | EventKind::BitsChanged(_) | EventKind::Mode(_) => false,
         _ => true,
     }
+}
+
+/// The text without escaped characters such as `\u{7f}`: the formats escape them in different ways.
+fn without_escapes(text: &str) -> String {
+    let mut parts = text.split("\\u{");
+    let first = parts.next().unwrap_or_default().to_owned();
+    let rest = parts.map(|part| part.split_once('}').map_or(part, |(_, rest)| rest));
+    rest.fold(first, |text, part| text + " " + part)
 }
 
 /// Words of the text that are part of a value, without names of signals and connecting words.
@@ -215,7 +225,7 @@ fn compare(name: &Path, options: SessionOptions, report: &mut String) -> usize {
     let mut observer = |event: &Event, bus: &Bus| {
         csv.write_event(event, bus);
         let rows = shared.take();
-        let text = EventLine::describe_event(event, bus).what;
+        let text = without_escapes(&EventLine::describe_event(event, bus).what);
         let Some(text) = values(event, &text) else { return };
         let mut line = Vec::new();
         JsonlSink::new(&mut line).write_event(event, bus);

@@ -212,6 +212,15 @@ fn decode_latin1(data: &[u8]) -> String {
     data.iter().take_while(|byte| **byte != 0).map(|byte| char::from(*byte)).collect()
 }
 
+/// Decodes a text of a message, which ends at a zero or FF byte; spaces and `@` at its end are padding. UTF-8 if valid,
+/// otherwise Latin-1.
+pub(crate) fn padded_text(data: &[u8]) -> String {
+    let end = data.iter().position(|byte| matches!(byte, 0 | 0xFF)).unwrap_or(data.len());
+    let bytes = data.get(..end).unwrap_or(data);
+    let text = std::str::from_utf8(bytes).map_or_else(|_| decode_latin1(bytes), str::to_owned);
+    text.trim_end_matches([' ', '@']).to_owned()
+}
+
 fn decode_utf16(data: &[u8]) -> String {
     let units = data.chunks_exact(2).map(|pair| match pair {
         [low, high] => u16::from_le_bytes([*low, *high]),

@@ -10,8 +10,9 @@ use std::sync::Arc;
 
 use strum::IntoStaticStr;
 
-use super::data_type::{DataType, DecodedValue, sign_extend};
+use super::data_type::{DataType, DecodedValue, little_endian, padded_text, sign_extend};
 use super::meaning::ObjectMeaning;
+use super::object::NumberFormat;
 use crate::frame::low_bits;
 use crate::wire::canopen::ObjectAddress;
 
@@ -189,6 +190,12 @@ pub enum LayoutOrigin {
     Profile,
     /// ISO 11783.
     Standard,
+    /// Table of J1939 in this program.
+    J1939,
+    /// Table of NMEA 2000 in this program.
+    Nmea2000,
+    /// Table of RV-C in this program.
+    RvC,
     /// Mapping objects seen on the bus.
     Wire,
     /// Bus file of the user.
@@ -216,6 +223,11 @@ impl LayoutOrigin {
     /// Name for people: `EDS`, `profile`.
     pub fn title(self) -> String {
         if self == Self::Profile { self.name().to_owned() } else { self.name().to_ascii_uppercase() }
+    }
+
+    /// Whether the fields are those of a table of a public standard.
+    pub const fn is_standard_table(self) -> bool {
+        matches!(self, Self::J1939 | Self::Nmea2000 | Self::RvC)
     }
 
     /// Whether the fields are those of a message database, which need not fill the message.
@@ -288,17 +300,12 @@ impl PayloadLayout {
     /// Values of all fields that the payload is long enough for and whose multiplexor selects them.
     pub fn decode_signals<'a>(&'a self, payload: &'a [u8]) -> impl Iterator<Item = DecodedSignal<'a>> {
         let selected = self.fields.iter().filter(move |field| self.is_selected(field, payload));
-        selected.filter_map(move |field| {
-            let raw = field.extract_bits(payload)?;
-            Some(DecodedSignal { field, raw, value: field.convert_raw(raw) })
-        })
+        selected.filter_map(move |field| field.decode_signal(payload))
     }
 
     /// Value of one field; `None` if the payload is too short or the multiplexor does not select it.
     pub fn decode_signal<'a>(&'a self, field: usize, payload: &[u8]) -> Option<DecodedSignal<'a>> {
-        let field = self.fields.get(field).filter(|field| self.is_selected(field, payload))?;
-        let raw = field.extract_bits(payload)?;
-        Some(DecodedSignal { field, raw, value: field.convert_raw(raw) })
+        self.fields.get(field).filter(|field| self.is_selected(field, payload))?.decode_signal(payload)
     }
 
     /// Selected fields that the payload is too short for.
@@ -388,6 +395,32 @@ impl SignalField {
     /// Name of the field, if known.
     pub fn name(&self) -> Option<&str> {
         self.meaning.as_deref().map(|meaning| meaning.name.as_str())
+    }
+
+    /// Whether the field contains characters or bytes, which have no raw number.
+    pub const fn is_text(&self) -> bool {
+        matches!(self.data_type, DataType::VisibleString | DataType::UnicodeString | DataType::OctetString)
+    }
+
+    /// Value in a payload; `None` if the payload is too short.
+    fn decode_signal(&self, payload: &[u8]) -> Option<DecodedSignal<'_>> {
+        if !self.is_text() {
+            let raw = self.extract_bits(payload)?;
+            return Some(DecodedSignal { field: self, raw, value: self.convert_raw(raw) });
+        }
+        let first = usize::from(self.bit / 8);
+        let bytes = payload.get(first..first.checked_add(usize::from(self.bits / 8))?)?;
+        let format = self.meaning.as_deref().map(|meaning| meaning.format);
+        let value = match (self.data_type, format) {
+            (_, Some(NumberFormat::DecimalPairs)) => {
+                // FF: not available.
+                let digits = bytes.iter().take_while(|byte| **byte <= 99);
+                DecodedValue::Text(digits.map(|byte| format!("{byte:02}")).collect())
+            }
+            (DataType::VisibleString, _) => DecodedValue::Text(padded_text(bytes)),
+            (data_type, _) => data_type.decode(bytes),
+        };
+        Some(DecodedSignal { field: self, raw: little_endian(bytes), value })
     }
 
     /// Bits of the field in `payload`; `None` if the payload is too short.

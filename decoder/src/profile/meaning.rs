@@ -8,9 +8,11 @@ use strum::IntoStaticStr;
 
 use super::data_type::{DataType, DecodedValue};
 use super::error_texts::ErrorTexts;
+use super::lookup::pgn_name;
 use super::names::{BitNames, ValueNames};
 use super::object::{NumberFormat, ObjectRole};
 use crate::wire::canopen::ObjectAddress;
+use crate::wire::j1939::Pgn;
 
 /// Conversion of a raw number to a quantity.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -236,7 +238,12 @@ impl ObjectMeaning {
     pub fn is_composed(&self) -> bool {
         let is_format = matches!(
             self.format,
-            NumberFormat::Mapping | NumberFormat::Emcy | NumberFormat::HeartbeatConsumer
+            NumberFormat::Mapping
+                | NumberFormat::Emcy
+                | NumberFormat::HeartbeatConsumer
+                | NumberFormat::Date
+                | NumberFormat::TimeOfDay
+                | NumberFormat::ParameterGroup
         );
         is_format || self.bits.is_some()
     }
@@ -245,6 +252,9 @@ impl ObjectMeaning {
     fn part_texts(&self, word: u64) -> Vec<String> {
         let word = word & (u64::MAX >> (64 - self.width()));
         let mut parts = match self.format {
+            NumberFormat::Date | NumberFormat::TimeOfDay | NumberFormat::ParameterGroup => {
+                self.written_number(word).into_iter().collect()
+            }
             NumberFormat::Mapping if word != 0 => vec![mapping_entry(word)],
             NumberFormat::HeartbeatConsumer => vec![consumer_heartbeat(word)],
             // CiA 301 §7.5.2.4: the upper 16 bits are manufacturer-specific.
@@ -256,6 +266,25 @@ impl ObjectMeaning {
         };
         parts.extend(self.bits.iter().flat_map(|bits| bit_words(bits, word)));
         parts
+    }
+
+    /// A date, a time or a group as people write it.
+    fn written_number(&self, word: u64) -> Option<String> {
+        match self.format {
+            NumberFormat::Date => date_text(word),
+            NumberFormat::TimeOfDay => {
+                let seconds = self.scaled_value(&DecodedValue::Unsigned(word))?;
+                Some(clock_text(seconds, self.decimals))
+            }
+            NumberFormat::ParameterGroup => {
+                let pgn = Pgn::new(u32::try_from(word).ok()?);
+                Some(
+                    pgn_name(pgn)
+                        .map_or_else(|| pgn.number().to_string(), |name| format!("{} {name}", pgn.number())),
+                )
+            }
+            _ => None,
+        }
     }
 
     /// Length of the data type in bits, 1 to 64.
@@ -348,6 +377,9 @@ impl ObjectMeaning {
                 None => label.to_owned(),
             };
         }
+        if let Some(text) = as_word(value).and_then(|word| self.written_number(word)) {
+            return text;
+        }
         match as_word(value) {
             Some(word) if self.is_composed() && self.format != NumberFormat::Mapping => self.show_parts(word),
             _ => self.format_quantity(value),
@@ -438,6 +470,21 @@ fn consumer_heartbeat(word: u64) -> String {
         (0 | 128.., _) | (_, 0) => "unused".to_owned(),
         (node, time) => format!("node {node}, {time} ms"),
     }
+}
+
+/// `2022-09-10` for days since 1970-01-01.
+fn date_text(days: u64) -> Option<String> {
+    let days = jiff::Span::new().try_days(i64::try_from(days).ok()?).ok()?;
+    jiff::civil::date(1970, 1, 1).checked_add(days).ok().map(|date| date.to_string())
+}
+
+/// `12:06:57.0000` for seconds since midnight.
+fn clock_text(seconds: f64, decimals: u8) -> String {
+    let digits = usize::from(decimals);
+    let width = if digits == 0 { 2 } else { digits.saturating_add(3) };
+    let minutes = (seconds / 60.0).floor();
+    let rest = seconds - minutes * 60.0;
+    format!("{:02.0}:{:02.0}:{rest:0width$.digits$}", (minutes / 60.0).floor(), minutes % 60.0)
 }
 
 /// Whether data consists of printable characters only.

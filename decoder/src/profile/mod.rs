@@ -43,6 +43,7 @@ pub use connection_set::{ConnectionSet, IdentifierOwner, connection_set};
 pub(crate) use cut::IntegerPosition;
 pub(crate) use data_type::little_endian;
 pub use data_type::{DataType, DecodedValue};
+pub(crate) use dbc::{fraction_digits, shown_digits};
 pub use device::{DeviceProfile, ExpectCondition, ExpectEntry};
 pub(crate) use device::{ExpectTable, check_entries};
 pub use dictionary::{Dictionary, ResolvedObject};

@@ -26,6 +26,18 @@ pub enum NumberFormat {
     Emcy,
     /// Consumer heartbeat time: node-ID in bits 16 to 23, time in ms in bits 0 to 15.
     HeartbeatConsumer,
+    /// Two decimal digits in each byte, as in messages of DSC; not for profiles.
+    #[serde(skip)]
+    DecimalPairs,
+    /// Days since 1970-01-01; not for profiles.
+    #[serde(skip)]
+    Date,
+    /// Time since midnight; not for profiles.
+    #[serde(skip)]
+    TimeOfDay,
+    /// Number of a parameter group; not for profiles.
+    #[serde(skip)]
+    ParameterGroup,
 }
 
 /// Access by SDO.

@@ -66,7 +66,7 @@ impl<W: Write> CsvSink<W> {
                 value: reading.value,
                 unit: values::field_unit(signal.field),
                 label: reading.label.unwrap_or_default(),
-                raw: Some(signal.raw),
+                raw: (!signal.field.is_text()).then_some(signal.raw),
             };
             cells.push(event, bus, &mut self.line);
             if let Err(error) = self.output.write_all(&self.line) {

@@ -46,7 +46,11 @@ pub(super) const FORMAT: EventFormat = EventFormat {
 /// returns the error.
 struct McapSink<W: Write + Send> {
     file: McapWriter<W>,
-    groups: HashMap<ValueGroupKey, ValueGroup>,
+    groups: Vec<ValueGroup>,
+    /// Index in `groups` by group and schema. Layouts whose texts differ in length only share a topic.
+    topics: HashMap<(ValueGroupKey, String), usize>,
+    /// Index in `groups` of the last layout of each group.
+    present: HashMap<ValueGroupKey, usize>,
     /// By topic.
     records: BTreeMap<String, WrittenTopic>,
     line: Vec<u8>,
@@ -71,7 +75,9 @@ impl<W: Write + Send> McapSink<W> {
     fn new(output: W, packing: CaptureCompression) -> Self {
         Self {
             file: McapWriter::new(output, packing),
-            groups: HashMap::new(),
+            groups: Vec::new(),
+            topics: HashMap::new(),
+            present: HashMap::new(),
             records: BTreeMap::new(),
             line: Vec::with_capacity(1024),
             devices: BTreeMap::new(),
@@ -105,13 +111,17 @@ impl<W: Write + Send> McapSink<W> {
         bus: &Bus,
         carried: &values::EventValues<'_>,
     ) -> io::Result<()> {
-        let is_known =
-            self.groups.get(&carried.group).is_some_and(|known| Arc::ptr_eq(&known.layout, carried.layout));
-        if !is_known {
-            self.add_value_topic(bus, carried)?;
-            self.write_device(event, bus);
-        }
-        let Some(group) = self.groups.get_mut(&carried.group) else { return Ok(()) };
+        let present = self.present.get(&carried.group).copied();
+        let known = present.and_then(|place| self.groups.get(place));
+        let place = match (present, known) {
+            (Some(place), Some(known)) if Arc::ptr_eq(&known.layout, carried.layout) => place,
+            _ => {
+                let place = self.add_value_topic(bus, carried)?;
+                self.write_device(event, bus);
+                place
+            }
+        };
+        let Some(group) = self.groups.get_mut(place) else { return Ok(()) };
         self.line.clear();
         self.line.push(b'{');
         for (signal, (key, label)) in carried.zip_values(group.keys.iter().zip(&mut group.labels)) {
@@ -133,16 +143,30 @@ impl<W: Write + Send> McapSink<W> {
         self.file.write_message(&mut group.topic, event.time, &self.line)
     }
 
-    /// Creates a topic for a new group of values, or for a new layout of a known group.
-    fn add_value_topic(&mut self, bus: &Bus, carried: &values::EventValues<'_>) -> io::Result<()> {
+    /// Creates a topic for a new group of values, or for a layout with other fields; index of its group.
+    fn add_value_topic(&mut self, bus: &Bus, carried: &values::EventValues<'_>) -> io::Result<usize> {
         let name = values::group_name(carried.group, bus);
         let keys = values::unique_keys(carried.layout);
         let schema = json_schema(&name, carried.layout, &keys);
-        let topic = self.file.json_topic(&format!("/{name}"), &name.replace('/', "."), &schema)?;
         let labels = keys.iter().map(|_| values::LabelCache::default()).collect();
-        let values = ValueGroup { topic, layout: Arc::clone(carried.layout), keys, labels };
-        self.groups.insert(carried.group, values);
-        Ok(())
+        let layout = Arc::clone(carried.layout);
+        let place = match self.topics.get(&(carried.group, schema.clone())).copied() {
+            Some(place) => {
+                if let Some(known) = self.groups.get_mut(place) {
+                    (known.layout, known.labels) = (layout, labels);
+                }
+                place
+            }
+            None => {
+                let topic = self.file.json_topic(&format!("/{name}"), &name.replace('/', "."), &schema)?;
+                let place = self.groups.len();
+                self.groups.push(ValueGroup { topic, layout, keys, labels });
+                self.topics.insert((carried.group, schema), place);
+                place
+            }
+        };
+        self.present.insert(carried.group, place);
+        Ok(place)
     }
 
     fn write_device(&mut self, event: &Event, bus: &Bus) {

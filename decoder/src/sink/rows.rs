@@ -112,8 +112,8 @@ pub struct ValueCells<'a> {
     pub unit: &'a str,
     /// Name of the value in an enumeration, or of a special value.
     pub label: Option<&'a str>,
-    /// Transmitted bits.
-    pub raw: u64,
+    /// Transmitted bits; `None` for texts and bytes.
+    pub raw: Option<u64>,
 }
 
 /// Receiver of the rows of the table of values.
@@ -162,7 +162,7 @@ impl ValueRows {
             let reading = values::signal_reading(&signal, label);
             let (value, text) = number_or_text(reading.value);
             let unit = values::field_unit(signal.field);
-            let (label, raw) = (reading.label, signal.raw);
+            let (label, raw) = (reading.label, (!signal.field.is_text()).then_some(signal.raw));
             let cells = ValueCells { signal_number, signal: name, id, value, text, unit, label, raw };
             table.add_value(&source, &cells);
             (count, last) = (count + 1, signal_number);

@@ -1,7 +1,8 @@
 //! Statistics of one node.
 
 use super::{
-    CodeCounts, DurationDistribution, FirstFrame, IntervalStatistics, MOST_CODES, ReactionTimes, dtc_key,
+    CodeCounts, DeviceProduct, DurationDistribution, FirstFrame, IntervalStatistics, MOST_CODES,
+    ReactionTimes, dtc_key,
 };
 use crate::event::{DtcAction, Event, EventKind, SdoOutcome, SdoTransfer};
 use crate::frame::CanId;
@@ -40,6 +41,8 @@ pub struct NodeStatistics {
     pub claims: u64,
     /// J1939 diagnostic trouble codes, by [`dtc_key`].
     pub dtcs: CodeCounts,
+    /// Product data of a J1939 device.
+    pub product: DeviceProduct,
     /// Number of PDOs sent and received.
     pub pdos: u64,
     /// Names and COB-IDs of PDOs, up to [`MOST_CODES`].
@@ -110,6 +113,7 @@ impl NodeStatistics {
             }
             EventKind::SdoTransfer(transfer) => self.count_transfer(transfer, time),
             EventKind::AddressClaim(_) => self.claims += 1,
+            EventKind::J1939Message(_) | EventKind::J1939Transfer(_) => self.product.take_event(event),
             EventKind::Dtc(dtc) if dtc.action == DtcAction::Raised => {
                 self.dtcs.count_code(dtc_key(dtc.spn, dtc.fmi));
             }

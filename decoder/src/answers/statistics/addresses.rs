@@ -3,9 +3,10 @@
 use crate::profile;
 use crate::session::{Bus, Node};
 use crate::sink::table::{CellAlignment, TextTable};
-use crate::statistics::BusStatistics;
+use crate::standard_tables::describe_name;
+use crate::statistics::{BusStatistics, DeviceProduct};
 use crate::wire::NodeId;
-use crate::wire::j1939::J1939Name;
+use crate::wire::j1939::{J1939Name, NameFields};
 
 /// Writes one row per source address, with the state at the end of the capture.
 pub(super) fn push_table(bus: &Bus, statistics: &BusStatistics, text: &mut String) {
@@ -19,6 +20,7 @@ pub(super) fn push_table(bus: &Bus, statistics: &BusStatistics, text: &mut Strin
         ("manufacturer", CellAlignment::Right),
         ("function", CellAlignment::Right),
         ("industry", CellAlignment::Left),
+        ("device", CellAlignment::Left),
         ("claims", CellAlignment::Right),
         ("groups", CellAlignment::Right),
         ("frames", CellAlignment::Right),
@@ -39,6 +41,7 @@ pub(super) fn push_table(bus: &Bus, statistics: &BusStatistics, text: &mut Strin
             part(parts.map(|parts| parts.manufacturer_code.into())),
             part(parts.map(|parts| parts.function.into())),
             industry.to_owned(),
+            device_words(parts.as_ref(), counted.map(|node| &node.product)),
             counted.map_or(0, |node| node.claims).to_string(),
             figures.groups.len().to_string(),
             figures.frames.to_string(),
@@ -56,6 +59,13 @@ pub(super) fn push_table(bus: &Bus, statistics: &BusStatistics, text: &mut Strin
 pub(super) fn dtc_words(node: Option<&Node>, spn: u32, fmi: u8) -> String {
     let own = node.and_then(|node| node.device().trouble_code_entry(spn, fmi)).map(|own| own.text.clone());
     own.unwrap_or_else(|| profile::failure_modes().code_text(u32::from(fmi)).to_owned())
+}
+
+/// Function, manufacturer and product: `engine #1, Cummins, X15, software 1.2`.
+fn device_words(name: Option<&NameFields>, product: Option<&DeviceProduct>) -> String {
+    let product = product.map(DeviceProduct::describe).filter(|words| !words.is_empty());
+    let parts = name.and_then(describe_name).into_iter().chain(product);
+    parts.collect::<Vec<_>>().join(", ")
 }
 
 fn industry_name(group: u8) -> &'static str {

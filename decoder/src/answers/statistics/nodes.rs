@@ -8,8 +8,9 @@ use super::figures::{DurationFigures, IntervalFigures};
 use crate::answers::numbers::{to_millis, to_seconds};
 use crate::event::StateCertainty;
 use crate::session::{Bus, Node};
+use crate::standard_tables::{function_name, manufacturer_name};
 use crate::statistics::{
-    AddressStatistics, BusStatistics, CodeCounts, NodeStatistics, ReactionTime, dtc_of_key,
+    AddressStatistics, BusStatistics, CodeCounts, DeviceProduct, NodeStatistics, ReactionTime, dtc_of_key,
 };
 use crate::wire::NodeId;
 use crate::wire::j1939::J1939Name;
@@ -106,16 +107,32 @@ pub struct J1939DeviceFigures {
     pub frames: u64,
     /// Function, from the NAME.
     pub function: Option<u8>,
+    /// Instance of the function, from the NAME.
+    pub function_instance: Option<u8>,
+    /// Name of the function.
+    pub function_name: Option<&'static str>,
     /// Parameter groups.
     pub groups: Vec<u32>,
     /// Industry group, from the NAME.
     pub industry_group: Option<u8>,
     /// NAME of the address claim.
     pub j1939_name: Option<String>,
+    /// Make of the component, from its identification.
+    pub make: Option<String>,
+    /// Name of the manufacturer.
+    pub manufacturer: Option<&'static str>,
     /// Manufacturer code, from the NAME.
     pub manufacturer_code: Option<u16>,
+    /// Model, from its identification or product information.
+    pub model: Option<String>,
     /// Name in the bus file.
     pub name: Option<String>,
+    /// Serial number, from its identification or product information.
+    pub serial_number: Option<String>,
+    /// Software version, from its identification or product information.
+    pub software: Option<String>,
+    /// Vehicle identification number.
+    pub vehicle: Option<String>,
 }
 
 /// A trouble code with its number of occurrences.
@@ -215,6 +232,7 @@ impl J1939DeviceFigures {
             RaisedDtc { fmi, raised, spn }
         });
         let active = known.into_iter().flat_map(Node::active_dtcs);
+        let product = counted.map_or(DeviceProduct::default(), |node| node.product.clone());
         Self {
             address,
             claims: counted.map_or(0, |node| node.claims),
@@ -223,11 +241,19 @@ impl J1939DeviceFigures {
             dtcs_active: active.map(|(spn, fmi)| SpnFmi { fmi, spn }).collect(),
             frames: figures.frames,
             function: fields.map(|fields| fields.function),
+            function_instance: fields.map(|fields| fields.function_instance),
+            function_name: fields.as_ref().and_then(function_name),
             groups: figures.groups.iter().map(|group| group.number()).collect(),
             industry_group: fields.map(|fields| fields.industry_group),
             j1939_name: name.map(|name| format!("0x{:016X}", name.0)),
+            make: product.make,
+            manufacturer: fields.as_ref().and_then(manufacturer_name),
             manufacturer_code: fields.map(|fields| fields.manufacturer_code),
+            model: product.model,
             name: known.and_then(|node| node.name()).map(str::to_owned),
+            serial_number: product.serial_number,
+            software: product.software,
+            vehicle: product.vehicle,
         }
     }
 }

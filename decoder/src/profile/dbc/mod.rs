@@ -29,6 +29,7 @@ pub use file::{DatabaseFile, DatabaseMessage, SuspectParameter};
 pub(crate) use limits::LONGEST_STRING;
 pub use limits::{LONGEST_MESSAGE, MOST_MESSAGES, MOST_PROBLEMS, MOST_RANGES, MOST_SIGNALS};
 pub use problem::DbcProblem;
+pub(crate) use signal::{fraction_digits, shown_digits};
 
 /// Parses a DBC, or the JSON of pretty_j1939, which starts with `{`. The text is UTF-16 with a byte order
 /// mark, UTF-8 if valid, otherwise Windows-1252. Time and memory are linear in the length of `bytes`.

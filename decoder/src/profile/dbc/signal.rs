@@ -97,14 +97,14 @@ pub(super) fn largest_raw(most: f64, factor: f64, offset: f64) -> Option<u64> {
 const FLOAT_DIGITS: u8 = 6;
 
 /// Decimals of the shortest decimal form of a number.
-fn fraction_digits(number: f64) -> u8 {
+pub(crate) fn fraction_digits(number: f64) -> u8 {
     let text = number.to_string();
     let digits = text.split_once('.').map_or(0, |(_, digits)| digits.len());
     u8::try_from(digits).unwrap_or(u8::MAX)
 }
 
 /// Decimals in which a step of `factor` is visible, at most `digits`: 1/256 km/h alone has eight.
-fn shown_digits(factor: f64, digits: u8) -> u8 {
+pub(crate) fn shown_digits(factor: f64, digits: u8) -> u8 {
     /// Decimals after the first significant one of a step.
     const MORE: f64 = 2.0;
     let needed = (-factor.abs().log10()).ceil() + MORE;

@@ -111,7 +111,11 @@ fn inline_keys(entry: &SubEntry) -> String {
 fn entry_keys(entry: &SubEntry) -> Vec<(&'static str, String)> {
     let look = &entry.look;
     let format = match entry.format {
-        NumberFormat::Decimal => None,
+        NumberFormat::Decimal
+        | NumberFormat::DecimalPairs
+        | NumberFormat::Date
+        | NumberFormat::TimeOfDay
+        | NumberFormat::ParameterGroup => None,
         NumberFormat::Hex => Some("hex"),
         NumberFormat::Mapping => Some("mapping"),
         NumberFormat::Ascii => Some("ascii"),

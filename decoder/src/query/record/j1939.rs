@@ -9,6 +9,7 @@ use crate::event::{
 };
 use crate::profile;
 use crate::session::Bus;
+use crate::standard_tables::{function_name, manufacturer_name};
 use crate::wire::j1939::{J1939Name, Pgn};
 
 fn visit_number(key: &'static str, number: impl Into<u64>, fields: &mut dyn FieldConsumer) {
@@ -103,9 +104,15 @@ fn name_fields(name: J1939Name, fields: &mut dyn FieldConsumer) {
     fields.open_group("name_fields");
     visit_number("identity_number", parts.identity_number, fields);
     visit_number("manufacturer_code", parts.manufacturer_code, fields);
+    if let Some(manufacturer) = manufacturer_name(&parts) {
+        fields.add_field("manufacturer", FieldValue::Text(manufacturer));
+    }
     visit_number("ecu_instance", parts.ecu_instance, fields);
     visit_number("function_instance", parts.function_instance, fields);
     visit_number("function", parts.function, fields);
+    if let Some(function) = function_name(&parts) {
+        fields.add_field("function_name", FieldValue::Text(function));
+    }
     visit_number("device_class", parts.device_class, fields);
     visit_number("device_class_instance", parts.device_class_instance, fields);
     visit_number("industry_group", parts.industry_group, fields);
@@ -144,7 +151,7 @@ pub(super) fn trouble_code(dtc: &Dtc, event: &Event, bus: &Bus, fields: &mut dyn
     visit_number("source_address", dtc.source, fields);
     visit_number("spn", dtc.spn, fields);
     if let Some(parameter) = bus.suspect_parameter(dtc.spn) {
-        fields.add_field("spn_name", FieldValue::Text(&parameter.name));
+        fields.add_field("spn_name", FieldValue::Text(parameter.name));
     }
     visit_number("fmi", dtc.fmi, fields);
     fields.add_field(

@@ -46,7 +46,9 @@ pub(crate) fn visit_signal(
     fields.open_group("");
     signal_id(field.id, fields);
     fields.add_field("name", field.name().map_or(FieldValue::Null, FieldValue::Text));
-    fields.add_field("raw", FieldValue::Unsigned(raw));
+    if !field.is_text() {
+        fields.add_field("raw", FieldValue::Unsigned(raw));
+    }
     match field.meaning.as_deref() {
         Some(meaning) => visit_meaning(meaning, value, fields),
         None => value_field("value", value, fields),

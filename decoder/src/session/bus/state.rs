@@ -10,9 +10,10 @@ use super::protocols::BusProtocols;
 use super::time::{AmbiguousGap, BusClock};
 use crate::event::FrameRange;
 use crate::frame::{BusIndex, CanId, Timestamp};
-use crate::profile::dbc::{Database, SuspectParameter};
+use crate::profile::dbc::Database;
 use crate::profile::{Catalogue, IdentifierOwner};
 use crate::session::options::SessionOptions;
+use crate::standard_tables::{NamedParameter, standard_parameter};
 use crate::wire::NodeId;
 use crate::wire::j1939::Pgn;
 
@@ -169,9 +170,11 @@ impl Bus {
         self.open_transfers.contains(source, pgn)
     }
 
-    /// Name and unit of a suspect parameter, from the user's databases.
-    pub fn suspect_parameter(&self, spn: u32) -> Option<&SuspectParameter> {
-        self.database.parameter_by_spn(spn)
+    /// Name and unit of a suspect parameter, from the user's databases, otherwise from the table of J1939.
+    pub fn suspect_parameter(&self, spn: u32) -> Option<NamedParameter<'_>> {
+        let given = self.database.parameter_by_spn(spn);
+        let given = given.map(|known| NamedParameter { name: &known.name, unit: &known.unit });
+        given.or_else(|| standard_parameter(spn))
     }
 
     /// Node with this node-ID or address; a plain number is a CANopen node-ID.

@@ -321,7 +321,7 @@ fn packet_event(bus: &Bus, packet: FastPacketState, is_cut: bool) -> J1939Transf
         (false, true) => SdoOutcome::Unfinished,
         (false, false) => SdoOutcome::Incomplete,
     };
-    let group = bus.sender_group(packet.id, packet.data.len());
+    let group = bus.sender_group(packet.id, &packet.data);
     let duration = packet.times.1.zip(packet.times.0).map(|(last, first)| last.saturating_sub(first));
     J1939Transfer {
         mode: Some(TransportMode::FastPacket),

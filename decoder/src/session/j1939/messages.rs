@@ -16,6 +16,7 @@ use crate::session::bus::{
 use crate::session::bus::{ConcernedDevice, layout_of_profile};
 use crate::session::context::MachineContext;
 use crate::session::device::on_values;
+use crate::session::identity::refresh_messages;
 use crate::session::machine::{ProtocolMachine, TimedMachine};
 use crate::wire::j1939::{J1939Id, Pgn};
 
@@ -119,15 +120,19 @@ fn emit_fast_packet_note(pgn: Pgn, frame: &Frame, cx: &mut MachineContext<'_>) {
 #[cold]
 fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut MachineContext<'_>) {
     cx.bus.protocols.has_nmea2000 |= is_nmea2000_group(id.pgn);
+    if cx.bus.protocols.note_rv_c(id.pgn, usize::from(frame.length)) {
+        refresh_messages(cx);
+    }
     let concerned = cx.bus.nodes.concerned_device(id);
     if let Some(concerned) = &concerned {
         store_deciding_values(&mut cx.bus, concerned, frame);
     }
-    let group = cx.bus.group_with(id, usize::from(frame.length), concerned.as_ref());
+    let group = cx.bus.group_with(id, frame.data(), concerned.as_ref());
     let plan = concerned.as_ref().zip(group.layout.as_deref()).and_then(|(concerned, layout)| {
         let spec = concerned.message_spec()?;
         WatchPlan::plan_for(&concerned.device, &message_carrier(spec), spec.direction.into(), layout)
     });
+    let plan = plan.or_else(|| WatchPlan::plan_deciding(group.deciding));
     let mut event = cx.j1939_event(frame, id, EventKind::J1939Message(build_message(id, frame, group)));
     let now = cx.bus.clock.now();
     let cadence = concerned.as_ref().and_then(|concerned| message_cadence(concerned, id));
@@ -153,7 +158,7 @@ fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut MachineContex
 /// Handles a message without a slot: the table of identifiers is full.
 #[cold]
 fn unprepared_message(id: J1939Id, frame: &Frame, cx: &mut MachineContext<'_>) {
-    let group = cx.bus.sender_group(id, usize::from(frame.length));
+    let group = cx.bus.sender_group(id, frame.data());
     cx.emit_j1939(frame, id, EventKind::J1939Message(build_message(id, frame, group)));
 }
 

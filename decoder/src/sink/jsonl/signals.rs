@@ -58,9 +58,10 @@ struct ScaleTemplate {
 }
 
 impl SignalTemplates {
-    /// `None` for a layout with optional fields or more than eight bytes.
+    /// `None` for a layout with optional fields, texts or more than eight bytes.
     pub(super) fn templates_of(layout: &Arc<PayloadLayout>) -> Option<Self> {
-        let is_plain = layout.bits <= 64 && layout.fields.iter().all(|field| field.present.is_none());
+        let is_plain = layout.bits <= 64
+            && layout.fields.iter().all(|field| field.present.is_none() && !field.is_text());
         is_plain.then(|| Self {
             layout: Arc::clone(layout),
             length: usize::from(layout.bits.div_ceil(8)),
@@ -292,7 +293,6 @@ mod tests {
             Just(DataType::Unsigned32),
             Just(DataType::Real32),
             Just(DataType::Boolean),
-            Just(DataType::VisibleString),
         ];
         (option::weighted(0.8, meaning()), prop_oneof![1_u16..20, Just(8), Just(16), Just(32)], types)
     }

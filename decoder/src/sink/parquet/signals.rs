@@ -74,7 +74,7 @@ impl ValueTable for RowPusher<'_> {
             return;
         }
         let mut digits = String::new();
-        let raw = raw_cells(cells.raw, &mut digits);
+        let raw = cells.raw.map_or((RowCell::Null, RowCell::Null), |raw| raw_cells(raw, &mut digits));
         self.result = (self.push)(&[
             (self.time)(source.time),
             nanos_cell(source.time),

@@ -15,6 +15,7 @@ use crate::event::{
 use crate::profile;
 use crate::query::record::event_device as device_of;
 use crate::session::Bus;
+use crate::standard_tables::{function_name, manufacturer_name};
 use crate::wire::NodeId;
 use crate::wire::j1939::{ALL, J1939Name, Pgn};
 use crate::words::count_noun;
@@ -199,15 +200,18 @@ pub(super) fn acknowledgement_line(answer: &J1939Acknowledgement, bus: &Bus) -> 
     EventWords { who: pair_text(answer.source, answer.destination, bus), kind, what, tone }
 }
 
-/// `NAME A322810A07212345 (manufacturer 57, function 129, agriculture, number 74565)`.
+/// `NAME A322810A07212345 (manufacturer 57 Danfoss, function 129 section control, agriculture, number 74565)`.
 fn name_words(name: J1939Name) -> String {
     let parts = name.fields();
     let industry = profile::industry_groups().text_of(u32::from(parts.industry_group));
+    let named = |text: Option<&str>| text.map_or(String::new(), |text| format!(" {text}"));
     format!(
-        "NAME {:016X} (manufacturer {}, function {}, {}, number {})",
+        "NAME {:016X} (manufacturer {}{}, function {}{}, {}, number {})",
         name.0,
         parts.manufacturer_code,
+        named(manufacturer_name(&parts)),
         parts.function,
+        named(function_name(&parts)),
         industry.unwrap_or("reserved industry"),
         parts.identity_number
     )

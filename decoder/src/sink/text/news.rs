@@ -73,7 +73,8 @@ impl PrintedPayloads {
     fn is_message_news(&mut self, bus: BusIndex, message: &J1939Message) -> bool {
         let payload = message.payload();
         self.payload_differs((bus, message.can_id), payload, |before| {
-            let fields = message.layout.iter().flat_map(|layout| &layout.fields);
+            let layout = message.layout.iter().filter(|layout| !layout.origin.is_standard_table());
+            let fields = layout.flat_map(|layout| &layout.fields);
             fields.into_iter().any(|field| {
                 let meaning = field.meaning.as_deref();
                 let is_measured =

@@ -103,12 +103,11 @@ impl ValueTable for SignalColumns {
             }
         });
         self.label.push_key(label);
-        let raw = i64::try_from(cells.raw).ok();
+        let raw = cells.raw.and_then(|raw| i64::try_from(raw).ok());
         self.raw.push(raw);
-        if raw.is_some() {
-            self.raw_hex.push(None);
-        } else {
-            self.raw_hex.push_bytes(format!("{:016X}", cells.raw).as_bytes());
+        match cells.raw.filter(|_| raw.is_none()) {
+            Some(raw) => self.raw_hex.push_bytes(format!("{raw:016X}").as_bytes()),
+            None => self.raw_hex.push(None),
         }
     }
 

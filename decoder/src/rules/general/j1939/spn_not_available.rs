@@ -65,7 +65,9 @@ fn parameter_name(field: &SignalField) -> Arc<str> {
 fn error_parameters(
     message: &J1939Message,
 ) -> impl Iterator<Item = (usize, &SignalField, ParameterIndicators, u64)> {
-    let fields = message.layout.as_deref().into_iter().flat_map(|layout| layout.fields.iter().enumerate());
+    // A table of a standard does not state which parameters the device has.
+    let layout = message.layout.as_deref().filter(|layout| !layout.origin.is_standard_table());
+    let fields = layout.into_iter().flat_map(|layout| layout.fields.iter().enumerate());
     fields.filter_map(|(place, field)| {
         let indicators = field.meaning.as_deref()?.indicators;
         // NMEA 2000 does not state that its code is an error of the sensor.

@@ -112,6 +112,11 @@ impl WatchPlan {
         (!plan.fields.is_empty() || plan.triggers).then_some(plan)
     }
 
+    /// Plan of a message in which these bits decide how the rest is decoded; `None` without such bits.
+    pub(in crate::session) fn plan_deciding(deciding: u64) -> Option<Self> {
+        (deciding != 0).then(|| Self { deciding, ..Self::default() })
+    }
+
     /// Payload bits that the session needs; `None` if it needs each frame.
     pub(in crate::session) fn needed_bits(&self) -> Option<u64> {
         (!self.triggers).then_some(self.mask | self.deciding)

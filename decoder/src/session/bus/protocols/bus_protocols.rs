@@ -7,6 +7,7 @@ use crate::session::bus::identifiers::{IdentifierService, SdoChannels};
 use crate::session::bus::nodes::Node;
 use crate::session::detection::{CanopenDetection, J1939Detection, ProtocolStatus};
 use crate::session::options::ProtocolChoice;
+use crate::standard_tables::{RvCEvidence, Standard, is_fast_group};
 use crate::wire::NodeId;
 use crate::wire::j1939::Pgn;
 
@@ -28,6 +29,8 @@ pub struct BusProtocols {
     pub(in crate::session) has_uds: bool,
     /// A group of NMEA 2000 was received.
     pub(in crate::session) has_nmea2000: bool,
+    /// Groups of RV-C that were received.
+    rv_c: RvCEvidence,
 }
 
 impl BusProtocols {
@@ -43,6 +46,7 @@ impl BusProtocols {
             is_time_rejected: false,
             has_uds: false,
             has_nmea2000: false,
+            rv_c: RvCEvidence::default(),
         }
     }
 
@@ -120,12 +124,31 @@ impl BusProtocols {
         self.has_uds
     }
 
+    /// Counts the first message of an identifier as evidence of RV-C; returns whether it completes the evidence.
+    pub(in crate::session) fn note_rv_c(&mut self, pgn: Pgn, length: usize) -> bool {
+        let is_complete = self.rv_c.note_group(pgn, length, self.has_nmea2000);
+        if is_complete {
+            self.j1939.add_evidence();
+        }
+        is_complete
+    }
+
+    /// Standards whose tables describe the groups of this bus, in order of precedence.
+    pub(in crate::session) fn standards(&self) -> &'static [Standard] {
+        match (self.rv_c.is_established(), self.has_nmea2000) {
+            (true, _) => &[Standard::RvC, Standard::J1939],
+            (false, true) => &[Standard::Nmea2000, Standard::J1939],
+            (false, false) => &[Standard::J1939],
+        }
+    }
+
     /// Whether frames of a group are parts of fast packets.
     #[inline]
     pub(in crate::session) fn sends_fast_packets(&self, pgn: Pgn) -> bool {
         /// Last group of data page 0; no fast packet is on it.
         const LAST_OF_PAGE_0: u32 = 0xFFFF;
-        pgn.number() > LAST_OF_PAGE_0 && is_fast_packet(pgn, self.has_nmea2000)
+        let is_fast = || is_fast_packet(pgn, self.has_nmea2000) || self.has_nmea2000 && is_fast_group(pgn);
+        pgn.number() > LAST_OF_PAGE_0 && is_fast()
     }
 
     /// Whether the protocol of a service is settled, by evidence or by the user.

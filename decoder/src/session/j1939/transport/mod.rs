@@ -418,7 +418,7 @@ fn transfer_event(bus: &Bus, mut session: Box<TransportSession>, ending: Transpo
     };
     let data = session.received.take_data(session.announced);
     let has_all = is_whole && session.announced.is_some_and(|size| u32::try_from(data.len()) == Ok(size));
-    let known = session.pgn.map(|_| bus.sender_group(session.id(), data.len()));
+    let known = session.pgn.map(|_| bus.sender_group(session.id(), &data));
     let (name, layout) = known.map_or((None, None), |group| (group.name, group.layout));
     J1939Transfer {
         mode: Some(session.mode),
