@@ -17,6 +17,8 @@ pub const SHOWN_UNREADABLE: u64 = 10;
 pub struct Decoder {
     options: Arc<SessionOptions>,
     buses: Vec<BusDecoder>,
+    /// Bus of the events before the first frame, whose name and settings are not known yet.
+    unnamed: Option<Box<BusDecoder>>,
     unreadable: u64,
     last_time: Option<Timestamp>,
     last_frame: u64,
@@ -30,6 +32,7 @@ impl Decoder {
         Self {
             options: Arc::new(options),
             buses: Vec::new(),
+            unnamed: None,
             unreadable: 0,
             last_time: None,
             last_frame: 0,
@@ -119,6 +122,9 @@ impl Decoder {
 
     /// Handles the end of the capture: closes open transfers and emits totals.
     pub fn finish_capture(&mut self, names: &BusNames, out: &mut dyn Observer) {
+        if self.buses.is_empty() {
+            self.buses.extend(self.unnamed.take().map(|bus| *bus));
+        }
         for bus in &mut self.buses {
             bus.finish_bus(out);
         }
@@ -170,12 +176,15 @@ impl Decoder {
             kind,
         };
         let index = usize::from(bus.0);
-        if index >= self.buses.len() {
+        if index >= self.buses.len() && index < names.names().len() {
             self.add_buses(index, names);
         }
-        if let Some(bus) = self.buses.get(index) {
-            out.on_event(&event, bus.bus());
-        }
+        let unnamed = || Box::new(BusDecoder::new(BusIndex(0), "", Arc::clone(&self.options)));
+        let bus = match self.buses.get(index) {
+            Some(bus) => bus,
+            None => &**self.unnamed.get_or_insert_with(unnamed),
+        };
+        out.on_event(&event, bus.bus());
     }
 
     /// Number of the last frame decoded.
@@ -201,5 +210,45 @@ impl Decoder {
     /// Memory of a checkpoint in bytes, without the object stores, which are shared until they change.
     pub fn footprint(&self) -> usize {
         size_of::<Self>() + self.buses.iter().map(BusDecoder::footprint).sum::<usize>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::CanId;
+    use crate::session::Bus;
+
+    #[test]
+    fn a_bus_has_its_name_after_an_event_before_its_first_frame() {
+        let mut names = BusNames::default();
+        let mut events = Vec::new();
+        let mut decoder = Decoder::new(SessionOptions::default());
+        let mut take = |_: &Event, bus: &Bus| events.push(bus.name().to_owned());
+        let note = Notice::Assumption("x".into());
+        decoder.on_notice(&note, &names, &mut take);
+        names.index_of(b"can0");
+        decoder.push(
+            &Frame { number: 1, ..Frame::data_frame(CanId::from_standard(0x705), &[5]) },
+            &names,
+            &mut take,
+        );
+        decoder.on_notice(&note, &names, &mut take);
+        decoder.finish_capture(&names, &mut take);
+        assert_eq!(events.first().map(String::as_str), Some(""), "before the first frame");
+        assert_eq!(events.last().map(String::as_str), Some("can0"));
+        assert_eq!(decoder.buses().iter().map(Bus::name).collect::<Vec<_>>(), ["can0"]);
+    }
+
+    #[test]
+    fn a_capture_without_frames_has_a_bus_without_a_name() {
+        let mut decoder = Decoder::new(SessionOptions::default());
+        decoder.on_notice(
+            &Notice::Assumption("x".into()),
+            &BusNames::default(),
+            &mut |_: &Event, _: &Bus| {},
+        );
+        decoder.finish_capture(&BusNames::default(), &mut |_: &Event, _: &Bus| {});
+        assert_eq!(decoder.buses().iter().map(Bus::name).collect::<Vec<_>>(), [""]);
     }
 }

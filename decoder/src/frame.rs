@@ -222,6 +222,81 @@ impl Frame {
     }
 }
 
+/// Bits of a classic frame with an 11-bit identifier and no data, with intermission and without stuff bits
+/// (ISO 11898-1 §10.4): 1 SOF, 14 identifier, RTR, IDE and r0, 4 DLC, 15 CRC, 10 up to the end of frame, 3 intermission.
+const SHORTEST_FRAME: i64 = 47;
+
+/// Further bits of a 29-bit identifier: 18 identifier, SRR and r1.
+const EXTENDED_BITS: i64 = 20;
+
+/// Time of a bit in ns at 1 Mbit/s, the fastest classic bus.
+const CLASSIC_BIT: i64 = 1_000;
+
+/// Time of a bit in ns at 8 Mbit/s, the fastest data phase of CAN FD.
+const FD_BIT: i64 = 125;
+
+impl Frame {
+    /// Shortest time on a bus in ns: at 1 Mbit/s, or 8 Mbit/s for an FD frame, without stuff bits. 0 for an error frame.
+    pub fn shortest_time(&self) -> i64 {
+        if self.flags.contains(FrameFlags::ERROR) {
+            return 0;
+        }
+        let extended = if matches!(self.id, CanId::Extended(_)) { EXTENDED_BITS } else { 0 };
+        let bits = SHORTEST_FRAME + extended + 8 * i64::try_from(self.data().len()).unwrap_or(0);
+        bits * if self.flags.contains(FrameFlags::FD) { FD_BIT } else { CLASSIC_BIT }
+    }
+}
+
+/// Times of the frames of one bus, compared with the fastest bus that exists.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameRate {
+    frames: u64,
+    earliest: i64,
+    latest: i64,
+    /// Sum of the shortest times of all frames but the first, in ns.
+    shortest: i64,
+    has_fd: bool,
+}
+
+impl FrameRate {
+    /// Minimum number of frames whose rate is judged: adapters pass a few frames at once, with one time.
+    const JUDGED: u64 = 20;
+
+    /// The rate of a bus after its first frame at `time`.
+    pub fn new(time: Timestamp) -> Self {
+        Self { frames: 1, earliest: time.0, latest: time.0, shortest: 0, has_fd: false }
+    }
+
+    /// Adds a further frame.
+    pub fn add_frame(&mut self, time: Timestamp, frame: &Frame) {
+        self.frames = self.frames.saturating_add(1);
+        (self.earliest, self.latest) = (self.earliest.min(time.0), self.latest.max(time.0));
+        self.shortest = self.shortest.saturating_add(frame.shortest_time());
+        self.has_fd |= frame.flags.contains(FrameFlags::FD);
+    }
+
+    /// Whether a bus can carry the frames if each nanosecond of their times stands for `scale` of them. Fewer than 20
+    /// frames are not judged.
+    pub fn is_possible(&self, scale: i64) -> bool {
+        let span = self.latest.saturating_sub(self.earliest).saturating_mul(scale);
+        self.frames < Self::JUDGED || span >= self.shortest
+    }
+
+    /// Frames per second by the times, and the most that the fastest bus carries; `None` if the times are all equal.
+    pub fn frames_per_second(&self) -> Option<(u64, u64)> {
+        let rate = |time: i64| {
+            let nanoseconds = u64::try_from(time).ok()?;
+            self.frames.saturating_sub(1).saturating_mul(1_000_000_000).checked_div(nanoseconds)
+        };
+        Some((rate(self.latest.saturating_sub(self.earliest))?, rate(self.shortest)?))
+    }
+
+    /// Bit rate of the fastest bus for these frames, as text.
+    pub const fn fastest_bus(&self) -> &'static str {
+        if self.has_fd { "CAN FD with 8 Mbit/s" } else { "CAN with 1 Mbit/s" }
+    }
+}
+
 impl PartialEq for Frame {
     fn eq(&self, other: &Self) -> bool {
         self.number == other.number
@@ -269,9 +344,41 @@ pub const fn fd_length(dlc: u8) -> u8 {
     }
 }
 
+/// Whether a CAN FD frame can have this length in bytes.
+pub const fn is_fd_length(length: u8) -> bool {
+    matches!(length, 0..=8 | 12 | 16 | 20 | 24 | 32 | 48 | 64)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_shortest_frame_has_47_bits() {
+        // ISO 11898-1: 44 bits up to the end of frame, and 3 of intermission; 64 with 29 bits.
+        let base = Frame::data_frame(CanId::from_standard(1), &[]);
+        let extended = Frame::data_frame(CanId::from_extended(1), &[0; 8]);
+        let fd = Frame { flags: FrameFlags::FD, ..extended };
+        let remote = Frame { flags: FrameFlags::REMOTE, length: 8, ..base };
+        let times = [base, extended, fd, remote].map(|frame| frame.shortest_time());
+        assert_eq!(times, [47_000, 131_000, 16_375, 47_000]);
+    }
+
+    #[test]
+    fn a_rate_above_every_bus_is_impossible_from_20_frames_on() {
+        let frame = Frame::data_frame(CanId::from_standard(1), &[]);
+        for (count, step, is_possible) in
+            [(20, 47_000, true), (20, 46_999, false), (19, 1, true), (20, 0, false)]
+        {
+            let mut rate = FrameRate::new(Timestamp(5));
+            (1..count).for_each(|index| rate.add_frame(Timestamp(5 + index * step), &frame));
+            assert_eq!(rate.is_possible(1), is_possible, "{count} frames, {step} ns apart");
+            assert_eq!(rate.is_possible(1_000), step > 0 || is_possible);
+        }
+        let mut rate = FrameRate::new(Timestamp(0));
+        rate.add_frame(Timestamp(1_000), &frame);
+        assert_eq!(rate.frames_per_second(), Some((1_000_000, 21_276)));
+    }
 
     #[test]
     fn a_remote_frame_has_a_length_but_no_data() {

@@ -70,6 +70,7 @@ pub mod decoder;
 pub mod diagnosis;
 pub mod escape;
 pub mod event;
+pub mod figures;
 pub mod finding;
 pub mod frame;
 mod marked_line;

@@ -144,7 +144,7 @@ fn the_step_of_the_stamps_counts_in_favour_of_the_device() {
 }
 
 #[test]
-fn what_must_never_happen_is_exercised_once_the_device_is_there() {
+fn what_must_never_happen_is_exercised_by_what_is_compared_with_it() {
     let tally = |frames: &[&str]| {
         let findings = judged(PVE, frames);
         let of = |name: &str| findings.rules.iter().position(|rule| *rule.name == *name).unwrap();
@@ -157,7 +157,11 @@ fn what_must_never_happen_is_exercised_once_the_device_is_there() {
         findings.tallies[place].passed
     };
     assert_eq!(of(&findings, "rexroth-sydfec:mapping-is-static"), 0);
+    // The presence of the device alone compares nothing; a write of any object does.
     let findings = judged("#! --node 2=rexroth-sydfec", &["082#", "080#"]);
+    assert_eq!(of(&findings, "rexroth-sydfec:mapping-is-static"), 0);
+    let write = ["082#", "602#2B17100064000000", "582#6017100000000000"];
+    let findings = judged("#! --node 2=rexroth-sydfec", &write);
     assert_eq!(of(&findings, "rexroth-sydfec:mapping-is-static"), 1);
 }
 

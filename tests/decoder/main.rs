@@ -3,6 +3,7 @@
 #![expect(clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 #![expect(clippy::disallowed_methods, reason = "tests open files")]
 
+mod assumed_mapping;
 mod both_sides;
 mod corpus;
 mod corpus_conformance;
@@ -20,6 +21,7 @@ mod examples;
 mod expectations;
 mod expected;
 mod findings_explained;
+mod formats_adapters;
 mod formats_blf;
 mod formats_candump;
 mod formats_foreign;
@@ -44,11 +46,14 @@ mod malformed;
 mod mutations;
 mod mutator;
 mod nmea2000;
+mod order_of_frames;
 mod pieces;
 mod profiles;
 mod properties;
 mod random_changes;
 mod replay;
+mod rule_grammars;
+mod rule_texts;
 mod rules;
 mod same_events;
 mod same_information;

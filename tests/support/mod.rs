@@ -28,6 +28,23 @@ pub fn step(usual: usize) -> usize {
     if env::var_os("COBSCOPE_FULL").is_some() { 1 } else { usual }
 }
 
+/// Captures in candump text in and below a folder of the workspace, in order.
+pub fn captures_below(folder: &str) -> Vec<String> {
+    let (mut folders, mut found) = (vec![workspace().join(folder)], Vec::new());
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|suffix| suffix == "log") {
+                found.push(path.to_str().unwrap().to_owned());
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
 /// Whether this build can read a file: without the feature `gzip`, compressed captures are unsupported.
 pub fn is_readable(name: &str) -> bool {
     cfg!(feature = "gzip") || !name.to_ascii_lowercase().ends_with(".gz")

@@ -4,7 +4,7 @@ use std::env;
 use std::fmt::Write as _;
 use std::fs;
 
-use cobscope_decoder::capture::{FORMATS, WRITABLE};
+use cobscope_decoder::capture::{Batch, CaptureReader, FORMATS, Notice, ReadOptions, WRITABLE};
 use cobscope_decoder::profile::Catalogue;
 
 use crate::cli::run;
@@ -65,7 +65,7 @@ fn the_formats_of_captures() {
     }
     let mut text = String::from(
         "# Formats of captures\n\nGenerated from the program's own tables. A capture is recognised by its content, \
-         whatever its name; plain, gzip or zstd. `cobscope convert IN OUT` writes the format of OUT's suffix, or `-f NAME`. \
+         whatever its name; plain, gzip or zstd, text also in UTF-16. `cobscope convert IN OUT` writes the format of OUT's suffix, or `-f NAME`. \
          Data that a format cannot store is reported when it is lost. [columns.md](columns.md) describes the columns of CSV \
          and Parquet.\n\n\
          | name | format | suffix when written | cannot store |\n| --- | --- | --- | --- |\n",
@@ -76,7 +76,59 @@ fn the_formats_of_captures() {
         let lacks = written.map_or(String::new(), |written| written.holds.missing_data().join("; "));
         writeln!(text, "| {} | {} | {suffix} | {lacks} |", format.name, format.title).unwrap();
     }
+    text.push_str(&format_examples());
     is_current("docs/formats.md", &text);
+}
+
+/// The first lines of a capture in each format of text.
+fn format_examples() -> String {
+    let mut text = String::from(
+        "\n## Examples\n\nThe first lines of a capture in each text format; a test reads them. Lines that are not frames are \
+         skipped and counted. Bytes above 7F are escaped.\n",
+    );
+    for format in FORMATS.iter().filter(|format| format.is_text) {
+        let bytes = sample_of(format.name);
+        assert_reads(format.name, &bytes);
+        let lines = bytes.split(|byte| matches!(byte, b'\n' | b'\r')).map(shown_line);
+        let lines: Vec<_> = lines.filter(|line| !line.is_empty()).take(EXAMPLE_LINES).collect();
+        writeln!(text, "\n{}:\n\n```\n{}\n```", format.name, lines.join("\n")).unwrap();
+    }
+    text
+}
+
+/// Maximum number of lines of an example.
+const EXAMPLE_LINES: usize = 12;
+
+/// The sample of a format; that of our own CSV for CSV.
+fn sample_of(format: &str) -> Vec<u8> {
+    let folder = workspace().join("fixtures/fuzz").join(format);
+    let stem = if format == "csv" { "cobscope" } else { "sample" };
+    let mut paths = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let path = paths.find(|path| path.file_stem().is_some_and(|found| found == stem));
+    fs::read(path.unwrap_or_else(|| panic!("{format} has no sample"))).unwrap()
+}
+
+fn assert_reads(format: &str, bytes: &[u8]) {
+    let mut reader = CaptureReader::open(bytes, &ReadOptions::default()).unwrap();
+    assert_eq!(reader.format().name, format);
+    let (mut batch, mut frames) = (Batch::new(), 0);
+    while reader.read(&mut batch).unwrap() {
+        frames += batch.frames().len();
+        for (_, notice) in batch.notices() {
+            assert!(!matches!(notice, Notice::Unreadable { .. }), "{format}: {notice}");
+        }
+    }
+    assert!(frames > 0, "{format}");
+}
+
+/// A line as text; a byte that is not ASCII is escaped.
+fn shown_line(line: &[u8]) -> String {
+    let shown = |byte: &u8| match byte {
+        b'\t' => "\t".to_owned(),
+        b' '..=b'~' => char::from(*byte).to_string(),
+        byte => format!("\\x{byte:02X}"),
+    };
+    line.iter().map(shown).collect::<String>().trim_end().to_owned()
 }
 
 /// Sections of a variant that differ from the first variant of its device, and titles of the equal ones.

@@ -13,6 +13,7 @@ use cobscope_decoder::session::Bus;
 use serde_json::Value;
 
 use crate::cli::run;
+use crate::support::step;
 
 const SYDFEC: [&str; 2] = ["--node=2=rexroth-sydfec", "fixtures/devices/sydfec.log"];
 
@@ -110,22 +111,14 @@ fn results_equal_the_output_of_the_commands() {
     assert_eq!(embedded::diff(&words(&pair)).unwrap().value.replace(&root, ""), program);
 }
 
-/// Folders of captures whose answers are compared; `page.rs` compares those of all fixtures.
-const COMPARED: [&str; 2] = ["fixtures/devices", "fixtures/uds"];
-
+/// All captures of candump text in the fixtures; `page.rs` and `mcp.rs` compare theirs with the commands, too.
 #[test]
 fn each_answer_is_that_of_its_command() {
-    let mut count = 0;
-    for folder in COMPARED {
-        for entry in std::fs::read_dir(crate::support::workspace().join(folder)).unwrap() {
-            let path = entry.unwrap().path();
-            if path.extension().is_some_and(|suffix| suffix == "log") {
-                compare_answers(path.to_str().unwrap());
-                count += 1;
-            }
-        }
+    let captures = crate::support::captures_below("fixtures");
+    assert!(captures.len() > 200, "{}", captures.len());
+    for capture in captures.iter().step_by(step(4)) {
+        compare_answers(capture);
     }
-    assert!(count > 20, "{count}");
 }
 
 fn compare_answers(capture: &str) {

@@ -21,6 +21,7 @@ mod exports;
 mod extcap;
 mod faults;
 mod filter;
+mod inputs;
 mod journeys;
 #[cfg(feature = "parquet")]
 mod lake;

@@ -82,6 +82,74 @@ fn texts(value: &Value) -> String {
 
 /// The questions of a person at the machine, answered without reading frames. Expected values are those of the scripts that
 /// made the captures (`fixtures/devices/make_*.py`).
+/// Lines of a command as objects.
+fn lines(command: &[&str]) -> Vec<Value> {
+    let output = crate::cli::run(command, "").stdout;
+    output.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// Members of a command's object that an answer has with another value.
+fn differing_keys(expected: &Value, answer: &Value) -> Vec<String> {
+    let members = expected.as_object().unwrap().iter();
+    members.filter(|(key, value)| answer.get(key) != Some(value)).map(|(key, _)| key.clone()).collect()
+}
+
+#[test]
+fn answers_have_the_keys_of_the_commands() {
+    let mut client = Client::start(&fixtures());
+    let (mut compared, mut omitted) = (0, 0);
+    for capture in crate::support::captures_below("fixtures").iter().step_by(crate::support::step(6)) {
+        let own = json!({"capture": capture});
+        let Ok(summary) = client.tool("summary", &own) else {
+            assert!(lines(&["stats", "-f", "json", capture]).is_empty(), "{capture}");
+            continue;
+        };
+        let summary: Value = serde_json::from_str(&summary).unwrap();
+        let [statistics] = lines(&["stats", "-f", "json", capture]).try_into().unwrap();
+        let [stories] = lines(&["why", "-f", "json", capture]).try_into().unwrap();
+        let why = client.ask("why", &own);
+        let found = client.ask("findings", &own);
+        // A long answer is shortened and states it.
+        if [&summary, &why, &found].iter().any(|answer| answer.get("omitted").is_some()) {
+            omitted += 1;
+            continue;
+        }
+        compared += 1;
+        assert_eq!(differing_keys(&statistics, &summary), [""; 0], "{capture}: stats");
+        assert_eq!(differing_keys(&stories, &why), [""; 0], "{capture}: why");
+        let is_finding = |line: &Value| line["kind"] == "finding" && line.get("suppressed").is_none();
+        let mut checked = lines(&["check", "-f", "jsonl", capture]);
+        checked.retain(is_finding);
+        let answered = found["findings"].as_array().unwrap().iter().cloned();
+        let plain = |mut finding: Value| {
+            // Line numbers need another reading.
+            for place in finding["occurrences"].as_array_mut().unwrap() {
+                place.as_object_mut().unwrap().remove("line");
+            }
+            if let Some(worst) = finding.get_mut("worst") {
+                worst.as_object_mut().unwrap().remove("line");
+            }
+            finding
+        };
+        let checked: Vec<_> = checked.into_iter().map(plain).collect();
+        assert_eq!(answered.map(plain).collect::<Vec<_>>(), checked, "{capture}: findings");
+        for node in lines(&["objects", "-f", "json", capture]) {
+            let name = format!("{}:{}", node["bus"].as_str().unwrap(), node["node"]);
+            let answer = client.ask("objects", &json!({"capture": capture, "node": name}));
+            let printed = lines(&["objects", "-f", "json", "--node", &name, capture]);
+            let shown = answer["objects"].as_array().unwrap();
+            for (own, printed) in shown.iter().zip(&printed) {
+                for (key, value) in own.as_object().unwrap() {
+                    assert_eq!(Some(value), printed.get(key), "{capture}: {name} {key}");
+                }
+            }
+            assert!(shown.len() == printed.len() || answer.get("omitted").is_some(), "{capture}: {name}");
+        }
+    }
+    assert!(compared > 30 && compared > omitted, "{compared} of {}", compared + omitted);
+    client.end();
+}
+
 #[test]
 fn ten_questions_are_answered() {
     let mut client = Client::start(&fixtures());

@@ -6,30 +6,26 @@ use crate::support::modules::Modules;
 /// program and is exempt, like `main.rs`.
 const LAYERS: &[(&str, &[&str])] = &[
     ("exit_code", &[]),
-    ("figures", &[]),
     ("bucket", &[]),
     ("ascii", &[]),
     ("theme", &["ascii"]),
     ("action", &[]),
-    ("words", &["figures"]),
-    ("select", &["figures"]),
+    ("words", &[]),
+    ("select", &[]),
     ("path_text", &[]),
     ("device_name", &[]),
     ("file_identity", &["device_name"]),
     ("output_file", &["device_name", "path_text"]),
-    ("record", &["device_name", "figures", "output_file", "path_text"]),
-    ("source", &["device_name", "figures", "file_identity", "path_text", "record"]),
+    ("record", &["device_name", "output_file", "path_text"]),
+    ("source", &["device_name", "file_identity", "path_text", "record"]),
     ("widgets", &["bucket", "theme"]),
     ("timeline", &["bucket", "output_file", "path_text", "record", "source"]),
-    ("state", &["figures", "theme", "words", "select", "timeline"]),
-    ("panes", &["figures", "bucket", "theme", "action", "words", "widgets", "timeline", "state"]),
+    ("state", &["theme", "words", "select", "timeline"]),
+    ("panes", &["bucket", "theme", "action", "words", "widgets", "timeline", "state"]),
     ("keymap", &["action", "panes"]),
     (
         "app",
-        &[
-            "ascii", "figures", "theme", "action", "select", "source", "widgets", "timeline", "state",
-            "panes", "keymap",
-        ],
+        &["ascii", "theme", "action", "select", "source", "widgets", "timeline", "state", "panes", "keymap"],
     ),
     ("terminal", &["theme", "timeline", "app"]),
     ("config", &["path_text", "output_file", "theme", "panes", "keymap"]),
@@ -56,7 +52,6 @@ const LAYERS: &[(&str, &[&str])] = &[
         "cmd",
         &[
             "exit_code",
-            "figures",
             "words",
             "select",
             "path_text",
@@ -80,10 +75,46 @@ const START_UI: [(&str, &str, &[&str]); 4] = [
     ("run", "terminal", &["run/screen/settings"]),
 ];
 
+/// Modules of `bindings/web/src` with their permitted imports, which are all listed before them. `abi` only starts the
+/// session.
+const WEB_LAYERS: &[(&str, &[&str])] = &[
+    ("files", &[]),
+    ("counts", &[]),
+    ("matcher", &[]),
+    ("state", &[]),
+    ("request", &["files"]),
+    ("input", &["files", "request"]),
+    ("unpack", &["files"]),
+    ("capture", &["files"]),
+    ("survey", &["counts", "files"]),
+    ("seek", &["capture", "files", "survey"]),
+    ("overview", &["capture", "survey"]),
+    ("detail", &["files"]),
+    ("rows", &["capture", "counts", "matcher", "seek", "survey"]),
+    ("filter", &["counts", "files", "matcher", "rows"]),
+    ("search", &["files", "matcher"]),
+    ("plot", &["files", "request"]),
+    ("report", &["capture", "files", "request", "survey"]),
+    ("export", &["files"]),
+    ("cut", &["export", "files"]),
+    ("jobs", &["cut", "export", "filter", "plot", "report", "rows", "search"]),
+    ("opening", &["capture", "files", "input", "report", "request", "survey", "unpack"]),
+    (
+        "session",
+        &[
+            "capture", "counts", "cut", "detail", "export", "files", "filter", "jobs", "matcher", "opening",
+            "overview", "plot", "report", "request", "rows", "search", "seek", "state", "survey",
+        ],
+    ),
+    ("abi", &["files"]),
+];
+
 #[test]
 fn every_layer_imports_only_those_before_it() {
-    let report = Modules::read("tui/src").violations(LAYERS);
-    assert!(report.is_empty(), "\n{report}");
+    for (folder, layers) in [("tui/src", LAYERS), ("bindings/web/src", WEB_LAYERS)] {
+        let report = Modules::read(folder).violations(layers);
+        assert!(report.is_empty(), "{folder}\n{report}");
+    }
 }
 
 #[test]
@@ -96,7 +127,8 @@ fn only_commands_that_start_the_ui_import_it() {
 
 #[test]
 fn no_folder_has_a_circle_of_imports() {
-    let cycles = Modules::read("tui/src").cycles();
+    let crates = ["tui/src", "bindings/web/src", "bindings/python/src"];
+    let cycles: Vec<_> = crates.iter().flat_map(|folder| Modules::read(folder).cycles()).collect();
     let report: Vec<_> = cycles.iter().map(|cycle| format!("{}: {}", cycle.folder, cycle.chain)).collect();
     assert!(report.is_empty(), "\n{}", report.join("\n"));
 }

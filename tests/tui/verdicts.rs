@@ -19,7 +19,43 @@ fn a_capture_of_which_nothing_was_judged_has_not_passed() {
     let output = run(&["check", "-"], "(1.0) can0 555#01\n(2.0) can0 555#02\n");
     let row = output.stdout.lines().find(|line| line.starts_with("- ")).unwrap();
     assert!(row.ends_with("nothing checked"), "{}", output.stdout);
+    assert!(output.stdout.ends_with("; nothing checked in 1 capture\n"), "{}", output.stdout);
     assert_eq!(output.code, 0);
+}
+
+#[test]
+fn every_format_states_that_nothing_was_checked() {
+    let state = |format: &str| {
+        let none = run(&["check", "-f", format, "-"], "(1.0) can0 555#01\n(2.0) can0 555#02\n");
+        let some = run(&["check", "-f", format, "fixtures/rules/pdo-long.log"], "");
+        assert_eq!((none.code, some.code), (0, 0), "{format}");
+        (none.stdout, some.stdout)
+    };
+    for (format, stated) in [
+        ("jsonl", "\"verdict\":\"nothing-checked\""),
+        ("junit", "nothing checked: no rule was exercised"),
+        ("sarif", "nothing checked: no rule was exercised"),
+        ("github", "::notice file=-,title=nothing-checked::nothing checked: no rule was exercised"),
+    ] {
+        let (none, some) = state(format);
+        assert!(none.contains(stated), "{format}: {none}");
+        assert!(!some.contains(stated), "{format}: {some}");
+    }
+}
+
+/// The verdict of a capture that does not fail names its findings.
+#[test]
+fn passed_is_a_capture_without_findings() {
+    let verdict = |arguments: &[&str]| {
+        let output = run(&[&["check"][..], arguments].concat(), "").stdout;
+        let row = output.lines().skip_while(|line| !line.starts_with("CAPTURE")).nth(1).unwrap().to_owned();
+        row.rsplit("  ").next().unwrap().to_owned()
+    };
+    assert_eq!(verdict(&["fixtures/rules/pdo-long.log"]), "1 note");
+    assert_eq!(verdict(&["fixtures/rules/sync-period.log", "--fail-on", "never"]), "1 error");
+    assert_eq!(verdict(&["fixtures/rules/trouble-code.log"]), "2 warnings");
+    assert_eq!(verdict(&["fixtures/rules/trouble-code.log", "--fail-on", "warning"]), "FAILED");
+    assert_eq!(verdict(&["fixtures/rules/clean/canopen.log"]), "passed");
 }
 
 #[test]

@@ -9,7 +9,6 @@ mod cmd;
 mod config;
 mod device_name;
 mod exit_code;
-mod figures;
 mod file_identity;
 pub mod keymap;
 mod output_file;

@@ -1,54 +1,17 @@
-//! Selection of the events shown, and the search for them in the whole capture.
+//! Search for the events of a filter in the whole capture.
 
+use cobscope_decoder::answers::events::EventRow;
 use cobscope_decoder::capture::CaptureError;
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::query::{self, Filter};
 use cobscope_decoder::replay::{CaptureWalk, PlacedEvent, ReplayRow};
-use serde_json::{Value, json};
 
 use crate::counts::BlockRowCounts;
 use crate::files::ContentSource;
-use crate::rows::{FindingMarks, row_value};
+use crate::matcher::EventMatcher;
+use crate::rows::FindingMarks;
 
 /// Maximum number of rows kept; with more matches they are decoded when they are shown.
 const MOST_KEPT: usize = 5_000;
-
-/// Conditions for a shown event.
-#[derive(Debug, Clone, Default)]
-pub struct EventMatcher {
-    filter: Option<Filter>,
-    only_news: bool,
-}
-
-impl EventMatcher {
-    /// All events, or changes only.
-    pub fn new(only_news: bool) -> Self {
-        Self { filter: None, only_news }
-    }
-
-    /// Events that a filter selects.
-    ///
-    /// # Errors
-    /// If the filter is invalid: the reason, and the range of bytes that it concerns.
-    pub fn parse(text: &str, only_news: bool) -> Result<Self, Value> {
-        let filter: Filter = text.parse().map_err(|error: query::FilterError| {
-            json!({"reason": error.reason(), "start": error.at().start, "end": error.at().end})
-        })?;
-        Ok(Self { filter: Some(filter), only_news })
-    }
-
-    /// Whether only changes match.
-    pub fn only_news(&self) -> bool {
-        self.only_news
-    }
-
-    /// Whether an event matches.
-    pub fn takes(&self, placed: &PlacedEvent<'_>) -> bool {
-        let is_shown = placed.is_news || !self.only_news;
-        let filter = self.filter.as_ref();
-        is_shown && filter.is_none_or(|filter| filter.matches_event(placed.event, placed.bus, None))
-    }
-}
 
 /// Events of a filter.
 pub struct FilteredEvents {
@@ -57,7 +20,7 @@ pub struct FilteredEvents {
     /// Rows per block of frames.
     pub counts: BlockRowCounts,
     /// All rows; `None` if there are too many.
-    pub kept: Option<Vec<Value>>,
+    pub kept: Option<Vec<EventRow>>,
 }
 
 /// A search for the events of a filter.
@@ -95,12 +58,8 @@ impl FilterJob {
                 let place = result.counts.total();
                 result.counts.count_row(placed.spot.frame);
                 if let Some(kept) = &mut result.kept {
-                    kept.push(row_value(
-                        &ReplayRow::new(&placed, result.matcher.only_news),
-                        place,
-                        marks,
-                        zero,
-                    ));
+                    let row = ReplayRow::new(&placed, result.matcher.only_news());
+                    kept.push(marks.event_row(&row, place, zero));
                 }
                 result.kept.take_if(|kept| kept.len() > MOST_KEPT);
             }
@@ -116,13 +75,5 @@ impl FilterJob {
     /// The result.
     pub fn finish(self) -> FilteredEvents {
         self.result
-    }
-}
-
-/// Words that can follow at the end of an incomplete filter.
-pub fn complete(text: &str) -> Value {
-    match query::complete_filter(text) {
-        Some(found) => json!({"start": found.start, "words": found.expected.possible_words()}),
-        None => json!({"start": text.len(), "words": []}),
     }
 }

@@ -1,7 +1,7 @@
 //! Work on an open capture that takes more than one step.
 
+use cobscope_decoder::answers::signals::SignalCurve;
 use cobscope_decoder::frame::Timestamp;
-use serde_json::Value;
 
 use crate::cut::CutJob;
 use crate::export::ExportJob;
@@ -32,7 +32,7 @@ pub enum JobResult {
     /// Events of the filter.
     Filter(FilteredEvents),
     /// Samples of the signals.
-    Plot(Value),
+    Plot(Vec<SignalCurve>),
     /// The report.
     Report(WrittenReport),
     /// All bytes are written.
@@ -96,7 +96,7 @@ impl Job {
     }
 
     /// The samples so far; `None` for other jobs.
-    pub fn curves(&self) -> Option<Value> {
+    pub fn curves(&self) -> Option<Vec<SignalCurve>> {
         match self {
             Self::Plot(job) => Some(job.curves()),
             _ => None,

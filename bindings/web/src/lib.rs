@@ -21,6 +21,7 @@ pub mod files;
 mod filter;
 mod input;
 mod jobs;
+mod matcher;
 mod opening;
 mod overview;
 mod plot;

@@ -1,11 +1,9 @@
 //! Samples signals over the capture.
 
+use cobscope_decoder::answers::signals::SignalCurve;
 use cobscope_decoder::capture::CaptureError;
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::{
-    CaptureWalk, PlacedEvent, ReplayState, SampleBucket, SignalKey, SignalPoints, SignalSampler,
-};
-use serde_json::{Value, json};
+use cobscope_decoder::replay::{CaptureWalk, PlacedEvent, ReplayState, SignalKey, SignalSampler};
 
 use crate::files::ContentSource;
 use crate::request::FieldOfIdentifier;
@@ -71,28 +69,8 @@ impl PlotJob {
     }
 
     /// The samples so far.
-    pub fn curves(&self) -> Value {
+    pub fn curves(&self) -> Vec<SignalCurve> {
         let all = self.signals.iter().zip(self.sampler.sampled_points());
-        Value::Array(all.map(|(signal, points)| curve_value(signal, &points, self.zero)).collect())
+        all.map(|(signal, points)| SignalCurve::new(signal, &points, self.zero)).collect()
     }
-}
-
-/// Times, last, lowest and highest values; NaN is null.
-fn curve_value(signal: &SignalKey, points: &SignalPoints, zero: Timestamp) -> Value {
-    #[expect(clippy::cast_precision_loss, reason = "for display")]
-    let time = |bucket: &SampleBucket| Timestamp(bucket.t).since(zero) as f64 / 1e9;
-    let column = |value: fn(&SampleBucket) -> f64| {
-        let values = points.buckets.iter().map(|bucket| Some(value(bucket)).filter(|it| it.is_finite()));
-        values.collect::<Vec<_>>()
-    };
-    json!({
-        "name": signal.name,
-        "unit": signal.unit,
-        "presumed": points.is_assumed,
-        "exact": points.is_exact,
-        "times": points.buckets.iter().map(time).collect::<Vec<_>>(),
-        "last": column(|bucket| bucket.last),
-        "min": column(|bucket| bucket.min),
-        "max": column(|bucket| bucket.max),
-    })
 }

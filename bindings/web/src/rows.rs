@@ -2,16 +2,15 @@
 
 use std::collections::BTreeMap;
 
+use cobscope_decoder::answers::events::EventRow;
 use cobscope_decoder::capture::CaptureError;
 use cobscope_decoder::finding::{CaptureFindings, Severity};
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::{EventPosition, PlacedEvent, ReplayRow};
-use cobscope_decoder::sink::text::LineTone;
-use serde_json::{Value, json};
 
 use crate::capture::CaptureSet;
 use crate::counts::BlockRowCounts;
-use crate::filter::EventMatcher;
+use crate::matcher::EventMatcher;
 use crate::seek::RecentCheckpoints;
 use crate::survey::CaptureSurvey;
 
@@ -35,8 +34,9 @@ impl FindingMarks {
         Self(marks)
     }
 
-    fn mark_at(&self, frame: u64) -> Option<&'static str> {
-        self.0.get(&frame).map(|severity| severity.name())
+    /// Row number `place` of a list.
+    pub fn event_row(&self, row: &ReplayRow, place: u64, zero: Option<Timestamp>) -> EventRow {
+        EventRow::new(row, place, self.0.get(&row.event.frames.last).copied(), zero)
     }
 }
 
@@ -53,7 +53,7 @@ pub struct RowList<'a> {
     /// Selection of the events.
     pub matcher: &'a EventMatcher,
     /// All rows, if they are kept.
-    pub kept: Option<&'a [Value]>,
+    pub kept: Option<&'a [EventRow]>,
 }
 
 impl RowList<'_> {
@@ -66,7 +66,7 @@ impl RowList<'_> {
         seek: &mut RecentCheckpoints,
         from: u64,
         count: u64,
-    ) -> Result<Vec<Value>, CaptureError> {
+    ) -> Result<Vec<EventRow>, CaptureError> {
         let end = from.saturating_add(count.min(MOST_ROWS)).min(self.counts.total());
         if let Some(kept) = self.kept {
             let place = |row: u64| usize::try_from(row).unwrap_or(usize::MAX);
@@ -84,7 +84,7 @@ impl RowList<'_> {
                 if placed.spot.frame >= start && self.matcher.takes(&placed) {
                     if (from..end).contains(&place) {
                         let row = ReplayRow::new(&placed, self.matcher.only_news());
-                        rows.push(row_value(&row, place, self.marks, zero));
+                        rows.push(self.marks.event_row(&row, place, zero));
                     }
                     place = place.saturating_add(1);
                 }
@@ -117,44 +117,5 @@ impl RowList<'_> {
             }
         }
         Ok(place.min(self.counts.total().saturating_sub(1)))
-    }
-}
-
-/// A row as JSON.
-pub fn row_value(row: &ReplayRow, place: u64, marks: &FindingMarks, zero: Option<Timestamp>) -> Value {
-    json!({
-        "row": place,
-        "frame": row.spot.frame,
-        "ordinal": row.spot.ordinal,
-        "time": seconds_since(row.event.time, zero),
-        "bus": row.bus,
-        "id": row.id().map(|id| id.to_string()),
-        "who": row.who,
-        "kind": row.kind,
-        "what": row.what,
-        "unchanged": row.unchanged,
-        "data": row.data_text(),
-        "tone": tone_name(row.tone),
-        "mark": marks.mark_at(row.event.frames.last),
-        "filter": row.filter_expression(),
-        "line": row.row_text(),
-    })
-}
-
-/// Seconds since the first frame.
-pub fn seconds_since(time: Option<Timestamp>, zero: Option<Timestamp>) -> Option<f64> {
-    #[expect(clippy::cast_precision_loss, reason = "for display, ns within a capture of a hundred days")]
-    let seconds = |nanoseconds: i64| nanoseconds as f64 / 1e9;
-    Some(seconds(time?.since(zero?)))
-}
-
-/// Name of a tone, the class of its colour.
-pub fn tone_name(tone: LineTone) -> &'static str {
-    match tone {
-        LineTone::Plain => "plain",
-        LineTone::Quiet => "quiet",
-        LineTone::Good => "good",
-        LineTone::Caution => "caution",
-        LineTone::Bad => "bad",
     }
 }

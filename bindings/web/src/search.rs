@@ -2,10 +2,9 @@
 
 use cobscope_decoder::capture::CaptureError;
 use cobscope_decoder::replay::{CaptureWalk, EventPosition, PlacedEvent, ReplayRow, RowPattern};
-use serde_json::{Value, json};
 
 use crate::files::ContentSource;
-use crate::filter::EventMatcher;
+use crate::matcher::EventMatcher;
 
 /// Condition that the event must fulfil.
 #[derive(Clone)]
@@ -85,9 +84,4 @@ impl SearchJob {
         }
         SearchResult::Row(met)
     }
-}
-
-/// A position as JSON; null for none.
-pub fn position_value(spot: Option<EventPosition>) -> Value {
-    spot.map_or(Value::Null, |spot| json!({"frame": spot.frame, "ordinal": spot.ordinal}))
 }

@@ -7,10 +7,13 @@
 
 use std::sync::Arc;
 
-use cobscope_decoder::frame::{BusIndex, Timestamp};
+use cobscope_decoder::answers::events::PositionRecord;
+use cobscope_decoder::answers::signals::SignalCurve;
+use cobscope_decoder::answers::transfers::TransferList;
+use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::{EventPosition, RowPattern};
 use cobscope_decoder::rules::RuleSetup;
-use cobscope_decoder::sink::escape;
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::capture::CaptureSet;
@@ -19,17 +22,18 @@ use crate::cut::CutJob;
 use crate::detail::event_detail;
 use crate::export::ExportJob;
 use crate::files::ContentAccess;
-use crate::filter::{self, EventMatcher, FilterJob, FilteredEvents};
+use crate::filter::{FilterJob, FilteredEvents};
 use crate::jobs::{Job, JobResult};
+use crate::matcher::{self, EventMatcher};
 use crate::opening::{OpeningJob, ReadCaptures};
-use crate::overview::{CaptureOverview, build_overview};
+use crate::overview::build_overview;
 use crate::plot::{self, PlotJob};
 use crate::report::{ReportJob, RoledFile, WrittenReport};
 use crate::request::{FieldOfIdentifier, ListName, OpenRequest, PageRequest, Product, RequestPosition};
-use crate::rows::{FindingMarks, RowList, seconds_since, tone_name};
-use crate::search::{self, SearchJob, SearchQuestion, SearchResult};
+use crate::rows::{FindingMarks, RowList};
+use crate::search::{SearchJob, SearchQuestion, SearchResult};
 use crate::seek::RecentCheckpoints;
-use crate::state;
+use crate::state::{PositionState, known_objects};
 use crate::survey::CaptureSurvey;
 
 /// Maximum number of transfers per request.
@@ -57,7 +61,7 @@ struct ReadySession {
     filtered: Option<FilteredEvents>,
     filter: Option<String>,
     job: Option<Job>,
-    curves: Value,
+    curves: Option<Vec<SignalCurve>>,
     report: Option<WrittenReport>,
     bytes: Vec<u8>,
 }
@@ -97,7 +101,7 @@ impl WorkerState {
         match request {
             PageRequest::Open(request) => self.open(&request),
             PageRequest::Step { frames } => self.step(frames),
-            PageRequest::Complete { text } => Ok(filter::complete(&text)),
+            PageRequest::Complete { text } => Ok(matcher::complete(&text)),
             request => {
                 let files = Arc::clone(&self.files);
                 self.ready_captures()?.answer(request, &files)
@@ -154,7 +158,7 @@ impl ReadySession {
             filtered: None,
             filter: None,
             job: None,
-            curves: Value::Null,
+            curves: None,
             report: None,
             bytes: Vec::new(),
         }
@@ -163,10 +167,7 @@ impl ReadySession {
     fn answer(&mut self, request: PageRequest, files: &Arc<dyn ContentAccess>) -> Answer {
         let text = |error: cobscope_decoder::capture::CaptureError| error.to_string();
         match request {
-            PageRequest::Overview => {
-                let Self { name, captures, problems, .. } = self;
-                Ok(build_overview(&self.survey, &CaptureOverview { name, captures, problems }))
-            }
+            PageRequest::Overview => build_overview(&self.survey, &self.name, &self.captures, &self.problems),
             PageRequest::Rows { list, from, count } => {
                 let (seek, rows) = self.row_list(list)?;
                 let total = rows.counts.total();
@@ -177,26 +178,30 @@ impl ReadySession {
             PageRequest::State { frame } => {
                 let next = frame.saturating_add(1);
                 let walk = self.seek.walk_before(&self.captures, &self.survey, next).map_err(text)?;
-                Ok(state::state_value(&walk.world))
+                to_json(&PositionState::new(&walk.world))
             }
             PageRequest::Objects { frame, bus, node } => {
                 let next = frame.saturating_add(1);
                 let walk = self.seek.walk_before(&self.captures, &self.survey, next).map_err(text)?;
-                Ok(state::object_values(&walk.world, bus, node.into()))
+                to_json(&known_objects(&walk.world, bus, node.into()))
             }
             PageRequest::Event { frame, ordinal } => {
                 let walk = self.seek.walk_before(&self.captures, &self.survey, frame).map_err(text)?;
-                event_detail(walk, EventPosition { frame, ordinal }, self.survey.zero()).map_err(text)
+                let detail = event_detail(walk, EventPosition { frame, ordinal }, self.survey.zero());
+                to_json(&detail.map_err(text)?)
             }
-            PageRequest::Transfers { from, count } => Ok(self.transfer_values(from, count)),
+            PageRequest::Transfers { from, count } => {
+                let (survey, part) = (&self.survey, (from, count.min(MOST_TRANSFERS)));
+                to_json(&TransferList::new(&survey.overview, survey.end.buses(), survey.zero(), part))
+            }
             PageRequest::Plot { signals, from, to } => self.start_plot(&signals, from, to),
             PageRequest::Curves => {
-                Ok(self.job.as_ref().and_then(Job::curves).unwrap_or_else(|| self.curves.clone()))
+                to_json(&self.job.as_ref().and_then(Job::curves).or_else(|| self.curves.clone()))
             }
             PageRequest::Report { finding, page } => self.start_report(finding, page, files),
             PageRequest::Export { format, list, frames } => self.start_export(&format, list, frames),
             PageRequest::Error { from, backward } => {
-                Ok(search::position_value(self.survey.find_error(from.into(), backward)))
+                to_json(&self.survey.find_error(from.into(), backward).map(PositionRecord::from))
             }
             PageRequest::Search { text, list, from, backward } => {
                 let pattern = match RowPattern::new(&text) {
@@ -336,13 +341,13 @@ impl ReadySession {
                 total = Some(result.counts.total());
                 self.filtered = Some(result);
             }
-            JobResult::Plot(curves) => self.curves = curves,
+            JobResult::Plot(curves) => self.curves = Some(curves),
             JobResult::Report(written) => {
                 cut = Some(written.cut.len());
                 self.report = Some(written);
             }
             JobResult::Export => {}
-            JobResult::Search(SearchResult::Row(found)) => place = Some(search::position_value(found)),
+            JobResult::Search(SearchResult::Row(found)) => place = found.map(PositionRecord::from),
             JobResult::Search(SearchResult::Further(question, last)) => {
                 self.start_search(question, last, last)?;
                 return Ok(json!({"phase": what, "frames": size.saturating_sub(last), "size": size}));
@@ -350,34 +355,11 @@ impl ReadySession {
         }
         Ok(json!({"phase": "done", "what": what, "total": total, "cut": cut, "place": place}))
     }
+}
 
-    fn transfer_values(&self, from: usize, count: usize) -> Value {
-        let transfers = &self.survey.overview.transfers;
-        let shown = transfers.iter().skip(from).take(count.min(MOST_TRANSFERS));
-        let zero = self.survey.zero();
-        #[expect(clippy::cast_precision_loss, reason = "for display")]
-        let millis = |nanoseconds: i64| nanoseconds as f64 / 1e6;
-        let buses = self.survey.end.buses();
-        let bus_name = |index: BusIndex| {
-            buses.get(usize::from(index.0)).map_or(String::new(), |bus| escape(bus.name()).into_owned())
-        };
-        let rows = shown.map(|it| {
-            json!({
-                "frame": it.spot.frame,
-                "ordinal": it.spot.ordinal,
-                "time": seconds_since(it.time, zero),
-                "bus": bus_name(it.bus),
-                "who": it.who,
-                "kind": it.kind,
-                "text": it.news,
-                "duration": it.duration.map(millis),
-                "size": it.size,
-                "outcome": it.outcome.name(),
-                "tone": tone_name(it.tone),
-            })
-        });
-        json!({"rows": rows.collect::<Vec<_>>(), "total": transfers.len(), "more": transfers.more})
-    }
+/// An answer as JSON.
+fn to_json(answer: &impl Serialize) -> Answer {
+    serde_json::to_value(answer).map_err(|error| error.to_string())
 }
 
 /// Time of a number of seconds after the first frame.

@@ -4,18 +4,23 @@
 //! in which they are printed.
 
 pub mod comparison;
-mod event_object;
+pub mod events;
 pub mod findings;
+pub mod identifiers;
 pub mod nodes;
 mod numbers;
 pub mod objects;
+pub mod overview;
+pub mod signals;
 pub mod statistics;
 pub mod stories;
+pub mod transfers;
 
 use serde::Serialize;
 
 use crate::sink::escape_json;
-pub use event_object::EventObject;
+pub use events::EventObject;
+pub use numbers::seconds_after;
 
 /// An answer as one JSON object in one line, without characters that control a terminal, and its line end.
 pub fn format_line(answer: &impl Serialize) -> String {

@@ -7,9 +7,9 @@ use std::sync::Arc;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::expectation::{self, ExpectEntry};
 use super::written::{NodeNumber, TextProblem, node_id};
-use crate::profile::device::Severity;
+use crate::profile::device::{DeviceRule, Severity};
+use crate::profile::{ExpectEntry, ExpectTable, check_entries};
 use crate::wire::NodeId;
 
 /// Rule settings of the file. `rules/` checks the rule names, so each keeps its place in the file.
@@ -21,6 +21,29 @@ pub struct Judgement {
     pub suppressions: Vec<Suppression>,
     /// Entries `[[expect]]`.
     pub expectations: Vec<ExpectEntry>,
+    /// Entries `[[rule]]`, one per repeat.
+    pub node_rules: Vec<NodeRule>,
+}
+
+/// A rule of a node in the grammar of profiles.
+#[derive(Debug, Clone)]
+pub struct NodeRule {
+    /// Bus it applies to; `None` for every bus.
+    pub bus: Option<String>,
+    /// Node it applies to.
+    pub node: NodeId,
+    /// The rule without bus and node.
+    pub rule: Arc<DeviceRule>,
+    /// Position in the file, in bytes.
+    pub span: Range<usize>,
+}
+
+/// Entries of one file are equal if they have the same position.
+impl PartialEq for NodeRule {
+    fn eq(&self, other: &Self) -> bool {
+        (&self.bus, self.node, &self.rule.name, &self.span)
+            == (&other.bus, other.node, &other.rule.name, &other.span)
+    }
 }
 
 /// Settings of one rule.
@@ -94,13 +117,43 @@ enum DayEntry {
 pub(super) fn check_judgement(
     rules: Rules,
     suppress: Vec<SuppressTable>,
-    expect: Vec<expectation::ExpectTable>,
+    expect: Vec<ExpectTable>,
+    added: Vec<Spanned<DeviceRule>>,
 ) -> Result<Judgement, TextProblem> {
     let rules =
         rules.into_iter().map(|(name, keys)| check_settings(&name, keys)).collect::<Result<_, _>>()?;
     let suppressions =
         suppress.into_iter().map(SuppressTable::check_suppression).collect::<Result<_, _>>()?;
-    Ok(Judgement { rules, suppressions, expectations: expectation::check_entries(expect)? })
+    let node_rules = check_node_rules(added)?;
+    Ok(Judgement { rules, suppressions, expectations: check_entries(expect, None)?, node_rules })
+}
+
+/// Maximum number of `[[rule]]` entries per file, including repeats.
+const NODE_RULE_LIMIT: usize = 1_000;
+
+fn check_node_rules(all: Vec<Spanned<DeviceRule>>) -> Result<Vec<NodeRule>, TextProblem> {
+    let mut known: Vec<NodeRule> = Vec::new();
+    for written in all {
+        let span = written.span();
+        let mut rule = written.into_inner();
+        let wrong = |message: String| (span.clone(), message);
+        let Some(node) = rule.node.take() else {
+            return Err(wrong("node is missing; a rule in a bus file applies to one node".into()));
+        };
+        let (node, bus) = (node_id(&node)?, rule.bus.take());
+        if let Some(message) = rule.alone_problem() {
+            return Err(wrong(message));
+        }
+        if known.iter().any(|other| other.rule.name == rule.name) {
+            return Err(wrong(format!("duplicate rule '{}'", rule.name)));
+        }
+        if known.len() + usize::from(rule.repeat.count) > NODE_RULE_LIMIT {
+            return Err(wrong(format!("more than {NODE_RULE_LIMIT} rules in one file")));
+        }
+        let repeats = (0..rule.repeat.count).map(|nth| Arc::new(rule.pin_repeat(nth)));
+        known.extend(repeats.map(|rule| NodeRule { bus: bus.clone(), node, rule, span: span.clone() }));
+    }
+    Ok(known)
 }
 
 fn check_settings(

@@ -13,7 +13,6 @@
 //! ```
 
 mod diff;
-mod expectation;
 mod initial;
 mod judgement;
 mod model;
@@ -24,17 +23,16 @@ mod write;
 mod written;
 
 pub use diff::DiffTolerances;
-pub use expectation::{ExpectCondition, ExpectEntry};
 
 pub use initial::{InitialNmtState, InitialState, InitialValue, PendingReset, ValueOrigin, ValueRole};
-pub use judgement::{Judgement, RuleSettings, Suppression};
+pub use judgement::{Judgement, NodeRule, RuleSettings, Suppression};
 pub use settings::{AreaEntry, BusSettings, ProtocolChoice};
 pub use uds::UdsPair;
 pub use value::{ObjectValue, encode_number};
 pub use write::{BaseFile, write_bus_file};
-pub use written::SpannedText;
 
 use crate::frame::CanId;
+pub use crate::profile::{ExpectCondition, ExpectEntry, SpannedText};
 use crate::profile::{IdentifierOwner, TextError};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;

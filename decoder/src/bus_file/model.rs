@@ -11,9 +11,10 @@ use super::initial::{AuthoredObject, AuthoredState};
 use super::judgement::Judgement;
 use super::settings::{AreaEntry, BIT_RATES, BusSettings, ProtocolChoice};
 use super::written::{NO_IDENTIFIER, TextProblem, WrittenNumber, parse_address};
-use super::{diff, expectation, judgement, uds};
+use super::{diff, judgement, uds};
 use crate::frame::CanId;
-use crate::profile::{IdentifierOwner, PdoName};
+use crate::profile::device::DeviceRule;
+use crate::profile::{ExpectTable, IdentifierOwner, PdoName};
 use crate::wire::NodeId;
 use crate::wire::canopen::sdo::SdoSide;
 use crate::wire::j1939::SpnConversion;
@@ -47,7 +48,9 @@ pub(super) struct AuthoredBusFile {
     #[serde(default)]
     suppress: Vec<judgement::SuppressTable>,
     #[serde(default)]
-    expect: Vec<expectation::ExpectTable>,
+    expect: Vec<ExpectTable>,
+    #[serde(default)]
+    rule: Vec<Spanned<DeviceRule>>,
     #[serde(default)]
     diff: diff::Table,
 }
@@ -152,7 +155,7 @@ impl AuthoredBusFile {
                 },
             ))
         });
-        let judgement = judgement::check_judgement(self.rules, self.suppress, self.expect)?;
+        let judgement = judgement::check_judgement(self.rules, self.suppress, self.expect, self.rule)?;
         let buses = buses.collect::<Result<_, TextProblem>>()?;
         Ok((everywhere, buses, judgement, diff::check_tolerances(self.diff)?))
     }

@@ -4,9 +4,9 @@ use std::str::FromStr;
 
 use super::initial::{InitialState, InitialValue};
 use super::uds::UdsPair;
-use super::written::SpannedText;
 use crate::frame::CanId;
 use crate::profile::IdentifierOwner;
+use crate::profile::SpannedText;
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::j1939::SpnConversion;

@@ -1,31 +1,12 @@
-//! Texts and numbers as written in the bus file, and problems with them.
-
-use std::ops::Range;
+//! Numbers as written in the bus file, and problems with them.
 
 use serde::Deserialize;
 use toml::Spanned;
 
+pub(super) use crate::profile::{NodeNumber, TextProblem, node_id};
+
 use crate::frame::CanId;
-use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
-
-/// Position in the text, in bytes, and the message.
-pub(super) type TextProblem = (Range<usize>, String);
-
-/// A text and its position in the file.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct SpannedText {
-    /// The text with escapes resolved.
-    pub text: String,
-    /// Position in bytes, including quotes.
-    pub span: Range<usize>,
-}
-
-impl From<Spanned<String>> for SpannedText {
-    fn from(text: Spanned<String>) -> Self {
-        Self { span: text.span(), text: text.into_inner() }
-    }
-}
 
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "expected a CAN identifier: 0x1A0, \"1A0\" or \"000001A0\" as in candump")]
@@ -56,22 +37,6 @@ impl WrittenNumber {
 /// Error message for an invalid CAN identifier.
 pub(super) const NO_IDENTIFIER: &str =
     "invalid CAN identifier; expected 11 or 29 bits: 0x1A0, \"1A0\" or \"000001A0\" as in candump";
-
-#[derive(Deserialize)]
-#[serde(untagged, expecting = "expected a node-ID, or a J1939 address such as \"sa:0x80\"")]
-pub(super) enum NodeNumber {
-    Integer(u8),
-    Text(String),
-}
-
-/// Parses a node-ID or J1939 address.
-pub(super) fn node_id(number: &Spanned<NodeNumber>) -> Result<NodeId, TextProblem> {
-    let parsed = match number.get_ref() {
-        NodeNumber::Integer(id) => id.to_string().parse(),
-        NodeNumber::Text(text) => text.parse(),
-    };
-    parsed.map_err(|message: &str| (number.span(), message.to_owned()))
-}
 
 /// Parses the address of an object.
 pub(super) fn parse_address(text: &Spanned<String>) -> Result<ObjectAddress, TextProblem> {

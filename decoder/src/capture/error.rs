@@ -17,6 +17,14 @@ pub enum CaptureError {
         /// The first bytes, escaped.
         found: String,
     },
+    /// Another kind of file, or a capture in a form that is not read.
+    #[error("{name}, not a capture in a known format; {remedy}")]
+    Foreign {
+        /// The kind of file, with its article.
+        name: &'static str,
+        /// What to do with it.
+        remedy: &'static str,
+    },
     /// The format is known, but its header is unusable.
     #[error("{format}: byte {offset}: found {found}; expected {expected}")]
     Header {

@@ -26,6 +26,9 @@ impl fmt::Display for CapturePlace {
     }
 }
 
+/// Beginning of the reasons of unreadable frames that are valid CAN XL frames.
+pub(super) const CAN_XL: &str = "CAN XL frame";
+
 /// Message of a reader other than a frame. Texts may contain bytes of the capture: escape before printing.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Notice {
@@ -80,6 +83,11 @@ pub enum Notice {
 }
 
 impl Notice {
+    /// Whether the capture contains a valid frame here of a type that is not supported.
+    pub fn is_unsupported_frame(&self) -> bool {
+        matches!(self, Self::Unreadable { reason, .. } if reason.starts_with(CAN_XL))
+    }
+
     /// Bus that the notice refers to; the first bus if it refers to none.
     pub fn bus(&self) -> BusIndex {
         match self {

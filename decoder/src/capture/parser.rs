@@ -17,11 +17,39 @@ pub enum TimeStyle {
     Delta,
 }
 
+/// Unit of times in text.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum TimeUnit {
+    /// Seconds.
+    #[default]
+    Second,
+    /// Milliseconds.
+    Millisecond,
+    /// Microseconds.
+    Microsecond,
+    /// Nanoseconds.
+    Nanosecond,
+}
+
+impl TimeUnit {
+    /// Nanoseconds per unit.
+    pub const fn nanoseconds(self) -> i64 {
+        match self {
+            Self::Second => 1_000_000_000,
+            Self::Millisecond => 1_000_000,
+            Self::Microsecond => 1_000,
+            Self::Nanosecond => 1,
+        }
+    }
+}
+
 /// Options for data that a capture leaves ambiguous.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ReadOptions {
     /// Meaning of candump's relative times; `None` determines it from the first 1,000 lines.
     pub time_style: Option<TimeStyle>,
+    /// Unit of times in CSV and in layouts without a name; `None` uses that of the program, or infers it from the rate.
+    pub time_unit: Option<TimeUnit>,
 }
 
 /// Parser of one format: bytes to frames. It owns no source, so it can be cloned.

@@ -3,8 +3,8 @@
 use std::io::{ErrorKind, Read};
 
 use super::{
-    Batch, BusNames, CaptureError, CaptureFormat, FORMATS, FormatParser, LARGEST_RECORD, ReadOptions,
-    detect_format,
+    Batch, BusNames, CaptureError, CaptureFormat, FORMATS, ForeignFile, FormatParser, LARGEST_RECORD,
+    ReadOptions, detect_format, foreign_file,
 };
 
 /// Bytes requested per read: fits the second-level cache, so that data copied by `read` is still cached
@@ -218,6 +218,9 @@ fn read_once(source: &mut impl Read, room: &mut [u8]) -> Result<usize, CaptureEr
 fn unrecognised_format(head: &[u8]) -> CaptureError {
     if head.is_empty() {
         return CaptureError::Empty;
+    }
+    if let Some(ForeignFile { name, remedy }) = foreign_file(head, None) {
+        return CaptureError::Foreign { name, remedy };
     }
     let known = FORMATS.iter().map(|format| format.title).collect::<Vec<_>>().join(", ");
     let found = head.get(..24).unwrap_or(head).escape_ascii().to_string();

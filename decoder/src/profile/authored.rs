@@ -18,7 +18,7 @@ use super::object::{
 use super::reference::{ObjectRange, ObjectReference};
 
 /// Position in the text, in bytes, and the message.
-pub(super) type TextProblem = (Range<usize>, String);
+pub(crate) type TextProblem = (Range<usize>, String);
 
 /// All keys of an object, a sub-entry or a mode.
 #[derive(Debug, Clone, Default, Deserialize)]

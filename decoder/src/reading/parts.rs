@@ -5,7 +5,6 @@ use crate::capture::BusNames;
 use crate::comparison::BehaviourRecorder;
 use crate::event::Event;
 use crate::frame::Frame;
-use crate::report::ReportDraft;
 use crate::session::{Bus, Buses, MessagePreview};
 use crate::statistics::Statistics;
 use crate::why::WhyObserver;
@@ -85,30 +84,6 @@ impl ReadingPart for BehaviourRecorder {
 
     fn finish(&mut self, buses: Buses<'_>) {
         self.statistics.withdraw_canopen(buses);
-    }
-}
-
-impl ReadingPart for ReportDraft {
-    fn event(&mut self, event: &Event, bus: &Bus) {
-        Self::event(self, event, bus);
-    }
-
-    fn finding(&mut self, _event: &Event, _bus: &Bus) {}
-
-    fn need(&self, preview: &MessagePreview, _bus: &Bus) -> bool {
-        self.needs(preview)
-    }
-
-    fn demand(&self) -> FrameDemand {
-        FrameDemand::Decoded
-    }
-
-    fn frame(&mut self, frame: &Frame, names: &BusNames) {
-        Self::take_frame(self, frame, names.name_of(frame.bus));
-    }
-
-    fn frame_decoded(&mut self, frame: &Frame, bus: &Bus) {
-        Self::frame_decoded(self, frame, bus);
     }
 }
 

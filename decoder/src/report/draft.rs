@@ -12,14 +12,17 @@ use super::model::{
 use super::quality;
 use super::values::node_values;
 use super::window::ClaimWindow;
+use crate::answers::stories::text;
+use crate::capture::BusNames;
 use crate::diagnosis::{Diagnosis, Story};
 use crate::event::Event;
 use crate::finding::{CaptureFindings, FindingSubject};
 use crate::frame::{BusIndex, Frame, FrameFlags, Timestamp};
+use crate::reading::{FrameDemand, ReadingPart};
 use crate::session::{Bus, Buses, MessagePreview};
 use crate::sink::text::EventLine;
 use crate::statistics::Statistics;
-use crate::why::{self, FaultGrade, WhyMoment};
+use crate::why::{FaultGrade, FaultScope, WhyMoment, WhyReport};
 use crate::wire::NodeId;
 use crate::wire::canopen::ObjectAddress;
 
@@ -33,7 +36,7 @@ const MOST_NODES: usize = 2;
 #[derive(Debug, Clone, Copy)]
 pub struct ReportGround<'a> {
     /// The answer of `why`, with the selected stories.
-    pub answer: &'a why::WhyReport,
+    pub answer: &'a WhyReport,
     /// All findings.
     pub findings: &'a CaptureFindings,
     /// Statistics of the capture.
@@ -49,7 +52,7 @@ pub struct ReportGround<'a> {
     /// Why the capture was not read to its end.
     pub failure: Option<&'a str>,
     /// Part of the capture that the stories are selected from.
-    pub scope: &'a why::FaultScope,
+    pub scope: &'a FaultScope,
 }
 
 impl ReportGround<'_> {
@@ -100,8 +103,8 @@ impl ReportDraft {
         let mut report = first_facts(ground);
         if plans.is_empty() {
             let mut account = String::new();
-            let setting = why::text::WhyTextContext::new(ground.buses, ground.first, ground.scope);
-            why::text::write_report(ground.answer, &setting, &mut account);
+            let setting = text::WhyTextContext::new(ground.buses, ground.first, ground.scope);
+            text::write_report(ground.answer, &setting, &mut account);
             report.account = account.lines().map(str::to_owned).collect();
             let is_fault = |it: &WhyMoment| it.highest_grade() == FaultGrade::Fault && it.time.is_some();
             report.has_unjudged_fault = ground.answer.moment.as_ref().is_some_and(is_fault);
@@ -109,8 +112,8 @@ impl ReportDraft {
         let mut draft = Self { report, plans, excerpt: CommentedExcerpt::default(), zero: ground.first };
         if let Some(plan) = draft.plans.first_mut() {
             let mut context = String::new();
-            let setting = why::text::WhyTextContext::new(ground.buses, ground.first, ground.scope);
-            why::text::write_context(ground.answer, &setting, &mut context);
+            let setting = text::WhyTextContext::new(ground.buses, ground.first, ground.scope);
+            text::write_context(ground.answer, &setting, &mut context);
             plan.claim.context = context.lines().map(str::to_owned).collect();
         }
         draft.add_comments();
@@ -366,5 +369,29 @@ fn evidence_frame(frame: &Frame, bus: &str, zero: Option<Timestamp>) -> Evidence
         id: format!("{}{kind}", frame.id),
         bytes: bytes.join(" "),
         ..EvidenceFrame::default()
+    }
+}
+
+impl ReadingPart for ReportDraft {
+    fn event(&mut self, event: &Event, bus: &Bus) {
+        Self::event(self, event, bus);
+    }
+
+    fn finding(&mut self, _event: &Event, _bus: &Bus) {}
+
+    fn need(&self, preview: &MessagePreview, _bus: &Bus) -> bool {
+        self.needs(preview)
+    }
+
+    fn demand(&self) -> FrameDemand {
+        FrameDemand::Decoded
+    }
+
+    fn frame(&mut self, frame: &Frame, names: &BusNames) {
+        Self::take_frame(self, frame, names.name_of(frame.bus));
+    }
+
+    fn frame_decoded(&mut self, frame: &Frame, bus: &Bus) {
+        Self::frame_decoded(self, frame, bus);
     }
 }

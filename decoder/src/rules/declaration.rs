@@ -35,8 +35,8 @@ pub enum PdoSubset {
     ReceivedChanged,
     /// PDOs with a confirmed mapping.
     Mapped,
-    /// PDOs with a confirmed mapping and a changed payload.
-    MappedChanged,
+    /// PDOs with a changed payload.
+    Changed,
 }
 
 /// SDO transfers that a rule receives.

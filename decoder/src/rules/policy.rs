@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::declaration::Declaration;
 use super::selection::{self, RuleSelection};
-use crate::bus_file::Suppression;
+use crate::bus_file::{NodeRule, Suppression};
 use crate::finding::{FindingGroup, FindingSubject, RuleInfo, Severity, SuppressionUse};
 use crate::wire::NodeId;
 
@@ -20,6 +20,8 @@ pub struct RulePolicy {
     pub(super) selection: RuleSelection,
     pub(super) tolerances: HashMap<(&'static str, &'static str), f64>,
     pub(super) suppressions: Vec<Suppression>,
+    /// Rules of single nodes.
+    pub(super) node_rules: Vec<NodeRule>,
     pub(super) today: Option<String>,
 }
 

@@ -20,6 +20,7 @@ use names::{is_numbered_like, order_in_series};
 use scan::SeparationReason;
 
 pub use arrange::{CapturePlacement, MixedClocks, arrange_captures};
+pub use names::count_siblings;
 pub use part::{PossiblePart, SeriesRelation, is_blank};
 pub use scan::CaptureScan;
 

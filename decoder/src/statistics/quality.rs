@@ -3,7 +3,7 @@
 use super::holes::{CaptureGaps, is_evidence};
 use super::span::format_span;
 use crate::event::{Event, EventKind};
-use crate::frame::{Frame, FrameFlags, Timestamp};
+use crate::frame::{BusIndex, Frame, FrameFlags, FrameRate, Timestamp};
 use crate::profile;
 use crate::words::count_noun;
 
@@ -56,6 +56,8 @@ struct TimestampSource {
     /// Interval between all timestamps so far.
     interval: Option<i64>,
     varies: bool,
+    /// Rates of the buses.
+    rates: Vec<(BusIndex, FrameRate)>,
 }
 
 /// Class of reports that contain only error counters (linux/can/error.h, `CAN_ERR_CNT`).
@@ -73,7 +75,7 @@ impl CaptureQuality {
         match &mut self.last {
             // A later timestamp changes nothing else, once enough of them were judged.
             Some(last) if time >= *last && self.stamps.count >= JUDGED => *last = time,
-            _ => self.take_timestamp(time),
+            _ => self.take_timestamp(time, frame),
         }
     }
 
@@ -122,10 +124,10 @@ impl CaptureQuality {
     }
 
     #[inline(never)]
-    fn take_timestamp(&mut self, time: i64) {
+    fn take_timestamp(&mut self, time: i64, frame: &Frame) {
         self.first = Some(self.first.map_or(time, |first| first.min(time)));
         self.last = Some(self.last.map_or(time, |last| last.max(time)));
-        self.stamps.add_timestamp(time);
+        self.stamps.add_timestamp(time, frame);
     }
 
     /// Counts an event.
@@ -178,6 +180,7 @@ impl CaptureQuality {
             let interval = format_span(interval);
             limits.push(format!("timestamps synthetic (one every {interval}): timing rules not exercised"));
         }
+        limits.extend(self.stamps.rate_text().filter(|_| self.is_timed()));
         match self.lost {
             0 => {}
             lost => limits.push(format!("recorder lost {}", count_noun(lost, "frame"))),
@@ -246,9 +249,13 @@ impl CaptureQuality {
 }
 
 impl TimestampSource {
-    fn add_timestamp(&mut self, stamp: i64) {
+    fn add_timestamp(&mut self, stamp: i64, frame: &Frame) {
         if self.count >= JUDGED {
             return;
+        }
+        match self.rates.iter_mut().find(|(bus, _)| *bus == frame.bus) {
+            Some((_, rate)) => rate.add_frame(Timestamp(stamp), frame),
+            None => self.rates.push((frame.bus, FrameRate::new(Timestamp(stamp)))),
         }
         if self.count == 0 {
             self.first = stamp;
@@ -262,6 +269,18 @@ impl TimestampSource {
         }
         self.last = stamp;
         self.count += 1;
+    }
+
+    /// Statement on times that no bus can have.
+    fn rate_text(&self) -> Option<String> {
+        let (_, rate) = self.rates.iter().find(|(_, rate)| !rate.is_possible(1))?;
+        let bus = rate.fastest_bus();
+        Some(match rate.frames_per_second() {
+            Some((rate, most)) => {
+                format!("{rate} frames/s at the start (max {most}/s on {bus}): unit of the timestamps wrong?")
+            }
+            None => format!("timestamps of a bus equal at the start, faster than {bus}"),
+        })
     }
 }
 
@@ -314,6 +333,26 @@ mod tests {
             quality.count_frame(&frame);
         }
         quality
+    }
+
+    #[test]
+    fn a_rate_above_every_bus_is_stated() {
+        // 20 frames without data, each at least 47 µs at 1 Mbit/s: 21,276 frames/s.
+        let fast = quality((0..20).map(|n| n * 3_600 + n % 2));
+        let text =
+            "277773 frames/s at the start (max 21276/s on CAN with 1 Mbit/s): unit of the timestamps wrong?";
+        assert_eq!(fast.limit_texts(), [text]);
+        let possible = quality((0..20).map(|n| n * 47_000 + n % 2));
+        assert_eq!(possible.limit_texts(), [] as [&str; 0]);
+        // The rate of each bus, not of all together.
+        let mut two = CaptureQuality::default();
+        for index in 0..40 {
+            let id = CanId::from_standard(1);
+            let time = Some(Timestamp(index / 2 * 47_000 + index % 2));
+            let bus = BusIndex(u8::try_from(index % 2).unwrap());
+            two.count_frame(&Frame { time, bus, ..Frame::data_frame(id, &[]) });
+        }
+        assert_eq!(two.limit_texts(), [] as [&str; 0]);
     }
 
     #[test]

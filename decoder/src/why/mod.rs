@@ -18,7 +18,6 @@ mod moment;
 mod node_watch;
 mod scope;
 mod state;
-pub mod text;
 mod watch;
 
 pub use crate::suggestion::Suggestion;

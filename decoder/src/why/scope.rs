@@ -27,13 +27,13 @@ impl FaultScope {
     }
 
     /// Selection and range; `end` overrides the end. `in this capture` for the whole capture.
-    pub(super) fn range_text(&self, end: Option<&str>) -> String {
+    pub fn range_text(&self, end: Option<&str>) -> String {
         let parts = self.range_parts(end);
         if parts.is_empty() { "in this capture".to_owned() } else { parts.join(" ") }
     }
 
     /// `; 3 findings not selected`; a range of time alone already states the limits.
-    pub(super) fn rest_text(&self) -> String {
+    pub fn rest_text(&self) -> String {
         if self.unselected == 0 || !(self.has_filter || self.has_nodes) {
             return String::new();
         }

@@ -2,8 +2,6 @@
 
 use cobscope_decoder::session::SessionOptions;
 
-use super::shell::quote_word;
-
 /// Suffixes of device files and of databases.
 const DEVICE_FILES: [&str; 4] = ["eds", "dcf", "xdd", "xdc"];
 const DATABASES: [&str; 2] = ["dbc", "json"];
@@ -88,9 +86,26 @@ impl AddedOption {
     }
 }
 
+/// Quotes a word for a shell.
+pub fn quote_word(text: &str) -> String {
+    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_./:@=+,%".contains(&byte);
+    if !text.is_empty() && text.bytes().all(is_plain) {
+        return text.to_owned();
+    }
+    format!("'{}'", text.replace('\'', "'\\''"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn words_are_quoted_for_a_shell() {
+        assert_eq!(quote_word("a/b-c.log"), "a/b-c.log");
+        assert_eq!(quote_word("kind == \"emcy\""), "'kind == \"emcy\"'");
+        assert_eq!(quote_word("it's"), "'it'\\''s'");
+        assert_eq!(quote_word(""), "''");
+    }
 
     #[test]
     fn the_suffix_decides_what_is_assigned() {

@@ -2,17 +2,15 @@
 
 use cobscope_decoder::comparison::DifferenceMarks;
 use ratatui::crossterm::event::KeyEvent;
-use ratatui::layout::Rect;
 
 use super::added::Reassign;
 use super::candidates::PromptRow;
 use super::history::ViewHistory;
-use super::output::TerminalRequest;
-use super::preferences::Preferences;
-use super::requests::{Compare, WriteReport};
-use crate::action::Action;
+use super::jumps::{ResultJumps, story_target};
+use super::preferences::{Preferences, RememberedView};
+use super::requests::{Compare, ReportOrders, TerminalRequest};
+use super::shown_panes::ShownPanes;
 use crate::keymap::Keymap;
-use crate::panes::{PaneArrangement, PaneId, Panes};
 use crate::state::{JumpPlace, NodeKey, UiState};
 use crate::timeline::TimelineNews;
 use crate::widgets::prompt::LinePrompt;
@@ -20,16 +18,9 @@ use crate::widgets::prompt::LinePrompt;
 /// The application, without the terminal.
 pub struct App {
     pub(super) core: UiState,
-    pub(super) panes: Panes,
-    pub(super) pane: PaneId,
-    /// Panes that are shown together.
-    pub(super) arrangement: PaneArrangement,
-    /// The strip of time is shown.
-    pub(super) has_strip: bool,
+    pub(super) panes: ShownPanes,
     /// The mouse was pressed in the strip and not released.
     pub(super) is_dragging: bool,
-    /// Panes shown before, for `Back`.
-    pub(super) trail: Vec<PaneId>,
     pub(super) mode: InputMode,
     /// Filters, searches and sort orders before and after the present ones.
     pub(super) history: ViewHistory,
@@ -40,36 +31,22 @@ pub struct App {
     /// Prompt history by purpose.
     pub(super) typed: Vec<(PromptPurpose, String)>,
     pub(super) outputs: Vec<TerminalRequest>,
-    pub(super) area: Rect,
     pub(super) keymap: Keymap,
-    /// Layout, strip and colours without a remembered view.
-    pub(super) defaults: Preferences,
+    pub(super) remembered: RememberedView,
     /// Evaluates options that are added while the program runs.
     pub(super) reassign: Reassign,
     /// Node to which the open prompt assigns something.
     pub(super) assigning: Option<NodeKey>,
-    /// Starts writing report pages.
-    pub(super) write_report: WriteReport,
-    /// Finding that the open prompt reports on.
-    pub(super) reporting: Option<u64>,
+    pub(super) reports: ReportOrders,
     /// Starts the comparison with another capture, if one was requested.
     pub(super) compare: Option<Compare>,
-    /// The user discarded the remembered view.
-    pub(super) is_forgotten: bool,
     /// Command line with the captures, to print the command for this view.
     pub(super) command: String,
     /// Position of the last click, to detect a double click.
     pub(super) clicked: Option<(u16, u16)>,
     /// Keys pressed before the position they act on was known.
     pub(super) early: Vec<KeyEvent>,
-    /// The survey has reported its end.
-    pub(super) is_surveyed: bool,
-    /// The view opens at the first story: no position was requested and no key pressed.
-    pub(super) opens_at_story: bool,
-    /// Index of the story of the last jump; several stories can have the same frame.
-    pub(super) last_story: Option<usize>,
-    /// A jump whose target was not known when it was requested.
-    pub(super) awaited_jump: Option<Action>,
+    pub(super) jumps: ResultJumps,
 }
 
 /// Input mode: the meaning of keys.
@@ -118,9 +95,9 @@ impl App {
             TimelineNews::Grew => self.core.timeline.see_growth(),
             TimelineNews::Indexed if self.core.is_pending() => self.core.refresh_window(),
             TimelineNews::Surveyed => {
-                self.is_surveyed = true;
-                if std::mem::take(&mut self.opens_at_story)
-                    && let Some((frame, _)) = self.story_target(0)
+                self.jumps.is_surveyed = true;
+                if std::mem::take(&mut self.jumps.opens_at_story)
+                    && let Some((frame, _)) = story_target(&self.core, 0)
                 {
                     self.core.jump_to(JumpPlace::Frame(frame));
                 }
@@ -128,14 +105,17 @@ impl App {
             }
             TimelineNews::Indexed | TimelineNews::Traced => {}
         }
-        self.jump_if_known();
-        self.refresh_panes();
+        // A jump that was requested before its target was known.
+        if let Some(action) = self.jumps.awaited.take() {
+            self.perform_action(action);
+        }
+        self.panes.refresh_panes(&self.core);
     }
 
     /// Compares with the other capture, if one was requested, with the present options of the decoder.
     pub(super) fn start_comparison(&mut self) {
         let Some(compare) = &mut self.compare else { return };
-        if let Some(against) = &mut self.core.against {
+        if let Some(against) = &mut self.core.against.0 {
             against.result = None;
         }
         if let Err(error) = compare(self.core.timeline.options()) {
@@ -147,14 +127,8 @@ impl App {
         if let Err(reason) = &result {
             self.core.show_refusal(&format!("--against: {reason}"));
         }
-        if let Some(against) = &mut self.core.against {
+        if let Some(against) = &mut self.core.against.0 {
             against.result = Some(result);
-        }
-    }
-
-    pub(super) fn refresh_panes(&mut self) {
-        for pane in self.panes.all_mut() {
-            pane.refresh_state(&self.core);
         }
     }
 
@@ -188,17 +162,28 @@ impl App {
         self.core.timeline.live().is_some_and(|live| !live.get().has_ended)
     }
 
+    /// Layout, strip and colours as they are now; None if the user discarded the remembered view and changed
+    /// nothing since.
+    pub fn changed_preferences(&self) -> Option<Preferences> {
+        self.remembered.changed_preferences(&self.panes, &self.core)
+    }
+
+    /// Whether the user discarded the remembered view.
+    pub fn is_forgotten(&self) -> bool {
+        self.remembered.is_forgotten
+    }
+
     /// Whether background work will change the screen, except the growth of a capture.
     pub fn is_busy(&self) -> bool {
         let timeline = &self.core.timeline;
         let is_searching = timeline.search_matches().is_some_and(|matches| !matches.is_complete());
         self.core.is_waiting()
             || self.core.is_pending()
-            || self.core.is_comparing()
+            || self.core.against.is_comparing()
             || self.core.is_previewing()
             || is_searching
             || timeline.is_tracing()
-            || !(timeline.may_grow() || timeline.progress().is_complete() && self.is_surveyed)
+            || !(timeline.may_grow() || timeline.progress().is_complete() && self.jumps.is_surveyed)
     }
 }
 
@@ -212,11 +197,12 @@ mod tests {
     use cobscope_decoder::capture::{FrameWriter, Notice, WRITABLE, WriteOptions};
     use cobscope_decoder::frame::{BusIndex, CanId, Frame, LinkState, Timestamp};
     use ratatui::buffer::Buffer;
+    use ratatui::layout::Rect;
 
-    use super::super::preferences::Preferences;
     use super::super::start::ViewSettings;
     use super::*;
-    use crate::keymap::Keymap;
+    use crate::action::Action;
+    use crate::panes::PaneId;
     use crate::source::DecompressedBytes;
     use crate::source::live::SharedLiveState;
     use crate::theme::{ColorDepth, LineCharacters, Theme, ThemePalette};

@@ -3,7 +3,8 @@
 use cobscope_decoder::query::Filter;
 
 use super::application::{App, InputMode, PromptPurpose};
-use super::report::has_format as has_report_format;
+use super::assign::proposed_profile;
+use super::requests::has_format as has_report_format;
 use crate::select::RangeBound;
 use crate::state::{JumpPlace, SearchPattern, TimeDisplay, UiState};
 use crate::timeline::{ExportRequest, RowMatcher};
@@ -18,26 +19,10 @@ impl App {
             self.filter_before.clone_from(&self.core.filter);
         }
         if asking == PromptPurpose::Export {
-            prompt.propose_text(&self.export_name());
+            prompt.propose_text(&export_name(&self.core));
         }
         self.mode = InputMode::Prompt(asking, prompt);
         self.refresh_prompt_row();
-    }
-
-    /// Default file name of an export, in the current folder.
-    pub(super) fn export_name(&self) -> String {
-        let stem = self.capture_stem();
-        match self.core.selected_frames() {
-            Some((first, last)) => format!("{stem}-{first}-{last}.log"),
-            None => format!("{stem}-export.log"),
-        }
-    }
-
-    /// Name of the first capture without folder and suffix.
-    pub(super) fn capture_stem(&self) -> String {
-        let name = self.core.timeline.open_captures().first().map_or("-", |lane| lane.store.name());
-        let stem = std::path::Path::new(name).file_stem().and_then(|stem| stem.to_str());
-        stem.filter(|stem| *stem != "-").unwrap_or("capture").to_owned()
     }
 
     /// Opens the prompt for a profile, device file or database of the selected node.
@@ -46,7 +31,7 @@ impl App {
             Ok(node) => {
                 self.assigning = Some(node);
                 self.open_prompt(PromptPurpose::Assign, "profile, EDS or DBC");
-                let proposed = self.proposed_profile(node);
+                let proposed = proposed_profile(&self.core, node);
                 if let (InputMode::Prompt(_, prompt), Some(profile)) = (&mut self.mode, proposed) {
                     prompt.propose_text(&profile);
                 }
@@ -66,7 +51,7 @@ impl App {
         let InputMode::Prompt(_, prompt) = &mut self.mode else { return };
         let text = prompt.text().to_owned();
         let is_text = matches!(event, PromptEvent::Changed | PromptEvent::Submitted);
-        if asking == PromptPurpose::Search && is_text && self.search_pane(&text) {
+        if asking == PromptPurpose::Search && is_text && self.panes.search_text(&text, &self.core) {
             if event == PromptEvent::Submitted {
                 self.mode = InputMode::Panes;
             }
@@ -78,10 +63,10 @@ impl App {
             PromptEvent::Cancelled => {
                 self.mode = InputMode::Panes;
                 if asking == PromptPurpose::Search {
-                    self.search_pane("");
+                    self.panes.search_text("", &self.core);
                 }
                 if asking == PromptPurpose::Filter && self.core.filter != self.filter_before {
-                    self.apply_filter(&self.filter_before.clone());
+                    apply_filter(&mut self.core, &self.filter_before);
                 }
             }
             PromptEvent::Changed => {
@@ -91,7 +76,7 @@ impl App {
                 prompt.clear_error();
                 // The filter applies while it is typed.
                 if asking == PromptPurpose::Filter && text.trim() != self.core.filter {
-                    self.apply_filter(&text);
+                    apply_filter(&mut self.core, &text);
                 }
             }
             PromptEvent::Submitted
@@ -127,14 +112,9 @@ impl App {
         self.apply_text(asking, text);
     }
 
-    /// Passes the search text to the pane; `false` if the pane has no search of its own.
-    pub(super) fn search_pane(&mut self, text: &str) -> bool {
-        self.panes.get_mut(self.pane).is_some_and(|pane| pane.search_text(text, &self.core))
-    }
-
     pub(super) fn apply_text(&mut self, asking: PromptPurpose, text: &str) {
         match asking {
-            PromptPurpose::Filter => self.apply_filter(text),
+            PromptPurpose::Filter => apply_filter(&mut self.core, text),
             PromptPurpose::Search => {
                 self.core.sought = SearchPattern::new(text).ok();
                 self.core.search_row(false);
@@ -145,42 +125,60 @@ impl App {
                 None => {}
             },
             PromptPurpose::Export => self.core.export_file(text),
-            PromptPurpose::Report => self.write_report(text),
+            PromptPurpose::Report => self.reports.write_page(&mut self.core, text),
             // Done while the prompt could still show an error.
             PromptPurpose::Assign | PromptPurpose::Columns => {}
         }
-        self.refresh_panes();
-    }
-
-    pub(super) fn apply_filter(&mut self, text: &str) {
-        let filter = if text.trim().is_empty() { Ok(None) } else { text.parse::<Filter>().map(Some) };
-        match filter {
-            Ok(filter) => {
-                text.trim().clone_into(&mut self.core.filter);
-                self.core.show_events(RowMatcher { filter, ..self.core.matcher.clone() });
-            }
-            Err(error) => self.core.show_refusal(&format!("{text}: {}", error.reason())),
-        }
+        self.panes.refresh_panes(&self.core);
     }
 
     pub(super) fn filter_cell(&mut self) {
-        let wanted = self.panes.get(self.pane).and_then(|pane| pane.filter_of_cell(&self.core));
+        let wanted = self.panes.focused_pane().and_then(|pane| pane.filter_of_cell(&self.core));
         let Some(wanted) = wanted else { return self.core.show_refusal("no filter for this cell") };
         let is_more = !self.core.filter.is_empty() && !self.core.filter.contains(&wanted);
         let text = if is_more { format!("({}) && {wanted}", self.core.filter) } else { wanted };
-        self.apply_filter(&text);
+        apply_filter(&mut self.core, &text);
         self.core.show_message(&format!("filter {text}"));
     }
+}
 
-    pub(super) fn on_letter(&mut self, letter: char, is_new: bool) {
-        if is_new {
-            self.core.marks.insert(letter, self.core.cursor);
-            self.core.show_message(&format!("mark {letter} set"));
-        } else if let Some(spot) = self.core.marks.get(&letter).copied() {
-            self.core.jump_to(JumpPlace::Event(spot));
-        } else {
-            self.core.show_refusal(&format!("mark {letter} is not set"));
+/// Default file name of an export, in the current folder.
+fn export_name(core: &UiState) -> String {
+    let stem = capture_stem(core);
+    match core.selected_frames() {
+        Some((first, last)) => format!("{stem}-{first}-{last}.log"),
+        None => format!("{stem}-export.log"),
+    }
+}
+
+/// Name of the first capture without folder and suffix.
+pub(super) fn capture_stem(core: &UiState) -> String {
+    let name = core.timeline.open_captures().first().map_or("-", |lane| lane.store.name());
+    let stem = std::path::Path::new(name).file_stem().and_then(|stem| stem.to_str());
+    stem.filter(|stem| *stem != "-").unwrap_or("capture").to_owned()
+}
+
+/// Shows only events that match a filter.
+pub(super) fn apply_filter(core: &mut UiState, text: &str) {
+    let filter = if text.trim().is_empty() { Ok(None) } else { text.parse::<Filter>().map(Some) };
+    match filter {
+        Ok(filter) => {
+            text.trim().clone_into(&mut core.filter);
+            core.show_events(RowMatcher { filter, ..core.matcher.clone() });
         }
+        Err(error) => core.show_refusal(&format!("{text}: {}", error.reason())),
+    }
+}
+
+/// Sets a mark at the cursor, or goes to it.
+pub(super) fn use_mark(core: &mut UiState, letter: char, is_new: bool) {
+    if is_new {
+        core.marks.insert(letter, core.cursor);
+        core.show_message(&format!("mark {letter} set"));
+    } else if let Some(spot) = core.marks.get(&letter).copied() {
+        core.jump_to(JumpPlace::Event(spot));
+    } else {
+        core.show_refusal(&format!("mark {letter} is not set"));
     }
 }
 

@@ -13,7 +13,7 @@ use crate::state::{NodeKey, UiState};
 impl App {
     /// The node for which the user assigns something: that of the selected row, else of the pane Nodes.
     pub(super) fn assigned_node(&self) -> Result<NodeKey, String> {
-        let of_pane = self.panes.get(self.pane).and_then(|pane| pane.selected_node(&self.core));
+        let of_pane = self.panes.focused_pane().and_then(|pane| pane.selected_node(&self.core));
         let of_row = || self.core.cursor_row().and_then(|row| Some((row.event.bus, row.event.node?)));
         let node = of_pane.or_else(of_row).or(self.core.node).ok_or("select a row of a node first")?;
         match self.core.timeline.live() {
@@ -21,14 +21,6 @@ impl App {
                 Err(format!("a live bus keeps its profiles; start again with --node {}=PROFILE", node.1))
             }
             None => Ok(node),
-        }
-    }
-
-    /// The proposed text: the profile that the behaviour of the node suggests.
-    pub(super) fn proposed_profile(&self, node: NodeKey) -> Option<String> {
-        match suggested_profiles(&self.core, node).ok()?.as_slice() {
-            [one] => Some(one.profile.clone()),
-            _ => None,
         }
     }
 
@@ -42,7 +34,7 @@ impl App {
         let before = self.core.timeline.options().clone();
         let reassigned = (self.reassign)(&added, &before).map_err(|error| format!("{error:#}"))?;
         self.core.replace_options(reassigned.options).map_err(|error| format!("{error:#}"))?;
-        self.is_surveyed = false;
+        self.jumps.is_surveyed = false;
         self.start_comparison();
         if let Some(place) = added.option_node() {
             self.command = without_device(&self.command, place);
@@ -58,6 +50,14 @@ impl App {
         };
         self.core.show_message(&format!("decoded again with {}{problems}", added.option_text()));
         Ok(())
+    }
+}
+
+/// The proposed text: the profile that the behaviour of the node suggests.
+pub(super) fn proposed_profile(core: &UiState, node: NodeKey) -> Option<String> {
+    match suggested_profiles(core, node).ok()?.as_slice() {
+        [one] => Some(one.profile.clone()),
+        _ => None,
     }
 }
 

@@ -2,23 +2,16 @@
 
 use super::application::{App, InputMode, PromptPurpose};
 use super::candidates::Candidate;
-use crate::panes::Pane;
 
 impl App {
-    /// Titles of all columns of the pane.
-    pub(super) fn column_titles(&self) -> Vec<String> {
-        let heads = self.panes.get(self.pane).map_or_else(Vec::new, Pane::table_heads);
-        heads.into_iter().map(|head| head.title.into_owned()).filter(|title| !title.is_empty()).collect()
-    }
-
     /// Opens the prompt for the columns of the pane.
     pub(super) fn ask_columns(&mut self) {
-        let titles = self.column_titles();
+        let titles = self.panes.column_titles();
         if titles.is_empty() {
             return self.core.show_refusal("this pane has no columns");
         }
         self.open_prompt(PromptPurpose::Columns, "columns");
-        let chosen = self.core.columns.get(self.pane.name()).unwrap_or(&titles).join(", ");
+        let chosen = self.core.columns.get(self.panes.focus.name()).unwrap_or(&titles).join(", ");
         if let InputMode::Prompt(_, prompt) = &mut self.mode {
             prompt.set_text(&chosen);
         }
@@ -30,9 +23,9 @@ impl App {
     /// # Errors
     /// A title that the pane does not have.
     pub(super) fn choose_columns(&mut self, text: &str) -> Result<(), String> {
-        let titles = self.column_titles();
+        let titles = self.panes.column_titles();
         let chosen = titles_of(text, &titles)?;
-        let name = self.pane.name().to_owned();
+        let name = self.panes.focus.name().to_owned();
         if chosen.is_empty() || chosen.len() == titles.len() {
             self.core.columns.remove(&name);
         } else {

@@ -4,7 +4,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
-use super::application::App;
+use super::shown_panes::ShownPanes;
 use crate::keymap::{HelpGroup, Keymap, default_bindings};
 use crate::panes::{COMMON, LegendEntry};
 use crate::theme::{TextRole, Theme};
@@ -17,37 +17,40 @@ const WIDE: u16 = 170;
 /// Width of marks and keys.
 const MARK: usize = 16;
 
-impl App {
-    /// Draws the legend and the keys: next to each other in a wide terminal, else the keys below the legend.
-    pub(super) fn draw_help(&self, scroll: usize, area: Rect, buf: &mut Buffer) {
-        let theme = &self.core.theme;
-        let mut legend = self.legend_lines();
-        let keys = key_lines(theme, &self.keymap);
-        if area.width >= WIDE {
-            let left = Rect { width: area.width / 2, ..area };
-            let right = Rect { x: left.right(), width: area.width - left.width, ..area };
-            TextLines::new(theme, &legend).with_scroll(scroll).render(left, buf);
-            TextLines::new(theme, &keys).with_scroll(scroll).render(right, buf);
-        } else {
-            legend.extend(keys);
-            TextLines::new(theme, &legend).with_scroll(scroll).render(area, buf);
-        }
+/// Draws the legend of the focused pane and the keys: next to each other in a wide terminal, else the keys below the
+/// legend.
+pub(super) fn draw_help(
+    theme: &Theme,
+    (panes, keymap): (&ShownPanes, &Keymap),
+    scroll: usize,
+    area: Rect,
+    buf: &mut Buffer,
+) {
+    let mut legend = legend_lines(theme, panes);
+    let keys = key_lines(theme, keymap);
+    if area.width >= WIDE {
+        let left = Rect { width: area.width / 2, ..area };
+        let right = Rect { x: left.right(), width: area.width - left.width, ..area };
+        TextLines::new(theme, &legend).with_scroll(scroll).render(left, buf);
+        TextLines::new(theme, &keys).with_scroll(scroll).render(right, buf);
+    } else {
+        legend.extend(keys);
+        TextLines::new(theme, &legend).with_scroll(scroll).render(area, buf);
     }
+}
 
-    /// Legend of the current pane, and marks of all panes.
-    fn legend_lines(&self) -> Vec<Line<'static>> {
-        let theme = &self.core.theme;
-        let Some(pane) = self.panes.get(self.pane) else { return Vec::new() };
-        let legend = pane.pane_legend();
-        let title = format!("{}: {}", self.pane.title(), legend.purpose);
-        let mut lines = vec![Line::styled(title, theme.role_style(TextRole::Title))];
-        lines.extend(legend.columns.iter().chain(legend.marks).map(|entry| entry_line(theme, entry)));
-        lines.push(Line::default());
-        lines.push(Line::styled("All panes", theme.role_style(TextRole::Title)));
-        lines.extend(COMMON.iter().map(|entry| entry_line(theme, entry)));
-        lines.push(Line::default());
-        lines
-    }
+/// Legend of the focused pane, and marks of all panes.
+fn legend_lines(theme: &Theme, panes: &ShownPanes) -> Vec<Line<'static>> {
+    let Some(pane) = panes.focused_pane() else { return Vec::new() };
+    let legend = pane.pane_legend();
+    let title = format!("{}: {}", panes.focus.title(), legend.purpose);
+    let mut lines = vec![Line::styled(title, theme.role_style(TextRole::Title))];
+    lines.extend(legend.columns.iter().chain(legend.marks).map(|entry| entry_line(theme, entry)));
+    lines.push(Line::default());
+    lines.push(Line::styled("All panes", theme.role_style(TextRole::Title)));
+    lines.extend(COMMON.iter().map(|entry| entry_line(theme, entry)));
+    lines.push(Line::default());
+    lines
 }
 
 /// All keys by group, from the keymap.

@@ -14,11 +14,10 @@ use ratatui::text::{Line, Span};
 
 use super::application::{App, InputMode, PromptPurpose};
 use super::ask::parse_target;
-use super::assignable::assignable_names;
-use super::candidates::{Candidate, PromptRow, find_candidates};
+use super::candidates::{Candidate, PromptRow, assignable_names, find_candidates};
 use super::columns::columns_left;
 use crate::state::UiState;
-use crate::theme::{Glyph, TextRole};
+use crate::theme::{Glyph, TextRole, Theme};
 use crate::widgets::draw::{self, TextAlignment};
 use crate::widgets::prompt::{LinePrompt, PromptEvent};
 
@@ -70,7 +69,7 @@ impl App {
         self.prompt_row = match asking {
             PromptPurpose::Columns => {
                 let before = prompt.text().get(..prompt.cursor()).unwrap_or_default();
-                let (start, candidates) = columns_left(&self.column_titles(), before);
+                let (start, candidates) = columns_left(&self.panes.column_titles(), before);
                 PromptRow { start, candidates, ..PromptRow::default() }
             }
             _ => prompt_row(&self.core, *asking, prompt),
@@ -112,36 +111,37 @@ impl App {
             self.prompt_row = PromptRow { start, candidates, chosen, text: String::new() };
         }
     }
+}
 
+impl PromptRow {
     /// Draws the row above the prompt.
-    pub(super) fn draw_prompt_row(&self, asking: PromptPurpose, area: Rect, buf: &mut Buffer) {
-        let theme = &self.core.theme;
+    pub(super) fn draw_row(&self, core: &UiState, asking: PromptPurpose, area: Rect, buf: &mut Buffer) {
+        let theme = &core.theme;
         let (text, quiet) = (theme.role_style(TextRole::Text), theme.role_style(TextRole::Quiet));
-        let preview = self.core.preview_text().filter(|_| asking == PromptPurpose::GoTo);
-        let line = match (preview, self.prompt_row.candidates.is_empty()) {
+        let preview = core.preview_text().filter(|_| asking == PromptPurpose::GoTo);
+        let line = match (preview, self.candidates.is_empty()) {
             (Some(preview), _) => Line::styled(preview, theme.role_style(TextRole::Note)),
-            (None, true) => Line::styled(self.prompt_row.text.clone(), quiet),
-            (None, false) => self.candidate_line(area.width.saturating_sub(draw::text_width(KEY) + 2)),
+            (None, true) => Line::styled(self.text.clone(), quiet),
+            (None, false) => self.candidate_line(theme, area.width.saturating_sub(draw::text_width(KEY) + 2)),
         };
         if line.width() == 0 {
             return;
         }
         draw::put_text(buf, area.x, area.y, area.width, &" ".repeat(usize::from(area.width)), text);
         draw::draw_line(buf, area, &line, TextAlignment::Left, theme);
-        if !self.prompt_row.candidates.is_empty() {
+        if !self.candidates.is_empty() {
             draw::draw_line(buf, area, &Line::styled(KEY, quiet), TextAlignment::Right, theme);
         }
     }
 
     /// Candidates from the chosen one on, as many as fit.
-    fn candidate_line(&self, room: u16) -> Line<'static> {
-        let theme = &self.core.theme;
+    fn candidate_line(&self, theme: &Theme, room: u16) -> Line<'static> {
         let more = theme.glyph(Glyph::Ellipsis);
         let mut spans = Vec::new();
         let mut used = draw::text_width(more);
         // A chosen candidate far to the right is shown with those after it.
-        let first = self.prompt_row.chosen.map_or(0, |chosen| chosen.saturating_sub(2));
-        for (place, candidate) in self.prompt_row.candidates.iter().enumerate().skip(first) {
+        let first = self.chosen.map_or(0, |chosen| chosen.saturating_sub(2));
+        for (place, candidate) in self.candidates.iter().enumerate().skip(first) {
             let count = candidate.count.map_or(String::new(), |count| format!(" {count}"));
             let word = escape(&candidate.text).into_owned();
             used = used.saturating_add(draw::text_width(&word)).saturating_add(draw::text_width(&count) + 2);
@@ -149,8 +149,7 @@ impl App {
                 spans.push(Span::styled(more, theme.role_style(TextRole::Quiet)));
                 break;
             }
-            let role =
-                if self.prompt_row.chosen == Some(place) { TextRole::Selected } else { TextRole::Text };
+            let role = if self.chosen == Some(place) { TextRole::Selected } else { TextRole::Text };
             spans.push(Span::styled(word, theme.role_style(role)));
             spans.push(Span::styled(format!("{count}  "), theme.role_style(TextRole::Quiet)));
         }

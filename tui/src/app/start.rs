@@ -3,19 +3,19 @@
 use std::fmt::Write as _;
 
 use cobscope_decoder::query::Filter;
-use ratatui::layout::Rect;
 
-use super::added::Reassign;
+use super::added::{Reassign, quote_word};
 use super::application::{App, InputMode};
 use super::candidates::PromptRow;
 use super::history::ViewHistory;
-use super::preferences::Preferences;
-use super::requests::{Compare, WriteReport};
-use super::shell::quote_word;
+use super::jumps::ResultJumps;
+use super::preferences::{Preferences, RememberedView};
+use super::requests::{Compare, ReportOrders, WriteReport};
+use super::shown_panes::ShownPanes;
 use crate::keymap::Keymap;
-use crate::panes::{PaneArrangement, PaneId, Panes};
+use crate::panes::{PaneArrangement, PaneId};
 use crate::select::RangeBound;
-use crate::state::{JumpPlace, OtherCapture, UiState};
+use crate::state::{CaptureDifferences, JumpPlace, OtherCapture, UiState};
 use crate::theme::Theme;
 use crate::timeline::{RowMatcher, Timeline};
 
@@ -60,40 +60,34 @@ impl App {
         core.timeline.start_search(core.matcher.clone());
         core.named = start.named;
         let (against, compare) = start.against.unzip();
-        core.against = against.as_deref().map(OtherCapture::new);
+        core.against = CaptureDifferences(against.as_deref().map(OtherCapture::new));
         core.columns = start.preferences.columns;
+        let arrangement = PaneArrangement::new(start.preferences.layout, start.preferences.split);
         let mut app = Self {
             core,
-            panes: Panes::default(),
-            pane: start.pane,
-            arrangement: PaneArrangement::new(start.preferences.layout, start.preferences.split),
-            has_strip: start.preferences.has_strip,
+            panes: ShownPanes::new(start.pane, arrangement, start.preferences.has_strip),
             keymap: start.keymap,
-            defaults: start.defaults,
+            remembered: RememberedView::new(start.defaults),
             reassign: start.reassign,
             assigning: None,
-            write_report: start.write_report,
-            reporting: None,
+            reports: ReportOrders::new(start.write_report),
             compare,
-            is_forgotten: false,
             is_dragging: false,
-            trail: Vec::new(),
             mode: InputMode::Panes,
             history: ViewHistory::default(),
             prompt_row: PromptRow::default(),
             filter_before: String::new(),
             typed: Vec::new(),
             outputs: Vec::new(),
-            area: Rect::new(0, 0, 80, 24),
             command: start.command,
             clicked: None,
             early: Vec::new(),
-            is_surveyed: false,
-            opens_at_story: start.at.is_none() && !start.follows,
-            last_story: None,
-            awaited_jump: None,
+            jumps: ResultJumps {
+                opens_at_story: start.at.is_none() && !start.follows,
+                ..ResultJumps::default()
+            },
         };
-        app.history = ViewHistory::starting_with(app.row_selection());
+        app.history = ViewHistory::starting_with(app.panes.row_selection(&app.core));
         app.start_comparison();
         if start.follows {
             app.core.show_message("cobscope sends no frames; space pauses or resumes following");
@@ -112,8 +106,8 @@ impl App {
     /// The command that opens this view again.
     pub(super) fn view_command(&self) -> String {
         // Writing to a string cannot fail.
-        let mut command = format!("{} --pane {}", self.command, self.pane.name());
-        if let Some(layout) = self.arrangement.chosen {
+        let mut command = format!("{} --pane {}", self.command, self.panes.focus.name());
+        if let Some(layout) = self.panes.arrangement.chosen {
             let _ = write!(command, " --layout {}", layout.name());
         }
         // A live position does not exist in another run.

@@ -4,11 +4,12 @@ use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers, MouseButton, Mo
 use ratatui::layout::Position;
 
 use super::application::{App, InputMode, PromptPurpose};
-use super::output::TerminalRequest;
-use super::{strip, view};
+use super::ask::{apply_filter, use_mark};
+use super::requests::TerminalRequest;
+use super::{screen, view};
 use crate::action::Action;
 use crate::panes::{OPTIONAL, PaneId, PaneRequest};
-use crate::state::JumpPlace;
+use crate::state::{JumpPlace, UiState};
 use crate::theme::{ColorDepth, ThemePalette};
 use crate::timeline::RowMatcher;
 
@@ -34,12 +35,12 @@ impl App {
     }
 
     fn one_key(&mut self, key: KeyEvent) {
-        self.opens_at_story = false;
+        self.jumps.opens_at_story = false;
         if self.is_early(key) {
             return;
         }
         self.core.stated = None;
-        self.awaited_jump = None;
+        self.jumps.awaited = None;
         match &mut self.mode {
             InputMode::Panes => {
                 if let Some(action) = self.keymap.action_for(&key) {
@@ -58,14 +59,16 @@ impl App {
                 let is_new = *is_new;
                 self.mode = InputMode::Panes;
                 if let KeyCode::Char(letter) = key.code {
-                    self.on_letter(letter, is_new);
+                    use_mark(&mut self.core, letter, is_new);
                 }
             }
             InputMode::Help(scroll) => match self.keymap.action_for(&key) {
                 Some(Action::Down) => *scroll += 1,
                 Some(Action::Up) => *scroll = scroll.saturating_sub(1),
-                Some(Action::PageDown) => *scroll += usize::from(self.area.height / 2),
-                Some(Action::PageUp) => *scroll = scroll.saturating_sub(usize::from(self.area.height / 2)),
+                Some(Action::PageDown) => *scroll += usize::from(self.panes.area.height / 2),
+                Some(Action::PageUp) => {
+                    *scroll = scroll.saturating_sub(usize::from(self.panes.area.height / 2))
+                }
                 _ => self.mode = InputMode::Panes,
             },
         }
@@ -101,29 +104,34 @@ impl App {
     /// Handles a mouse event.
     pub fn on_mouse(&mut self, event: MouseEvent) {
         if !matches!(event.kind, MouseEventKind::Moved) {
-            self.opens_at_story = false;
-            self.awaited_jump = None;
+            self.jumps.opens_at_story = false;
+            self.jumps.awaited = None;
         }
         // Some terminals report coordinate 0 as 65535.
-        let x = event.column.min(self.area.width.saturating_sub(1));
-        let y = event.row.min(self.area.height.saturating_sub(1));
-        let parts = self.screen_areas();
+        let x = event.column.min(self.panes.area.width.saturating_sub(1));
+        let y = event.row.min(self.panes.area.height.saturating_sub(1));
+        let parts = self.panes.screen_areas();
         let is_pressed = matches!(event.kind, MouseEventKind::Down(MouseButton::Left));
         if is_pressed {
             self.is_dragging = parts.strip.contains(Position::new(x, y));
         }
         if self.is_dragging && (is_pressed || matches!(event.kind, MouseEventKind::Drag(MouseButton::Left))) {
-            return match strip::time_at(&self.core, parts.strip, x) {
+            return match screen::time_at(&self.core, parts.strip, x) {
                 Some(time) => self.core.jump_to(JumpPlace::Time(time)),
                 None => self.core.show_refusal("this capture has no timestamps"),
             };
         }
-        let cell =
-            self.shown_cells(parts.body).into_iter().find(|cell| cell.area.contains(Position::new(x, y)));
+        let cell = self
+            .panes
+            .shown_cells(parts.body)
+            .into_iter()
+            .find(|cell| cell.area.contains(Position::new(x, y)));
         if let Some(cell) = cell.filter(|cell| {
-            cell.pane != self.pane && !matches!(event.kind, MouseEventKind::Moved) && self.is_in_panes()
+            cell.pane != self.panes.focus
+                && !matches!(event.kind, MouseEventKind::Moved)
+                && matches!(self.mode, InputMode::Panes)
         }) {
-            self.show_pane(cell.pane);
+            self.panes.show_pane(cell.pane, &mut self.core);
         }
         match event.kind {
             MouseEventKind::ScrollDown => (0..WHEEL).for_each(|_| self.perform_action(Action::Down)),
@@ -132,15 +140,15 @@ impl App {
                 let area = cell.map_or(parts.body, |cell| cell.area);
                 let is_second = self.clicked == Some((x, y));
                 self.clicked = if is_second { None } else { Some((x, y)) };
-                let effects = self.panes.get_mut(self.pane).map(|pane| pane.on_click(x, y, area, &self.core));
+                let effects = self.panes.focused_pane_mut().map(|pane| pane.on_click(x, y, area, &self.core));
                 self.apply_requests(effects.unwrap_or_default());
                 if is_second {
                     self.perform_action(Action::Open);
                 }
             }
             MouseEventKind::Down(MouseButton::Left) if y == parts.tabs.y => {
-                if let Some(pane) = view::tab_at(x, self.area.width) {
-                    self.show_pane(pane);
+                if let Some(pane) = view::tab_at(x, self.panes.area.width) {
+                    self.panes.show_pane(pane, &mut self.core);
                 }
             }
             _ => {}
@@ -150,9 +158,9 @@ impl App {
 
     /// Handles a new size of the terminal.
     pub fn on_resize(&mut self, width: u16, height: u16) {
-        self.area = ratatui::layout::Rect::new(0, 0, width, height);
+        self.panes.area = ratatui::layout::Rect::new(0, 0, width, height);
         self.core.screen_height = height;
-        self.update_size();
+        self.panes.update_size(&mut self.core);
         self.core.refresh_window();
     }
 
@@ -162,41 +170,45 @@ impl App {
             Action::Quit => self.outputs.push(TerminalRequest::Quit),
             Action::Help => self.mode = InputMode::Help(0),
             Action::Pane(number) => match PaneId::ALL.get(usize::from(number)) {
-                Some(pane) => self.show_pane(*pane),
+                Some(pane) => self.panes.show_pane(*pane, &mut self.core),
                 None => self.core.show_refusal(&format!("no pane {number}")),
             },
-            Action::NextPane => self.next_pane(true),
-            Action::PreviousPane => self.next_pane(false),
-            Action::Layout => self.next_layout(),
-            Action::Zoom => self.toggle_zoom(),
-            Action::SplitLeft => self.move_split(false),
-            Action::SplitRight => self.move_split(true),
-            Action::Strip => self.toggle_strip(),
+            Action::NextPane => self.panes.next_pane(true, &mut self.core),
+            Action::PreviousPane => self.panes.next_pane(false, &mut self.core),
+            Action::Layout => self.panes.next_layout(&mut self.core),
+            Action::Zoom => self.panes.toggle_zoom(&mut self.core),
+            Action::SplitLeft => self.panes.move_split(false, &mut self.core),
+            Action::SplitRight => self.panes.move_split(true, &mut self.core),
+            Action::Strip => self.panes.toggle_strip(&mut self.core),
             Action::Columns => self.ask_columns(),
-            Action::Forget => self.forget_view(),
+            Action::Forget => self.remembered.forget_view(&mut self.panes, &mut self.core),
             Action::Filter => self.open_prompt(PromptPurpose::Filter, "filter"),
             Action::Search => self.open_prompt(PromptPurpose::Search, "search"),
             Action::GoTo => self.open_prompt(PromptPurpose::GoTo, "go to"),
             Action::Export => self.open_prompt(PromptPurpose::Export, "write to"),
             Action::Report => self.ask_report(),
-            Action::Select => self.open_selection(),
-            Action::Pause => self.pause_following(),
+            Action::Select => open_selection(&mut self.core),
+            Action::Pause => pause_following(&mut self.core),
             Action::SearchNext => self.core.search_row(false),
             Action::SearchPrevious => self.core.search_row(true),
-            Action::NextStory => self.step_story(true),
-            Action::PreviousStory => self.step_story(false),
-            Action::NextFinding => self.goto_finding(true),
-            Action::PreviousFinding => self.goto_finding(false),
-            Action::NextError => self.goto_error(true),
-            Action::PreviousError => self.goto_error(false),
+            Action::NextStory | Action::PreviousStory => {
+                self.jumps.step_story(&mut self.core, action == Action::NextStory);
+                self.panes.refresh_panes(&self.core);
+            }
+            Action::NextFinding | Action::PreviousFinding => {
+                self.jumps.goto_finding(&mut self.core, action == Action::NextFinding);
+                self.panes.refresh_panes(&self.core);
+            }
+            Action::NextError => self.jumps.goto_error(&mut self.core, true),
+            Action::PreviousError => self.jumps.goto_error(&mut self.core, false),
             Action::Clock => self.core.next_clock(),
             Action::SetMark => self.mode = InputMode::Letter { is_new: true },
             Action::ToMark => self.mode = InputMode::Letter { is_new: false },
             Action::FilterCell => self.filter_cell(),
             Action::Assign => self.ask_assign(),
-            Action::News => self.toggle_news(),
+            Action::News => toggle_news(&mut self.core),
             Action::Copy => self.copy_line(),
-            Action::Theme => self.next_theme(),
+            Action::Theme => next_theme(&mut self.core),
             Action::Clear => self.clear_pane(),
             Action::Undo => self.step_history(true),
             Action::Redo => self.step_history(false),
@@ -220,55 +232,21 @@ impl App {
         }
     }
 
-    fn open_selection(&mut self) {
-        self.core.selection = match self.core.selection {
-            Some(_) => None,
-            None => Some(self.core.cursor.frame),
-        };
-        match self.core.selection {
-            Some(frame) => {
-                self.core.show_message(&format!("selected from #{frame} to the cursor; w writes it"));
-            }
-            None => self.core.show_message("selection cleared"),
-        }
-    }
-
-    fn pause_following(&mut self) {
-        if !self.core.timeline.may_grow() && !self.core.is_following {
-            return self.core.show_refusal("the capture is complete; no new frames to follow");
-        }
-        self.core.is_following = !self.core.is_following;
-        self.core.show_message(if self.core.is_following {
-            "following new frames"
-        } else {
-            "paused at the cursor"
-        });
-        if self.core.is_following {
-            self.core.jump_to(JumpPlace::End);
-        }
-    }
-
-    fn toggle_news(&mut self) {
-        let only_news = !self.core.matcher.only_news;
-        self.core.show_events(RowMatcher { only_news, ..self.core.matcher.clone() });
-        self.core.show_message(if only_news { "only changes" } else { "all events" });
-    }
-
     fn copy_line(&mut self) {
-        match self.panes.get(self.pane).and_then(|pane| pane.selected_line(&self.core)) {
+        match self.panes.focused_pane().and_then(|pane| pane.selected_line(&self.core)) {
             Some(line) => self.apply_requests(vec![PaneRequest::Copy(line)]),
             None => self.core.show_refusal("nothing selected"),
         }
     }
 
     fn clear_pane(&mut self) {
-        let before = self.row_selection();
+        let before = self.panes.row_selection(&self.core);
         self.core.sought = None;
         if self.core.matcher.filter.is_some() {
-            self.apply_filter("");
+            apply_filter(&mut self.core, "");
         }
         self.pass_action(Action::Clear);
-        let cleared = before.cleared_by(&self.row_selection());
+        let cleared = before.cleared_by(&self.panes.row_selection(&self.core));
         if !cleared.is_empty() {
             self.core.show_message(&format!("cleared: {}; u undoes it", cleared.join(", ")));
         }
@@ -276,7 +254,7 @@ impl App {
 
     /// Passes the action to the current pane. If the pane does not perform it, the panes that do are named.
     fn pass_action(&mut self, action: Action) {
-        let Some(pane) = self.panes.get_mut(self.pane) else { return };
+        let Some(pane) = self.panes.focused_pane_mut() else { return };
         let effects = pane.on_action(action, &self.core);
         if effects.is_empty() && OPTIONAL.contains(&action) && !pane.performed_actions().contains(&action) {
             return self.refuse_action(action);
@@ -286,10 +264,7 @@ impl App {
 
     /// `nothing to plot here; p works in Nodes, Events, Frames, Detail, Signals`.
     fn refuse_action(&mut self, action: Action) {
-        let performs = |id: &&PaneId| {
-            self.panes.get(**id).is_some_and(|pane| pane.performed_actions().contains(&action))
-        };
-        let panes: Vec<&str> = PaneId::ALL.iter().filter(performs).map(|id| id.title()).collect();
+        let panes = self.panes.performing_titles(action);
         let does = match action {
             Action::Left | Action::Right => "move to",
             Action::Toggle => "expand",
@@ -314,10 +289,10 @@ impl App {
             }
             match effect {
                 PaneRequest::Go(place) => self.core.jump_to(place),
-                PaneRequest::ShowEvents => self.show_pane(PaneId::Events),
-                PaneRequest::ShowDetail => self.show_pane(PaneId::Detail),
-                PaneRequest::ShowSignals => self.show_pane(PaneId::Signals),
-                PaneRequest::Filter(text) => self.apply_filter(&text),
+                PaneRequest::ShowEvents => self.panes.show_pane(PaneId::Events, &mut self.core),
+                PaneRequest::ShowDetail => self.panes.show_pane(PaneId::Detail, &mut self.core),
+                PaneRequest::ShowSignals => self.panes.show_pane(PaneId::Signals, &mut self.core),
+                PaneRequest::Filter(text) => apply_filter(&mut self.core, &text),
                 PaneRequest::Node(node) => self.core.node = Some(node),
                 PaneRequest::Plot(_) => is_plotted = true,
                 PaneRequest::Say(text) => self.core.show_message(&text),
@@ -329,40 +304,64 @@ impl App {
             }
         }
         if is_plotted {
-            self.show_pane(PaneId::Signals);
+            self.panes.show_pane(PaneId::Signals, &mut self.core);
         }
-        self.refresh_panes();
+        self.panes.refresh_panes(&self.core);
     }
 
     /// Closes the open part of the pane, else shows the previous pane.
     fn go_back(&mut self) {
-        let effects = self.panes.get_mut(self.pane).map(|pane| pane.on_action(Action::Back, &self.core));
+        let effects = self.panes.focused_pane_mut().map(|pane| pane.on_action(Action::Back, &self.core));
         match effects {
             Some(effects) if !effects.is_empty() => self.apply_requests(effects),
-            _ => {
-                if let Some(pane) = self.trail.pop() {
-                    self.focus_pane(pane);
-                }
-            }
+            _ => self.panes.show_previous(&mut self.core),
         }
     }
+}
 
-    fn next_theme(&mut self) {
-        let theme = self.core.theme;
-        self.core.theme = match (theme.depth(), theme.palette()) {
-            (ColorDepth::None, _) => theme.with_colours(ThemePalette::Dark, ColorDepth::Full),
-            (ColorDepth::Full, ThemePalette::Dark) => {
-                theme.with_colours(ThemePalette::Light, ColorDepth::Full)
-            }
-            (ColorDepth::Full, ThemePalette::Light) => {
-                theme.with_colours(ThemePalette::Dark, ColorDepth::Sixteen)
-            }
-            (ColorDepth::Sixteen, ThemePalette::Dark) => {
-                theme.with_colours(ThemePalette::Light, ColorDepth::Sixteen)
-            }
-            (ColorDepth::Sixteen, ThemePalette::Light) => {
-                theme.with_colours(ThemePalette::Dark, ColorDepth::None)
-            }
-        };
+fn open_selection(core: &mut UiState) {
+    core.selection = match core.selection {
+        Some(_) => None,
+        None => Some(core.cursor.frame),
+    };
+    match core.selection {
+        Some(frame) => {
+            core.show_message(&format!("selected from #{frame} to the cursor; w writes it"));
+        }
+        None => core.show_message("selection cleared"),
     }
+}
+
+fn pause_following(core: &mut UiState) {
+    if !core.timeline.may_grow() && !core.is_following {
+        return core.show_refusal("the capture is complete; no new frames to follow");
+    }
+    core.is_following = !core.is_following;
+    core.show_message(if core.is_following { "following new frames" } else { "paused at the cursor" });
+    if core.is_following {
+        core.jump_to(JumpPlace::End);
+    }
+}
+
+fn toggle_news(core: &mut UiState) {
+    let only_news = !core.matcher.only_news;
+    core.show_events(RowMatcher { only_news, ..core.matcher.clone() });
+    core.show_message(if only_news { "only changes" } else { "all events" });
+}
+
+fn next_theme(core: &mut UiState) {
+    let theme = core.theme;
+    core.theme = match (theme.depth(), theme.palette()) {
+        (ColorDepth::None, _) => theme.with_colours(ThemePalette::Dark, ColorDepth::Full),
+        (ColorDepth::Full, ThemePalette::Dark) => theme.with_colours(ThemePalette::Light, ColorDepth::Full),
+        (ColorDepth::Full, ThemePalette::Light) => {
+            theme.with_colours(ThemePalette::Dark, ColorDepth::Sixteen)
+        }
+        (ColorDepth::Sixteen, ThemePalette::Dark) => {
+            theme.with_colours(ThemePalette::Light, ColorDepth::Sixteen)
+        }
+        (ColorDepth::Sixteen, ThemePalette::Light) => {
+            theme.with_colours(ThemePalette::Dark, ColorDepth::None)
+        }
+    };
 }

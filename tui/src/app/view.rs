@@ -19,11 +19,14 @@ use ratatui::layout::Rect;
 use ratatui::text::Line;
 
 use super::application::{App, InputMode};
-use super::hints::{self, KeyHint};
-use super::{diagnosis, header, strip};
+use super::help::draw_help;
+use super::screen::{
+    KeyHint, ScreenAreas, divide_screen, draw_diagnosis, draw_header, draw_hints, draw_strip, of_pane,
+};
 use crate::ascii;
 use crate::panes::PaneId;
-use crate::theme::{Glyph, LineCharacters, TextRole};
+use crate::state::UiState;
+use crate::theme::{LineCharacters, TextRole};
 use crate::widgets::bars::Gauge;
 use crate::widgets::draw;
 
@@ -32,51 +35,6 @@ const GAUGE: u16 = 20;
 
 /// Height of the pane up to which its last line is not used for the row above a prompt.
 const LEAST_BODY: u16 = 3;
-
-/// Heights from which the line of the diagnosis, one line and two lines of the strip of time are shown.
-const LOW: u16 = 10;
-const STRIP_FROM: u16 = 12;
-const LOAD_FROM: u16 = 20;
-
-/// Areas of the screen.
-pub(super) struct ScreenAreas {
-    pub(super) header: Rect,
-    pub(super) tabs: Rect,
-    /// One line of the diagnosis; empty on low screens.
-    pub(super) diagnosis: Rect,
-    /// Strip of time; empty on low screens.
-    pub(super) strip: Rect,
-    pub(super) body: Rect,
-    pub(super) status: Rect,
-    pub(super) footer: Rect,
-}
-
-/// Divides the screen.
-pub(super) fn divide_screen(area: Rect, has_strip: bool) -> ScreenAreas {
-    let line = |y: u16| Rect { y: area.y + y.min(area.height), height: u16::from(y < area.height), ..area };
-    let below = |from_end: u16| line(area.height.saturating_sub(from_end));
-    let diagnosis = u16::from(area.height >= LOW);
-    let strip = match area.height {
-        _ if !has_strip => 0,
-        ..STRIP_FROM => 0,
-        STRIP_FROM..LOAD_FROM => 1,
-        _ => 2,
-    };
-    let above = 2 + diagnosis + strip;
-    ScreenAreas {
-        header: line(0),
-        tabs: line(1),
-        diagnosis: if diagnosis > 0 { line(2) } else { Rect::ZERO },
-        strip: Rect { y: area.y + 2 + diagnosis, height: strip, ..area },
-        body: Rect {
-            y: area.y + above.min(area.height),
-            height: area.height.saturating_sub(above + 2),
-            ..area
-        },
-        status: if area.height > 3 { below(2) } else { Rect::ZERO },
-        footer: if area.height > 2 { below(1) } else { Rect::ZERO },
-    }
-}
 
 /// Numbered titles of the panes; without spaces around them if `width` is too small.
 fn pane_tabs(width: u16) -> Vec<(PaneId, String)> {
@@ -106,14 +64,16 @@ pub(super) fn tab_at(x: u16, width: u16) -> Option<PaneId> {
 impl App {
     /// Draws the screen.
     pub fn draw(&mut self, area: Rect, buf: &mut Buffer) {
-        let parts = divide_screen(area, self.has_strip);
-        header::draw_header(&self.core, parts.header, buf);
+        let parts = divide_screen(area, self.panes.has_strip);
+        draw_header(&self.core, parts.header, buf);
         self.draw_tabs(parts.tabs, buf);
-        diagnosis::draw_diagnosis(&self.core, parts.diagnosis, buf);
-        strip::draw_strip(&self.core, parts.strip, buf);
+        draw_diagnosis(&self.core, parts.diagnosis, buf);
+        draw_strip(&self.core, parts.strip, buf);
         match &self.mode {
-            InputMode::Help(scroll) => self.draw_help(*scroll, parts.body, buf),
-            _ => self.draw_panes(parts.body, buf),
+            InputMode::Help(scroll) => {
+                draw_help(&self.core.theme, (&self.panes, &self.keymap), *scroll, parts.body, buf);
+            }
+            _ => self.panes.draw_panes(&mut self.core, parts.body, buf),
         }
         self.draw_status(parts.status, buf);
         self.draw_footer(&parts, buf);
@@ -123,51 +83,10 @@ impl App {
         }
     }
 
-    /// Draws the panes of the layout with their titles.
-    fn draw_panes(&mut self, body: Rect, buf: &mut Buffer) {
-        let theme = self.core.theme;
-        for cell in self.shown_cells(body) {
-            let is_focused = cell.pane == self.pane;
-            self.core.theme = theme.with_focus(is_focused);
-            let role = if is_focused { TextRole::BorderActive } else { TextRole::Border };
-            if !cell.title.is_empty() {
-                let line = theme.glyph(Glyph::Horizontal).repeat(usize::from(cell.title.width));
-                draw::put_text(
-                    buf,
-                    cell.title.x,
-                    cell.title.y,
-                    cell.title.width,
-                    &line,
-                    theme.role_style(role),
-                );
-                let title = format!(" {} {} ", cell.pane as usize, cell.pane.title());
-                let role = if is_focused { TextRole::Selected } else { TextRole::Title };
-                draw::put_text(
-                    buf,
-                    cell.title.x + 1,
-                    cell.title.y,
-                    cell.title.width,
-                    &title,
-                    theme.role_style(role),
-                );
-            }
-            if let Some(beside) = cell.area.x.checked_sub(1).filter(|x| *x >= body.x) {
-                for y in cell.title.top()..cell.area.bottom() {
-                    let line = theme.glyph(Glyph::Vertical);
-                    draw::put_text(buf, beside, y, 1, line, theme.role_style(TextRole::Border));
-                }
-            }
-            if let Some(pane) = self.panes.get(cell.pane) {
-                pane.render_pane(&self.core, cell.area, buf);
-            }
-        }
-        self.core.theme = theme;
-    }
-
     fn draw_tabs(&self, area: Rect, buf: &mut Buffer) {
         let mut x = area.x;
         for (pane, title) in pane_tabs(area.width) {
-            let is_shown = pane == self.pane && !matches!(self.mode, InputMode::Help(_));
+            let is_shown = pane == self.panes.focus && !matches!(self.mode, InputMode::Help(_));
             let role = if is_shown { TextRole::Selected } else { TextRole::Title };
             let room = area.right().saturating_sub(x);
             x = draw::put_text(buf, x, area.y, room, &title, self.core.theme.role_style(role));
@@ -224,7 +143,7 @@ impl App {
                 prompt.render(theme, area, buf);
                 if parts.body.height > LEAST_BODY {
                     let above = Rect { y: parts.body.bottom() - 1, height: 1, ..parts.body };
-                    self.draw_prompt_row(*asking, above, buf);
+                    self.prompt_row.draw_row(&self.core, *asking, above, buf);
                 }
             }
             InputMode::Letter { is_new } => {
@@ -240,35 +159,34 @@ impl App {
             }
             InputMode::Help(_) => {
                 let hints = [KeyHint::new("j/k", "scroll"), KeyHint::new("any other key", "closes")];
-                hints::draw_hints(theme, &hints, parts.footer, buf);
+                draw_hints(theme, &hints, parts.footer, buf);
             }
             InputMode::Panes => {
-                let actions = self.panes.get(self.pane).map_or(&[][..], |pane| pane.key_bar_actions());
-                let hints = hints::of_pane(&self.keymap, actions, self.pane == PaneId::Why, theme);
-                let gauge = if self.has_gauge(parts.footer) { GAUGE + 1 } else { 0 };
+                let actions = self.panes.focused_pane().map_or(&[][..], |pane| pane.key_bar_actions());
+                let hints = of_pane(&self.keymap, actions, self.panes.focus == PaneId::Why, theme);
+                let gauge = if has_gauge(&self.core, parts.footer) { GAUGE + 1 } else { 0 };
                 let area = Rect { width: parts.footer.width.saturating_sub(gauge), ..parts.footer };
-                hints::draw_hints(theme, &hints, area, buf);
-                self.draw_progress(parts.footer, buf);
+                draw_hints(theme, &hints, area, buf);
+                draw_progress(&self.core, parts.footer, buf);
             }
         }
     }
+}
 
-    /// Whether the progress of the index is shown.
-    fn has_gauge(&self, area: Rect) -> bool {
-        let (_, is_all) = self.core.timeline.length();
-        !self.core.timeline.progress().is_complete() && is_all && area.width >= GAUGE * 2
-    }
+/// Whether the progress of the index is shown.
+fn has_gauge(core: &UiState, area: Rect) -> bool {
+    let (_, is_all) = core.timeline.length();
+    !core.timeline.progress().is_complete() && is_all && area.width >= GAUGE * 2
+}
 
-    /// Draws the progress of the index on the right until it is complete.
-    fn draw_progress(&self, area: Rect, buf: &mut Buffer) {
-        if !self.has_gauge(area) {
-            return;
-        }
-        let progress = self.core.timeline.progress();
-        let (length, _) = self.core.timeline.length();
-        let percent =
-            u8::try_from(progress.bytes().saturating_mul(100) / length.max(1)).unwrap_or(100).min(100);
-        let place = Rect { x: area.right() - GAUGE, width: GAUGE, ..area };
-        Gauge::new(&self.core.theme, f64::from(percent) / 100.0, &format!("{percent} %")).render(place, buf);
+/// Draws the progress of the index on the right until it is complete.
+fn draw_progress(core: &UiState, area: Rect, buf: &mut Buffer) {
+    if !has_gauge(core, area) {
+        return;
     }
+    let progress = core.timeline.progress();
+    let (length, _) = core.timeline.length();
+    let percent = u8::try_from(progress.bytes().saturating_mul(100) / length.max(1)).unwrap_or(100).min(100);
+    let place = Rect { x: area.right() - GAUGE, width: GAUGE, ..area };
+    Gauge::new(&core.theme, f64::from(percent) / 100.0, &format!("{percent} %")).render(place, buf);
 }

@@ -8,12 +8,12 @@ use clap::Args;
 use cobscope_decoder::Summary;
 use cobscope_decoder::answers::format_line;
 use cobscope_decoder::answers::stories::StoriesAnswer;
+use cobscope_decoder::answers::stories::text::{self, WhyTextContext};
 use cobscope_decoder::diagnosis;
 use cobscope_decoder::rules::RuleSetup;
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::why::WhyScope;
-use cobscope_decoder::why::text::{self, WhyTextContext};
 
 use crate::exit_code::ExitStatus;
 use crate::run::arguments::{

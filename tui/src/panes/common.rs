@@ -15,12 +15,12 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
 use crate::action::Action;
-use crate::figures::format_seconds;
 use crate::state::UiState;
 use crate::theme::{Glyph, TextRole, Theme};
 use crate::widgets::draw;
 use crate::widgets::table::{ColumnWidth, TableColumn, TableState};
 use crate::widgets::text_lines::TextLines;
+use cobscope_decoder::figures::format_seconds;
 
 /// Minimum width of a text whose column the user chose together with others.
 const LEAST_CHOSEN: u16 = 20;

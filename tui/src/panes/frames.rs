@@ -29,12 +29,12 @@ use super::common::{bus_short, bus_title, bus_width, chosen_columns, has_buses, 
 use super::legend::{self, PaneLegend};
 use super::{Pane, PaneRequest, Sorting};
 use crate::action::Action;
-use crate::figures::{format_millis, format_seconds};
 use crate::state::UiState;
 use crate::theme::{Glyph, TextRole};
 use crate::timeline::SignalKey;
 use crate::widgets::draw;
 use crate::widgets::table::{ColumnWidth, TableCell, TableColumn, TableRow, TableState, TableWidget};
+use cobscope_decoder::figures::{format_millis, format_seconds};
 
 /// Subject of a row: bus, identifier, and whether it counts remote frames.
 type Key = (BusIndex, CanId, bool);

@@ -27,7 +27,6 @@ use super::common::{
 use super::legend::{self, PaneLegend};
 use super::{Pane, PaneRequest, Sorting};
 use crate::action::Action;
-use crate::figures::format_millis;
 use crate::state::{JumpPlace, UiState};
 use crate::theme::{TextRole, role_of};
 use crate::timeline::{MOST_TRANSFERS, SurveyResults, TransferRow};
@@ -35,6 +34,7 @@ use crate::widgets::draw;
 use crate::widgets::fit::fit_text;
 use crate::widgets::table::{ColumnWidth, TableCell, TableColumn, TableRow, TableState, TableWidget};
 use crate::widgets::text_lines::TextLines;
+use cobscope_decoder::figures::format_millis;
 
 /// The table of transfers.
 #[derive(Debug, Default)]

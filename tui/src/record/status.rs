@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use cobscope_decoder::capture::Notice;
 use cobscope_decoder::words::count_noun;
 
-use crate::figures::format_bytes;
 use crate::path_text::path_text;
+use cobscope_decoder::figures::format_bytes;
 
 /// A kind of notice that a format cannot store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

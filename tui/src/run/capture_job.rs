@@ -54,42 +54,34 @@ impl<P> ReadCapture<P> {
         self.warnings.iter().chain(&self.unreadable).for_each(|text| print_warning(text));
     }
 
+    /// The capture with another part.
+    pub fn map<Q>(self, change: impl FnOnce(P) -> Q) -> ReadCapture<Q> {
+        let Self { summary, format, failure, warnings, unreadable } = self;
+        ReadCapture { summary: summary.map(change), format, failure, warnings, unreadable }
+    }
+
     /// Error that ended reading early, as text.
     pub fn failure_text(&self) -> Option<String> {
         self.failure.as_ref().map(|failure| format!("{failure:#}"))
     }
 }
 
-/// Unreadable lines and records.
-#[derive(Default)]
-struct UnreadableInput {
-    count: u64,
-    /// Position and reason of the first one.
-    first: Option<String>,
+/// Position and reason of the first unreadable line or record of a batch.
+fn first_unreadable(notices: &[(usize, Notice)], frames: &SeriesFrames) -> Option<String> {
+    let is_unreadable = |(_, notice): &&(usize, Notice)| matches!(notice, Notice::Unreadable { .. });
+    let (_, notice) = notices.iter().find(is_unreadable)?;
+    Some(if frames.is_joined() { format!("{} {notice}", frames.file_name()) } else { notice.to_string() })
 }
 
-impl UnreadableInput {
-    fn add(&mut self, notices: &[(usize, Notice)], frames: &SeriesFrames) {
-        for (_, notice) in notices.iter().filter(|(_, notice)| matches!(notice, Notice::Unreadable { .. })) {
-            self.count += 1;
-            self.first.get_or_insert_with(|| {
-                if frames.is_joined() {
-                    format!("{} {notice}", frames.file_name())
-                } else {
-                    notice.to_string()
-                }
-            });
+/// Number of unreadable lines and records with the first one; `None` without any.
+fn unreadable_text(name: &str, count: u64, first: Option<&str>) -> Option<String> {
+    let first = first?;
+    match count {
+        0 => None,
+        1 => Some(format!("{name}: 1 line or record unreadable ({first}); all others decoded")),
+        count => {
+            Some(format!("{name}: {count} lines or records unreadable (first: {first}); all others decoded"))
         }
-    }
-
-    fn text(&self, name: &str) -> Option<String> {
-        let first = self.first.as_ref()?;
-        Some(match self.count {
-            1 => format!("{name}: 1 line or record unreadable ({first}); all others decoded"),
-            count => {
-                format!("{name}: {count} lines or records unreadable (first: {first}); all others decoded")
-            }
-        })
     }
 }
 
@@ -137,7 +129,7 @@ impl<'a> CaptureJob<'a> {
         let mut batch = Batch::new();
         let mut has_frames = false;
         let mut failure = None;
-        let mut unreadable = UnreadableInput::default();
+        let (mut unreadable, mut cut_off) = (None, 0);
         let mut file = None;
         while !reading.is_done() {
             match frames.read(&mut batch) {
@@ -160,7 +152,8 @@ impl<'a> CaptureJob<'a> {
                 begin(reading.part_mut(), first, &mut span).with_context(|| name.clone())?;
                 has_frames = true;
             }
-            unreadable.add(batch.notices(), &frames);
+            unreadable = unreadable.or_else(|| first_unreadable(batch.notices(), &frames));
+            cut_off += u64::from(batch.cut_off().is_some());
             if !reading.take(&batch, frames.buses()) {
                 break;
             }
@@ -179,13 +172,17 @@ impl<'a> CaptureJob<'a> {
         match failure {
             Some(failure) if !has_frames => Err(failure),
             None if !has_frames => anyhow::bail!("{name}: contains no frames"),
-            failure => Ok(ReadCapture {
-                summary: reading.finish(),
-                format: frames.format().title,
-                failure,
-                warnings,
-                unreadable: unreadable.text(&name),
-            }),
+            failure => {
+                // The end of an incomplete capture is a failure.
+                let count = reading.decoder().unreadable_count().saturating_sub(cut_off);
+                Ok(ReadCapture {
+                    summary: reading.finish(),
+                    format: frames.format().title,
+                    failure,
+                    warnings,
+                    unreadable: unreadable_text(&name, count, unreadable.as_deref()),
+                })
+            }
         }
     }
 

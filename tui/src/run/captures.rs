@@ -92,7 +92,10 @@ pub fn is_capture(source: &InputFile, input: &InputArgs) -> bool {
 /// Whether a file is not in any capture format.
 pub fn is_no_capture(error: &anyhow::Error) -> bool {
     let cause = error.downcast_ref::<CaptureError>();
-    matches!(cause, Some(CaptureError::Unrecognised { .. } | CaptureError::Empty))
+    matches!(
+        cause,
+        Some(CaptureError::Unrecognised { .. } | CaptureError::Foreign { .. } | CaptureError::Empty)
+    )
 }
 
 /// Files in and below a folder, except hidden ones. Links to folders are not followed, because they may form

@@ -15,9 +15,9 @@ use cobscope_decoder::session::Bus;
 use cobscope_decoder::why::NodeChoice;
 use cobscope_decoder::wire::NodeId;
 
-use crate::figures::format_seconds;
 pub use bound::{RangeBound, Span, ensure_order};
 pub use clock::{BoundSide, spans_days, wall_clock};
+use cobscope_decoder::figures::format_seconds;
 pub use limit::TimeLimit;
 
 /// Selected nodes; all if empty.

@@ -8,7 +8,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::available_parallelism;
 
 use anyhow::{Context as _, ensure};
-use cobscope_decoder::capture::{CaptureReader, ReadOptions, decompress, is_compressed};
+use cobscope_decoder::capture::{
+    CaptureError, CaptureReader, ForeignFile, ReadOptions, decompress, foreign_file, is_compressed,
+};
 
 use super::ahead::{FramesAhead, ReadAhead};
 use super::original::OriginalFile;
@@ -75,13 +77,25 @@ pub fn open_capture(path: &Path, options: &ReadOptions) -> anyhow::Result<OpenCa
     let mut source = BufReader::with_capacity(HEAD, source);
     let is_compressed = is_compressed(source.fill_buf().with_context(|| name.clone())?);
     let source = decompress(source).with_context(|| name.clone())?;
-    let reader = CaptureReader::open(source, options).with_context(|| name.clone())?;
+    let reader = CaptureReader::open(source, options).map_err(|error| name_by_suffix(error, path));
+    let reader = reader.with_context(|| name.clone())?;
     Ok(OpenCapture {
         reader,
         progress: ProgressLine::new(size, taken),
         size: size.unwrap_or(0),
         is_compressed,
     })
+}
+
+/// Names a file without known content by the suffix of its name.
+fn name_by_suffix(error: CaptureError, path: &Path) -> CaptureError {
+    let suffix = path.extension().and_then(|suffix| suffix.to_str());
+    match (error, foreign_file(&[], suffix)) {
+        (CaptureError::Unrecognised { .. }, Some(ForeignFile { name, remedy })) => {
+            CaptureError::Foreign { name, remedy }
+        }
+        (error, _) => error,
+    }
 }
 
 /// Rejects a folder: on Unix it can be opened but not read, on Windows neither.

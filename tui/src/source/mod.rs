@@ -11,6 +11,8 @@ mod series_frames;
 mod store;
 
 pub use file::open_capture;
-pub use series::{CaptureFile, CaptureRelations, CaptureSeries, mixed_clocks, relate_files, time_span};
+pub use series::{
+    CaptureFile, CaptureRelations, CaptureSeries, mixed_clocks, relate_files, siblings_note, time_span,
+};
 pub use series_frames::SeriesFrames;
 pub use store::{DecompressedBytes, StoreReader, StoreWriter};

@@ -10,6 +10,7 @@ use cobscope_decoder::series::{
 };
 
 use super::file::open_capture;
+use crate::path_text::path_text;
 
 /// Maximum number of parts that a note lists at each end.
 const LISTED: usize = 4;
@@ -89,6 +90,22 @@ impl CaptureSeries {
         };
         Some(format!("{}: {count} parts of one capture: {shown}; {how}", self.name()))
     }
+}
+
+/// Maximum number of entries of a folder that are compared with the name of a capture.
+const MOST_ENTRIES: usize = 20_000;
+
+/// Note on a single file whose folder has further parts of the same recording.
+pub fn siblings_note(path: &Path) -> Option<String> {
+    let name = path.file_name()?.to_str()?;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let entries = std::fs::read_dir(folder).ok()?.take(MOST_ENTRIES).flatten();
+    let names: Vec<String> = entries.filter_map(|entry| entry.file_name().into_string().ok()).collect();
+    let count = series::count_siblings(name, names.iter().map(String::as_str));
+    (count > 0).then(|| {
+        let shown = path_text(path);
+        format!("{shown}: one of {} files with consecutive names in its folder; name all of them to read one capture", count + 1)
+    })
 }
 
 /// Relations of files.

@@ -1,7 +1,12 @@
 //! Comparison of the captures with another one.
 
 use cobscope_decoder::comparison::{Difference, DifferenceMarks, DifferenceSection, Observation};
+use cobscope_decoder::replay::ReplayState;
 use cobscope_decoder::sink::escape;
+use cobscope_decoder::wire::NodeId;
+use cobscope_decoder::wire::canopen::ObjectAddress;
+
+use super::NodeKey;
 
 /// Mark of what differs.
 pub const DIFFERS: &str = "≠";
@@ -23,6 +28,50 @@ impl OtherCapture {
     /// What differs, after the comparison.
     pub fn difference_marks(&self) -> Option<&DifferenceMarks> {
         self.result.as_ref()?.as_ref().ok().map(AsRef::as_ref)
+    }
+}
+
+/// The comparison with another capture, if it was requested.
+#[derive(Default)]
+pub struct CaptureDifferences(pub Option<OtherCapture>);
+
+impl CaptureDifferences {
+    /// Whether the comparison runs.
+    pub fn is_comparing(&self) -> bool {
+        self.0.as_ref().is_some_and(|against| against.result.is_none())
+    }
+
+    /// File name of the other capture, after its comparison.
+    pub fn compared_name(&self) -> Option<&str> {
+        self.0
+            .as_ref()
+            .filter(|against| against.difference_marks().is_some())
+            .map(|against| against.name.as_str())
+    }
+
+    fn difference_marks(&self) -> Option<&DifferenceMarks> {
+        self.0.as_ref()?.difference_marks()
+    }
+
+    /// Differences of a node, most important first; `world` is the state at the cursor.
+    pub fn differences_of(&self, world: Option<&ReplayState>, (bus, node): NodeKey) -> &[Difference] {
+        let bus = world.and_then(|world| world.buses().get(usize::from(bus.0)));
+        bus.zip(self.difference_marks()).map_or(&[], |(bus, marks)| marks.of_node(bus.name(), node))
+    }
+
+    /// Difference of an object of a node on a bus.
+    pub fn difference_of(&self, bus: &str, node: NodeId, object: ObjectAddress) -> Option<&Difference> {
+        self.difference_marks()?.of_object(bus, node, object)
+    }
+
+    /// Number of objects of a node on a bus that differ.
+    pub fn objects_that_differ(&self, bus: &str, node: NodeId) -> usize {
+        self.difference_marks().map_or(0, |marks| marks.objects_of(bus, node))
+    }
+
+    /// Whether the other capture lacks a finding.
+    pub fn is_new_finding(&self, id: u64) -> bool {
+        self.difference_marks().is_some_and(|marks| marks.is_new_finding(id))
     }
 }
 

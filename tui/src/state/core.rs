@@ -8,10 +8,9 @@ use cobscope_decoder::replay::{EventPosition, ReplayState};
 use cobscope_decoder::session::SessionOptions;
 use cobscope_decoder::sink::escape;
 
-use super::against::OtherCapture;
+use super::against::CaptureDifferences;
 use super::place::PositionPreview;
 use super::{JumpPlace, NodeKey, SearchPattern, TimeDisplay};
-use crate::figures::seconds_to;
 use crate::select::{RangeBound, spans_days, wall_clock};
 use crate::theme::{TextRole, Theme};
 use crate::timeline::{
@@ -19,6 +18,7 @@ use crate::timeline::{
     WindowRequest,
 };
 use crate::words::{unheard_note, unknown_bus};
+use cobscope_decoder::figures::seconds_to;
 
 /// State that all panes read; only the application changes it.
 pub struct UiState {
@@ -58,8 +58,8 @@ pub struct UiState {
     pub columns: BTreeMap<String, Vec<String>>,
     /// Buses named by the user, with the option that names them.
     pub named: Vec<(String, &'static str)>,
-    /// Comparison with another capture, if it was requested.
-    pub against: Option<OtherCapture>,
+    /// Comparison with another capture.
+    pub against: CaptureDifferences,
     pub(super) serial: u64,
     pub(super) preview: Option<PositionPreview>,
     target: SeekTarget,
@@ -96,7 +96,7 @@ impl UiState {
             width: 80,
             columns: BTreeMap::new(),
             named: Vec::new(),
-            against: None,
+            against: CaptureDifferences::default(),
             serial: 0,
             preview: None,
             target: SeekTarget::Event(EventPosition::default()),

@@ -3,12 +3,11 @@
 mod against;
 mod clock;
 mod core;
-mod differences;
 mod place;
 mod positions;
 mod search;
 
-pub use against::{DIFFERS, OtherCapture, both_values, other_value};
+pub use against::{CaptureDifferences, DIFFERS, OtherCapture, both_values, other_value};
 pub use clock::TimeDisplay;
 pub use core::UiState;
 pub use place::{JumpPlace, NodeKey};

@@ -1,11 +1,18 @@
 //! Object values of nodes, as `cobscope objects -f json` prints them.
 
+mod expected;
+pub mod text;
+
 use serde::Serialize;
 
+use super::numbers::{format_bytes, seconds_after};
 use crate::ascii::push_hex;
+use crate::escape::escape;
+use crate::frame::Timestamp;
 use crate::profile::{DecodedValue, Persistence};
 use crate::session::{Bus, Node, PendingValue, StoredObject};
 use crate::wire::canopen::ObjectAddress;
+pub use expected::ExpectedValues;
 
 /// The value of one object.
 #[derive(Debug, Clone, Serialize)]
@@ -63,6 +70,29 @@ pub struct WaitingValue {
     pub effective: &'static str,
     /// Frame that carried it.
     pub frame: Option<u64>,
+}
+
+/// An object of a node in a list. Its texts are escaped.
+#[derive(Debug, Clone, Serialize)]
+pub struct ShownObject {
+    /// Frame that carried the value; 0 for a value from a file.
+    pub frame: u64,
+    /// Name of the object.
+    pub name: Option<String>,
+    /// Index and sub-index.
+    pub object: String,
+    /// Origin of the value.
+    pub origin: &'static str,
+    /// Bytes of the new value that is not in effect yet.
+    pub pending: Option<String>,
+    /// Whether the value outlives a restart.
+    pub persists: Option<&'static str>,
+    /// Bytes of the value.
+    pub raw: String,
+    /// Seconds from the first frame to the value.
+    pub time: Option<f64>,
+    /// Value with its unit, and ? if it may have changed since.
+    pub value: Option<String>,
 }
 
 /// A node with its number of known objects.
@@ -129,6 +159,29 @@ impl ObjectRecord {
             unit: known.map(|known| known.unit.clone()).filter(|unit| !unit.is_empty()),
             value: value.and_then(ObjectValue::new),
             waiting: node.store().waiting_value(object).map(WaitingValue::new),
+        }
+    }
+}
+
+impl ShownObject {
+    /// An object of a node; `zero` is the time of the first frame.
+    pub fn new(
+        node: &Node,
+        (object, entry): (ObjectAddress, &StoredObject),
+        zero: Option<Timestamp>,
+    ) -> Self {
+        let meaning = node.meaning(object);
+        let value = meaning.as_ref().map(|meaning| meaning.format_value(&meaning.decode(&entry.value)));
+        Self {
+            frame: entry.origin.frame,
+            name: meaning.map(|meaning| escape(&meaning.name).into_owned()),
+            object: object.to_string(),
+            origin: entry.origin.kind.origin_text(),
+            pending: node.store().waiting_value(object).map(|pending| format_bytes(&pending.value)),
+            persists: node.persistence_text(object).map(Persistence::name),
+            raw: format_bytes(&entry.value),
+            time: seconds_after(entry.origin.time, zero),
+            value: value.map(|value| format!("{}{}", escape(&value), if entry.stale { "?" } else { "" })),
         }
     }
 }

@@ -1,7 +1,10 @@
 //! Statistics of a capture, as `cobscope stats -f json` prints them: times in s, intervals in ms.
 
+mod addresses;
 mod figures;
 mod nodes;
+pub mod phrases;
+pub mod text;
 
 use std::collections::BTreeMap;
 

@@ -1,6 +1,6 @@
 //! Buses and the zero of times, for all parts of an answer.
 
-use crate::answers::event_object::EventObject;
+use crate::answers::EventObject;
 use crate::answers::numbers::to_seconds;
 use crate::event::Event;
 use crate::finding::Occurrence;

@@ -2,10 +2,11 @@
 
 mod ground;
 mod situation;
+pub mod text;
 
 use serde::Serialize;
 
-use super::event_object::EventObject;
+use super::events::EventObject;
 use super::statistics::SdoDialogue;
 use crate::diagnosis::{Story, StoryLine};
 use crate::finding::{Advice, Occurrence};

@@ -19,8 +19,7 @@
 use super::{PendingReply, parse_hexadecimal};
 use crate::capture::text::columns::{self, ColumnWords};
 use crate::capture::text::lines::line_excerpt;
-use crate::capture::text::payload::is_fd_length;
-use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, Timestamp};
+use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, Timestamp, is_fd_length};
 
 /// Longest accepted element, in bytes between its brackets; an FD frame with spaces has 240.
 pub(crate) const LONGEST_ELEMENT: usize = 512;

@@ -3,19 +3,27 @@
 mod asc;
 mod blf;
 mod busmaster;
+mod can_msgs;
 mod candump;
 mod canking;
 mod carbus;
 mod crtd;
 mod csv;
+mod ctt;
+mod elm327;
 mod excerpt;
+mod gvret;
+mod isotpdump;
+mod lawicel;
 pub(super) mod mcap;
 mod mdf4;
 mod microchip;
+mod nmea2000;
 mod pcap;
 mod pcapng;
 mod roadster;
 mod trc;
+mod tshark;
 
 use super::text::line_format::complete_lines;
 use super::{CaptureFormat, WritableFormat};
@@ -27,6 +35,7 @@ pub const FORMATS: &[CaptureFormat] = &[
     pcap::FORMAT,
     blf::FORMAT,
     mdf4::FORMAT,
+    gvret::FORMAT,
     trc::FORMAT,
     asc::FORMAT,
     busmaster::FORMAT,
@@ -36,6 +45,14 @@ pub const FORMATS: &[CaptureFormat] = &[
     crtd::FORMAT,
     roadster::FORMAT,
     csv::FORMAT,
+    nmea2000::ACTISENSE,
+    nmea2000::CANBOAT,
+    lawicel::FORMAT,
+    elm327::FORMAT,
+    can_msgs::FORMAT,
+    isotpdump::FORMAT,
+    tshark::FORMAT,
+    ctt::FORMAT,
     candump::FORMAT,
     excerpt::FORMAT,
 ];

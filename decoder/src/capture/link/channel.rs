@@ -7,6 +7,20 @@ use crate::capture::text::lines::line_excerpt;
 use crate::capture::{Batch, BusNames, CapturePlace, MAX_BUS_NAME, MAX_BUSES, Notice};
 use crate::frame::{BusIndex, FrameFlags, Timestamp};
 
+/// Link types of other bus systems (tcpdump.org, link-layer header types).
+const OTHER_SYSTEMS: &[(u16, &str)] = &[
+    (1, "Ethernet"),
+    (105, "WLAN"),
+    (127, "WLAN"),
+    (189, "USB"),
+    (210, "FlexRay"),
+    (211, "MOST"),
+    (212, "LIN"),
+    (220, "USB"),
+    (249, "USB"),
+    (251, "Bluetooth"),
+];
+
 /// An interface of a packet capture.
 #[derive(Debug, Clone)]
 pub(in crate::capture) struct CaptureInterface {
@@ -167,7 +181,10 @@ impl CaptureInterface {
         let packets = if count == 1 { "packet" } else { "packets" };
         Some(Notice::Assumption(match self.link {
             LinkType::Other(number) => {
-                format!("interface {name} is not CAN (link type {number}): {count} {packets} skipped")
+                let system = OTHER_SYSTEMS.iter().find(|(known, _)| *known == number);
+                let system =
+                    system.map_or_else(|| "not CAN".to_owned(), |(_, name)| format!("{name}, not CAN"));
+                format!("interface {name} is {system} (link type {number}): {count} {packets} skipped")
             }
             _ => format!(
                 "interface {name}: {count} {packets} other than CAN skipped (first protocol 0x{:04X})",

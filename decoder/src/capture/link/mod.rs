@@ -19,7 +19,7 @@ mod socketcan;
 
 pub(super) use channel::{CaptureInterface, PacketHeader, PacketOutput};
 pub use socketcan::kernel_frame;
-pub(super) use socketcan::{IdOrder, parse_common};
+pub(super) use socketcan::{IdOrder, frame_of_packet, parse_common};
 
 use super::byte_order::ByteOrder;
 use crate::frame::FrameFlags;

@@ -17,6 +17,8 @@ use std::fmt;
 
 use super::LinkFrameType;
 use crate::capture::byte_order::ByteOrder;
+use crate::capture::notice::CAN_XL;
+use crate::frame::is_fd_length;
 use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA};
 
 const EXTENDED: u32 = 0x8000_0000;
@@ -87,13 +89,45 @@ fn is_plausible(word: u32) -> bool {
     word & EXTENDED != 0 || word & ABOVE_STANDARD == 0
 }
 
+/// Fields of a CAN XL frame (linux/can.h, `struct canxl_frame`); link type 227 stores the first word big-endian, the
+/// others little-endian.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct XlFields {
+    /// 11 bits.
+    priority: u32,
+    /// Virtual CAN network ID.
+    network: u32,
+    /// SDU type.
+    kind: u8,
+    /// Acceptance field.
+    acceptance: u32,
+    /// 1 to 2,048 bytes.
+    length: u16,
+}
+
+impl XlFields {
+    fn parse(packet: &[u8], order: IdOrder) -> Option<Self> {
+        let head = order.read_word(*packet.first_chunk()?);
+        let little = ByteOrder::Little;
+        Some(Self {
+            priority: head & 0x7FF,
+            network: head >> 16 & 0xFF,
+            kind: *packet.get(5)?,
+            length: little.u16(packet, 6)?,
+            acceptance: little.u32(packet, 8)?,
+        })
+    }
+}
+
 /// Reason why bytes are not a valid frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum InvalidFrame {
     /// Shorter than any frame; contains the size.
     Short(usize),
-    /// CAN XL frame.
-    Xl,
+    /// CAN XL frame, with its fields if all are present.
+    Xl(Option<XlFields>),
+    /// Length that CAN FD does not have.
+    FdLength(u8),
     /// Length above the maximum of the frame type.
     Length { length: u8, limit: u8 },
     /// The recorder stored only a part of the data.
@@ -106,7 +140,18 @@ impl fmt::Display for InvalidFrame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Short(found) => write!(f, "CAN frame: found {found} bytes; expected at least {HEADER}"),
-            Self::Xl => f.write_str("CAN XL frame: not supported"),
+            Self::Xl(None) => write!(f, "{CAN_XL}: not supported"),
+            Self::Xl(Some(XlFields { priority, network, kind, acceptance, length })) => write!(
+                f,
+                "{CAN_XL}: not supported (priority {priority:03X}, VCID {network:02X}, SDT {kind:02X}, AF {acceptance:08X}, \
+                 {length} bytes)"
+            ),
+            Self::FdLength(length) => {
+                write!(
+                    f,
+                    "CAN FD frame: found length {length}; expected 0 to 8, 12, 16, 20, 24, 32, 48 or 64"
+                )
+            }
             Self::Length { length, limit } => {
                 write!(f, "CAN frame: found length {length}; expected at most {limit}")
             }
@@ -167,6 +212,20 @@ pub fn kernel_frame(bytes: &[u8]) -> Result<Frame, String> {
     Ok(frame)
 }
 
+/// Parses the bytes of a packet of link type 227.
+///
+/// # Errors
+/// If the bytes are not a valid frame; describes the content found and expected.
+pub(in crate::capture) fn frame_of_packet(bytes: &[u8]) -> Result<Frame, String> {
+    let mut frame = Frame::EMPTY;
+    let mut order = IdOrder { is_fixed: true, ..IdOrder::new(ByteOrder::Big) };
+    if !bytes.first_chunk().is_some_and(|bytes| is_plausible(u32::from_be_bytes(*bytes))) {
+        return Err("identifier: expected 11 bits, or the mark of 29".to_owned());
+    }
+    parse_frame(bytes, LinkFrameType::Unsaid, &mut order, &mut frame).map_err(|bad| bad.to_string())?;
+    Ok(frame)
+}
+
 /// Parses any frame: writes identifier, flags, length and data to `slot`.
 pub(super) fn parse_frame(
     packet: &[u8],
@@ -176,13 +235,13 @@ pub(super) fn parse_frame(
 ) -> Result<(), InvalidFrame> {
     let Some(&[i0, i1, i2, i3, length, bits, reserved, raw_dlc]) = packet.first_chunk() else {
         return Err(if kind == LinkFrameType::Xl {
-            InvalidFrame::Xl
+            InvalidFrame::Xl(None)
         } else {
             InvalidFrame::Short(packet.len())
         });
     };
     if kind == LinkFrameType::Xl || length & XL_FRAME != 0 {
-        return Err(InvalidFrame::Xl);
+        return Err(InvalidFrame::Xl(XlFields::parse(packet, *order)));
     }
     let word = order.decide_order([i0, i1, i2, i3]);
     // Old recorders store uninitialised memory here in classic frames, so a single bit is not sufficient.
@@ -203,6 +262,9 @@ pub(super) fn parse_frame(
     }
     if length > limit {
         return Err(InvalidFrame::Length { length, limit });
+    }
+    if flags.contains(FrameFlags::FD) && !is_fd_length(length) {
+        return Err(InvalidFrame::FdLength(length));
     }
     let data = packet.get(HEADER..).unwrap_or_default();
     match data.get(..usize::from(length)) {
@@ -294,6 +356,28 @@ mod tests {
     }
 
     #[test]
+    fn can_fd_has_sixteen_lengths() {
+        for length in 0..=64_u8 {
+            let mut packet = vec![0, 0, 1, 0x23, length, 0x04, 0, 0];
+            packet.extend(vec![0; usize::from(length)]);
+            let is_read = read(&packet, LinkFrameType::Unsaid).is_ok();
+            // ISO 11898-1 table 5.
+            let exists = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64].contains(&length);
+            assert_eq!(is_read, exists, "{length}");
+        }
+    }
+
+    #[test]
+    fn fields_of_can_xl_are_stated() {
+        // Priority 123, VCID 45, SDT 03, 100 bytes, AF 11223344.
+        let packet = b"\0\x45\x01\x23\x80\x03\x64\0\x44\x33\x22\x11";
+        let expected = "CAN XL frame: not supported (priority 123, VCID 45, SDT 03, AF 11223344, 100 bytes)";
+        let text = |packet: &[u8]| read(packet, LinkFrameType::Unsaid).unwrap_err().to_string();
+        assert_eq!(text(packet), expected);
+        assert_eq!(text(&packet[..11]), "CAN XL frame: not supported");
+    }
+
+    #[test]
     fn can_fd_is_known_by_link_layer_flag_size_or_length() {
         let mut packet = vec![0, 0, 1, 0x23, 12, 0x05, 0, 0];
         packet.extend([0xAB; 12]);
@@ -326,7 +410,7 @@ mod tests {
         assert_eq!(bad(b"1234567", LinkFrameType::Unsaid), "CAN frame: found 7 bytes; expected at least 8");
         assert_eq!(
             bad(b"\0\0\x01\x23\x80\0\x0C\0\0\0\0\0xl", LinkFrameType::Unsaid),
-            "CAN XL frame: not supported"
+            "CAN XL frame: not supported (priority 123, VCID 00, SDT 00, AF 00000000, 12 bytes)"
         );
         assert_eq!(bad(b"", LinkFrameType::Xl), "CAN XL frame: not supported");
         assert_eq!(

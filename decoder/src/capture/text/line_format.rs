@@ -11,7 +11,7 @@ use std::borrow::Cow;
 
 use super::lines::{LineSplitter, LineStep, line_excerpt};
 use crate::capture::{Batch, BusNames, CaptureError, CapturePlace, FormatParser, MAX_BUSES, Notice};
-use crate::frame::{Frame, Timestamp};
+use crate::frame::{BusIndex, Frame, Timestamp};
 
 /// Bus name for formats that have a single bus, or omit its name.
 pub(in crate::capture) const ONLY_BUS: &[u8] = b"1";
@@ -91,8 +91,16 @@ pub(in crate::capture) trait LineFormat: Clone + Send + Sync + 'static {
         assumptions: &mut CaptureAssumptions,
     ) -> Result<Option<ParsedLine<'a>>, LineFault>;
 
+    /// Returns a further frame of the last line, with the time and the bus of its first one.
+    fn next_frame(&mut self) -> Option<Frame> {
+        None
+    }
+
     /// Receives the number of the line, from 1, before [`LineFormat::parse_line`].
     fn at_line(&mut self, _number: u64) {}
+
+    /// Reports at the end of the capture what was skipped, once.
+    fn report_skipped(&mut self, _batch: &mut Batch) {}
 }
 
 /// Parser of a [`LineFormat`].
@@ -104,6 +112,8 @@ pub(in crate::capture) struct LineParser<L> {
     assumptions: CaptureAssumptions,
     frames: u64,
     offset: u64,
+    /// Time and bus of the last frame.
+    last: (Option<Timestamp>, BusIndex),
 }
 
 impl<L: LineFormat> LineParser<L> {
@@ -116,6 +126,7 @@ impl<L: LineFormat> LineParser<L> {
             assumptions: CaptureAssumptions::default(),
             frames: 0,
             offset: 0,
+            last: (None, BusIndex(0)),
         }
     }
 
@@ -153,9 +164,17 @@ impl<L: LineFormat> LineParser<L> {
         if seen.lost {
             batch.add_notice(Notice::LostFrames { place, bus, count: None });
         }
-        self.frames += 1;
-        batch.push(Frame { number: self.frames, time: seen.time.map(Timestamp), bus, ..seen.frame });
+        self.last = (seen.time.map(Timestamp), bus);
+        let frame = seen.frame;
+        self.push_frame(frame, batch);
         Ok(())
+    }
+
+    #[inline]
+    fn push_frame(&mut self, frame: Frame, batch: &mut Batch) {
+        self.frames += 1;
+        let (time, bus) = self.last;
+        batch.push(Frame { number: self.frames, time, bus, ..frame });
     }
 }
 
@@ -163,6 +182,10 @@ impl<L: LineFormat> FormatParser for LineParser<L> {
     fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError> {
         let mut taken = 0;
         while !batch.is_full() {
+            if let Some(frame) = self.format.next_frame() {
+                self.push_frame(frame, batch);
+                continue;
+            }
             let rest = input.get(taken..).unwrap_or_default();
             let length = match self.lines.next(rest, at_end) {
                 LineStep::Line(line, length) => {
@@ -174,6 +197,9 @@ impl<L: LineFormat> FormatParser for LineParser<L> {
             };
             taken += length;
             self.offset += length as u64;
+        }
+        if at_end && taken == input.len() && !batch.is_full() {
+            self.format.report_skipped(batch);
         }
         Ok(taken)
     }

@@ -80,30 +80,36 @@ impl LineSplitter {
     }
 }
 
-/// Counts lines of text around a capture, such as shell prompts.
+/// Kind of lines of text around a capture.
+pub(in crate::capture) const AROUND: &str = "of a shell prompt or Markdown";
+
+/// Counts lines without a frame, by their kind.
 #[derive(Debug, Clone, Default)]
 pub(in crate::capture) struct SkippedLines {
+    kinds: Vec<SkippedKind>,
+}
+
+#[derive(Debug, Clone)]
+struct SkippedKind {
+    /// Text after the number of lines: `of a shell prompt`.
+    kind: &'static str,
     first: u64,
     count: u64,
 }
 
 impl SkippedLines {
     /// Counts the line with this number.
-    pub(in crate::capture) fn add_line(&mut self, line: u64) {
-        if self.count == 0 {
-            self.first = line;
+    pub(in crate::capture) fn add_line(&mut self, kind: &'static str, line: u64) {
+        match self.kinds.iter_mut().find(|known| known.kind == kind) {
+            Some(known) => known.count += 1,
+            None => self.kinds.push(SkippedKind { kind, first: line, count: 1 }),
         }
-        self.count += 1;
     }
 
     /// Reports the lines at the end of the capture, once.
     pub(in crate::capture) fn report_lines(&mut self, batch: &mut Batch) {
-        let Self { first, count } = std::mem::take(self);
-        if count > 0 {
-            let text = format!(
-                "{} of a shell prompt or Markdown skipped (first: line {first})",
-                count_noun(count, "line")
-            );
+        for SkippedKind { kind, first, count } in std::mem::take(&mut self.kinds) {
+            let text = format!("{} {kind} skipped (first: line {first})", count_noun(count, "line"));
             batch.add_notice(Notice::Assumption(text));
         }
     }

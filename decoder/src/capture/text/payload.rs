@@ -1,7 +1,7 @@
 //! Length and payload of frames in formats with a number before the bytes: a DLC, a length, or either.
 
 use super::columns::{NumberBase, parse_data, parse_identifier};
-use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
+use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length, is_fd_length};
 
 /// Expected content if the data do not match the length.
 pub(in crate::capture) const SHORT: &str = "data: fewer bytes than the length";
@@ -12,11 +12,6 @@ pub(in crate::capture) const LENGTH: &str = "length: expected a valid length of 
 /// Expected content if a hexadecimal identifier is invalid.
 pub(in crate::capture) const IDENTIFIER: &str =
     "identifier: expected hex digits, up to 7FF or extended up to 1FFFFFFF";
-
-/// Whether a DLC with this length exists.
-pub(in crate::capture) fn is_fd_length(length: u8) -> bool {
-    (0..=15).any(|dlc| fd_length(dlc) == length)
-}
 
 /// Length, and the DLC of a classic frame if above 8, from a DLC.
 pub(in crate::capture) fn by_dlc(dlc: u8, flags: FrameFlags) -> Option<(u8, u8)> {

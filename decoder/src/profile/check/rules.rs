@@ -39,6 +39,9 @@ impl ProfileCheck<'_> {
         {
             self.report_problem(span, format!("invalid rule name '{name}'; expected a-z, 0-9 and hyphens"));
         }
+        if rule.bus.is_some() || rule.node.is_some() {
+            self.report_problem(span, "bus and node are valid in bus files only");
+        }
         if rule.takes_in.contains(&rule.name) {
             self.report_problem(span, "takes_in contains the rule itself");
         }

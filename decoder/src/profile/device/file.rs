@@ -7,6 +7,7 @@ use std::sync::Arc;
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::expectation::{ExpectEntry, ExpectTable, check_entries};
 use super::{
     AbortText, DeviceIdentity, DeviceProcedure, DeviceProfile, DeviceRule, DeviceVariant, EmcySpec, Gate,
     IdentityChange, J1939Spec, MessageSpec, Monitoring, NmtSpec, PdoArea, PdoSpec, ProfileHint,
@@ -54,6 +55,7 @@ struct RawProfileFile {
     gate: Vec<Spanned<Gate>>,
     procedure: Vec<Spanned<DeviceProcedure>>,
     rule: Vec<Spanned<DeviceRule>>,
+    expect: Vec<ExpectTable>,
     waiver: Vec<RuleWaiver>,
     sample: Vec<Spanned<ProfileSample>>,
 }
@@ -75,6 +77,7 @@ impl RawProfileFile {
 pub struct ProfileFile {
     file: RawProfileFile,
     objects: Arc<DocumentLayer>,
+    expectations: Vec<ExpectEntry>,
 }
 
 impl ProfileFile {
@@ -98,7 +101,7 @@ impl ProfileFile {
         let wrong = |error: toml::de::Error| vec![TextError::of_toml(text, &error)];
         let mut file: RawProfileFile = compiled::read_without(compiled, OBJECTS).map_err(wrong)?;
         let objects = DocumentLayer::from_compiled(compiled, file.take_tables()).map_err(wrong)?;
-        Ok(Self { file, objects: Arc::new(objects) })
+        Self::with_objects(file, objects, text)
     }
 
     fn from_raw(mut file: RawProfileFile, text: &str) -> Result<Self, Vec<TextError>> {
@@ -111,7 +114,17 @@ impl ProfileFile {
                 .map(|(span, message)| TextError::at_place(text, span, message))
                 .collect());
         }
-        Ok(Self { file, objects: Arc::new(DocumentLayer::new(objects)) })
+        Self::with_objects(file, DocumentLayer::new(objects), text)
+    }
+
+    fn with_objects(
+        mut file: RawProfileFile,
+        objects: DocumentLayer,
+        text: &str,
+    ) -> Result<Self, Vec<TextError>> {
+        let expectations = check_entries(std::mem::take(&mut file.expect), Some(&file.id))
+            .map_err(|(span, message)| vec![TextError::at_place(text, span, message)])?;
+        Ok(Self { file, objects: Arc::new(objects), expectations })
     }
 
     /// Profile id, as used in options.
@@ -143,6 +156,11 @@ impl ProfileFile {
             rule.takes_in.iter().chain(&rule.follows).map(move |name| (name.as_str(), span.clone()))
         })
         .filter(move |(name, _)| !own(name))
+    }
+
+    /// Expectations about each node with the profile.
+    pub fn expectations(&self) -> &[ExpectEntry] {
+        &self.expectations
     }
 
     /// Objects of all variants.
@@ -182,6 +200,7 @@ impl ProfileFile {
             identity_change: file.identity_change.clone(),
             uds: file.uds.of_variant(id),
             codes: file.codes.clone(),
+            expectations: self.expectations.clone(),
             ..DeviceProfile::default()
         };
         device.dictionary.layers.push(self.objects.of_variant(id));

@@ -4,6 +4,7 @@
 
 mod condition;
 mod evaluate;
+mod expectation;
 mod file;
 mod gate;
 mod import;
@@ -30,6 +31,8 @@ pub use evaluate::GateStatus;
 pub(crate) use evaluate::{
     DeviceFacts, LssEvent, SYNC_AGE, TriggerEvent, UpdateSource, ValueUpdate, evaluate_all,
 };
+pub use expectation::{ExpectCondition, ExpectEntry};
+pub(crate) use expectation::{ExpectTable, check_entries};
 pub use file::ProfileFile;
 pub use gate::{Gate, GateFallback};
 pub use import::DescriptionImport;
@@ -131,6 +134,8 @@ pub struct DeviceProfile {
     pub codes: BTreeMap<String, StatusCodes>,
     /// Rules derived from the manual.
     pub rules: Vec<DeviceRule>,
+    /// Expectations about each node with the profile.
+    pub expectations: Vec<ExpectEntry>,
     /// General rules that do not apply to the device.
     pub waivers: Vec<RuleWaiver>,
     /// Objects that decide the meaning of other objects or PDOs.

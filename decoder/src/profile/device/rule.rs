@@ -22,6 +22,7 @@ use toml::Spanned;
 use super::condition::{DeviceConditions, ProfileTrigger, ProfileTriggers};
 use crate::profile::object::{EntryRepetition, NumberList, ONCE, VariantFilter};
 use crate::profile::reference::{ObjectRange, ObjectReference};
+use crate::profile::written::NodeNumber;
 
 /// Requirement of the manual that a capture can violate.
 #[derive(Debug, Clone, Deserialize)]
@@ -33,6 +34,12 @@ pub struct DeviceRule {
     /// channel.
     #[serde(default)]
     pub repeat: EntryRepetition,
+    /// Bus it applies to; in bus files only.
+    #[serde(default)]
+    pub(crate) bus: Option<String>,
+    /// Node it applies to; in bus files only, and required there.
+    #[serde(default)]
+    pub(crate) node: Option<Spanned<NodeNumber>>,
     /// Severity of its findings.
     pub severity: Severity,
     /// Kind of requirement; it determines the other keys.
@@ -195,7 +202,8 @@ pub enum RuleKind {
     Forbidden,
     /// The objects receive only `values`, or multiples of `step`; otherwise like `Forbidden`.
     Permitted,
-    /// `on` does not occur. Without `while` it counts as exercised if the device is present.
+    /// `on` does not occur. Exercised by what is compared with `on`: for a write any write, for a value one of its
+    /// object, for a message one of its kind.
     Never,
     /// `on` occurs at least `ms` after the previous `on`, or after the last `after`. Not checked for the
     /// first `on` after the start of the node or after a silent bus.
@@ -336,6 +344,19 @@ impl DeviceRule {
         (!there).then_some(what)
     }
 
+    /// Problem of a rule that can be found without its device.
+    pub(crate) fn alone_problem(&self) -> Option<String> {
+        let is_part = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-';
+        if self.name.is_empty() || !self.name.bytes().all(is_part) {
+            return Some(format!("invalid rule name '{}'; expected a-z, 0-9 and hyphens", self.name));
+        }
+        if self.repeat.count == 0 {
+            return Some("invalid repeat; expected count > 0".into());
+        }
+        let missing = self.missing_keys()?;
+        Some(format!("a rule of this kind requires {missing}"))
+    }
+
     /// Whether a rule about a list, range or content has its keys, and these keys.
     fn required_of_lists(&self) -> (bool, &'static str) {
         let on =
@@ -420,7 +441,7 @@ impl DeviceRule {
     }
 
     /// Copy for repeat `nth`.
-    pub(super) fn pin_repeat(&self, nth: u16) -> Self {
+    pub(crate) fn pin_repeat(&self, nth: u16) -> Self {
         let stride = self.repeat.stride;
         Self {
             on: self.on.pin_repeat(nth, stride),

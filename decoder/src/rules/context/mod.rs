@@ -105,6 +105,14 @@ impl<'a> RuleContext<'a> {
         FindingAlarm::new(self, node, build_occurrence(time, frames), is_presumed)
     }
 
+    /// Whether the device exempts itself from the rule for this subject.
+    fn is_waived(&self, node: &Node, about: &FindingSubject) -> bool {
+        let info = self.ledger.rules.get(usize::from(self.rule));
+        info.is_some_and(|info| {
+            node.device().waivers.iter().any(|waiver| waives_rule(waiver, &info.name, about))
+        })
+    }
+
     /// Frame before a gap in the traffic of the bus that may be a hole in the capture as well as the absence of the few
     /// nodes on the bus, if the rule checks a time.
     fn ambiguous_gap(&self, at: &Occurrence) -> Option<u64> {
@@ -171,6 +179,9 @@ fn waives_rule(waiver: &RuleWaiver, rule: &str, about: &FindingSubject) -> bool 
 /// Frames queued before a state change may arrive within this time after it, in ns.
 pub(super) const SETTLING: i64 = 20_000_000;
 
+/// Reason for a lower severity of a finding about a PDO whose mapping is the default of the profile.
+pub(in crate::rules) const MAPPING_ASSUMED: &str = "mapping assumed: default of the profile";
+
 /// A finding under construction.
 #[must_use = "a finding is reported by `report` only"]
 pub struct FindingAlarm<'b, 'a> {
@@ -183,6 +194,7 @@ pub struct FindingAlarm<'b, 'a> {
     is_ongoing: bool,
     is_presumed: bool,
     is_reported: bool,
+    is_by_order: bool,
     reason: Option<Box<str>>,
     assumed: Option<&'static str>,
     at: Occurrence,
@@ -207,6 +219,7 @@ impl<'b, 'a> FindingAlarm<'b, 'a> {
             is_ongoing: false,
             is_presumed,
             is_reported: false,
+            is_by_order: false,
             reason: None,
             assumed: None,
             at,
@@ -275,6 +288,12 @@ impl<'b, 'a> FindingAlarm<'b, 'a> {
         self
     }
 
+    /// Marks a finding of a rule about times that the order of frames alone shows.
+    pub(crate) fn shown_by_order(mut self) -> Self {
+        self.is_by_order = true;
+        self
+    }
+
     /// Sets the reason that findings printed as one have in common: an abort code, a closed gate.
     pub(crate) fn with_reason(mut self, reason: &str) -> Self {
         self.reason = Some(reason.into());
@@ -317,6 +336,7 @@ impl<'b, 'a> FindingAlarm<'b, 'a> {
             is_ongoing,
             is_presumed,
             is_reported,
+            is_by_order,
             reason,
             assumed,
             at,
@@ -332,9 +352,7 @@ impl<'b, 'a> FindingAlarm<'b, 'a> {
             None => text(),
         };
         let known = node.and_then(|node| bus.node(node));
-        if let (Some(node), Some(info)) = (known, context.ledger.rules.get(usize::from(rule)))
-            && node.device().waivers.iter().any(|waiver| waives_rule(waiver, &info.name, &about))
-        {
+        if known.is_some_and(|node| context.is_waived(node, &about)) {
             return context.ledger.count_waiver(rule);
         }
         let mut claim = DefectClaim {
@@ -344,6 +362,7 @@ impl<'b, 'a> FindingAlarm<'b, 'a> {
             word,
             is_ongoing,
             is_presumed,
+            is_by_order,
             no_consumer: None,
             reason,
             assumed,

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::carrier::{CarrierPayload, CarrierPlan, RuleField};
+use super::carrier::{CarrierPayload, CarrierPlan, FieldEvidence, RuleField};
 use super::kinds::{self, frames, messages};
 use super::node::NodeRules;
 use super::node_judge::{CheckOccasion, NodeJudge};
@@ -56,6 +56,7 @@ impl NodeJudge<'_> {
         occasion: CheckOccasion<'_>,
         context: &mut RuleContext<'_>,
     ) {
+        let occasion = occasion.with_assumed_mapping(target.plan.is_fixed_assumed);
         let differing = target.plan.fixed.differing_bits(payload.word, payload.bytes.len());
         for number in target.plan.constants.iter().copied() {
             let is_new = self.own.progress.get(number).is_some_and(|progress| !progress.is_counting);
@@ -109,7 +110,8 @@ impl NodeJudge<'_> {
             let waits =
                 |trigger: &ProfileTrigger| matches!(trigger, ProfileTrigger::Message(of) if of.name == name);
             let rules = self.active_rules(|rule| rule_triggers(rule).any(waits));
-            CarrierPlan::new(message.layout.as_deref(), &|_| true, source, rules, &self.own.record.plan)
+            let evidence = |_: &SignalField| FieldEvidence::Certain;
+            CarrierPlan::new(message.layout.as_deref(), &evidence, source, rules, &self.own.record.plan)
         });
         let payload = CarrierPayload::new(message.layout.as_ref(), message.payload(), &message.bytes);
         self.on_values((TriggerEvent::Message(name), None), &plan, &payload, event, context);
@@ -132,6 +134,10 @@ impl NodeJudge<'_> {
         let mut follows = false;
         let (time, frame, is_sent) = (context.now, event.frames.last, plan.source == UpdateSource::Sent);
         for field in &plan.fields {
+            if field.is_assumed {
+                numbers.push((None, field.field_number(payload)));
+                continue;
+            }
             let (before, now) = (self.own.record.last.raw_value(field.place), field.field_number(payload));
             if let Some(raw) = now {
                 follows |= before != now && !field.stretches.is_empty();
@@ -150,6 +156,7 @@ impl NodeJudge<'_> {
             self.own.record.last.store_payload(number, payload, (time, frame));
             self.list_awake((number, name), plan, time);
         }
+        self.exercise_values((carrier, plan, payload), &numbers, occasion, context);
         for number in plan.rules.iter().copied() {
             if !self.proven_facts(time).can_rest(number) {
                 self.judge_one(number, occasion, context, |case, progress, context| {
@@ -169,6 +176,28 @@ impl NodeJudge<'_> {
             self.follow_values(plan, &numbers, occasion, context);
         }
         self.own.scratch = numbers;
+    }
+
+    /// Counts the rules about events that must not occur, with which the PDO or message or one of its values is compared.
+    fn exercise_values(
+        &mut self,
+        (carrier, plan, payload): (TriggerEvent<'_>, &CarrierPlan, &CarrierPayload<'_>),
+        numbers: &[(Option<i64>, Option<i64>)],
+        occasion: CheckOccasion<'_>,
+        context: &mut RuleContext<'_>,
+    ) {
+        let is_open = |number: &usize| self.own.progress.get(*number).is_some_and(|it| !it.is_exercised);
+        if !plan.forbidding.iter().any(is_open) {
+            return;
+        }
+        self.exercise_rules(&plan.forbidding, &carrier, occasion, context);
+        for (field, (before, now)) in plan.fields.iter().zip(numbers) {
+            if let Some(raw) = now
+                && let Some(update) = self.value_update(field, (*before, *raw), (plan, payload))
+            {
+                self.exercise_rules(&plan.forbidding, &TriggerEvent::Value(update), occasion, context);
+            }
+        }
     }
 
     /// Determines which rules about a PDO do not rest, until conditions may change.
@@ -292,10 +321,24 @@ impl NodeJudge<'_> {
         occasion: CheckOccasion<'_>,
         context: &mut RuleContext<'_>,
     ) {
-        let field = payload.layout.and_then(|layout| layout.fields.get(watched.field));
-        let (Some(object), Some(field)) = (field.and_then(SignalField::object), field) else { return };
+        let Some(update) = self.value_update(watched, (before, raw), (plan, payload)) else { return };
+        let occasion = occasion.with_assumed_mapping(watched.is_assumed);
+        self.judge_one(number, occasion, context, |case, progress, context| {
+            kinds::judge_event(case, progress, &TriggerEvent::Value(update), context);
+        });
+    }
+
+    /// Value of a field in a PDO or message as an update of its object.
+    fn value_update<'p>(
+        &self,
+        watched: &RuleField,
+        (before, raw): (Option<i64>, i64),
+        (plan, payload): (&CarrierPlan, &CarrierPayload<'p>),
+    ) -> Option<ValueUpdate<'p>> {
+        let field = payload.layout.and_then(|layout| layout.fields.get(watched.field))?;
+        let object = field.object()?;
         let before = before.or_else(|| self.node.proven_value(object).map(|(raw, _)| raw));
-        let update = ValueUpdate {
+        Some(ValueUpdate {
             object,
             source: plan.source,
             raw: Some(raw),
@@ -303,10 +346,7 @@ impl NodeJudge<'_> {
             bytes: &[],
             meaning: field.meaning.as_deref(),
             is_fresh: before.is_none() && self.own.record.last.is_fresh,
-        };
-        self.judge_one(number, occasion, context, |case, progress, context| {
-            kinds::judge_event(case, progress, &TriggerEvent::Value(update), context);
-        });
+        })
     }
 
     /// Updates the rules whose `while` depends on a changed value.

@@ -16,12 +16,25 @@ pub(super) struct CarrierPlan {
     pub(super) fields: Vec<RuleField>,
     /// Rules that trigger on the PDO or message itself.
     pub(super) rules: Vec<usize>,
+    /// Rules about events that must not occur, with which a value or the message is compared.
+    pub(super) forbidding: Vec<usize>,
     /// Bits with a fixed content, and the rules about them.
     pub(super) fixed: FixedBits,
     pub(super) constants: Vec<usize>,
+    /// The fixed bits depend on an assumed mapping.
+    pub(super) is_fixed_assumed: bool,
     /// Bits whose change concerns conditions, or rules that check changes; `None` if the values cannot be read from the
     /// first eight bytes on demand.
     pub(super) watched: Option<u64>,
+}
+
+/// Evidence for the place of a field in a PDO or message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum FieldEvidence {
+    Unknown,
+    /// Default of the profile, which nothing contradicts.
+    Assumed,
+    Certain,
 }
 
 /// A field that at least one rule uses.
@@ -33,6 +46,8 @@ pub(super) struct RuleField {
     pub(super) place: usize,
     /// Fast extraction from the first eight bytes, if possible.
     pub(super) cut: Option<IntegerPosition>,
+    /// The place of the field is assumed: its value proves no condition.
+    pub(super) is_assumed: bool,
     /// Conditions use the value, and it never expires.
     pub(super) decides: bool,
     /// Rules that check the value.
@@ -69,27 +84,41 @@ impl<'a> CarrierPayload<'a> {
 }
 
 impl CarrierPlan {
-    /// Builds the table for the certain fields of a layout; `rules` trigger on the PDO or message itself.
+    /// Builds the table for the fields of a layout with a known or assumed place; `rules` trigger on the PDO or message
+    /// itself.
     #[cold]
     pub(super) fn new(
         layout: Option<&PayloadLayout>,
-        is_certain: &dyn Fn(&SignalField) -> bool,
+        evidence: &dyn Fn(&SignalField) -> FieldEvidence,
         source: UpdateSource,
         rules: Vec<usize>,
         plan: &RulePlan,
     ) -> Self {
         let fields = layout.into_iter().flat_map(|layout| layout.fields.iter().enumerate());
-        let fields = fields.filter(|(_, of)| is_certain(of));
-        let fields: Vec<_> =
-            fields.filter_map(|(field, of)| RuleField::new(field, of, source, plan)).collect();
+        let fields = fields.filter_map(|(field, of)| match evidence(of) {
+            FieldEvidence::Certain => RuleField::new(field, of, source, plan),
+            FieldEvidence::Assumed => RuleField::new(field, of, source, plan)?.only_assumed(),
+            FieldEvidence::Unknown => None,
+        });
+        let fields: Vec<_> = fields.collect();
         let watched = watched_bits(&fields);
-        Self { source, fields, rules, fixed: FixedBits::default(), constants: Vec::new(), watched }
+        let is_forbidden = |number: &usize| {
+            rules.contains(number)
+                || fields.iter().any(|field| field.clauses.iter().any(|clause| clause.number == *number))
+        };
+        let forbidding = plan.forbidding.iter().copied().filter(is_forbidden).collect();
+        let (fixed, constants, is_fixed_assumed) = (FixedBits::default(), Vec::new(), false);
+        Self { source, fields, rules, forbidding, fixed, constants, is_fixed_assumed, watched }
     }
 
     /// Adds the rules about bits with a fixed content.
-    pub(super) fn with_constants(mut self, layout: Option<&PayloadLayout>, rules: Vec<usize>) -> Self {
+    pub(super) fn with_constants(
+        mut self,
+        (layout, is_assumed): (Option<&PayloadLayout>, bool),
+        rules: Vec<usize>,
+    ) -> Self {
         if let Some(layout) = layout.filter(|layout| layout.fixed.mask != 0 && !rules.is_empty()) {
-            (self.fixed, self.constants) = (layout.fixed, rules);
+            (self.fixed, self.constants, self.is_fixed_assumed) = (layout.fixed, rules, is_assumed);
         }
         self
     }
@@ -132,10 +161,18 @@ impl RuleField {
             field,
             place,
             cut: IntegerPosition::position_of(of),
+            is_assumed: false,
             decides: watched.is_condition && !watched.is_measured,
             clauses: clauses.collect(),
             stretches: plan.stretches.iter().filter(is_followed).copied().collect(),
         })
+    }
+
+    /// The field for an assumed place: only rules that check each value on its own use it.
+    fn only_assumed(mut self) -> Option<Self> {
+        self.clauses.retain(|clause| clause.is_for_each());
+        (self.is_assumed, self.decides, self.stretches) = (true, false, Vec::new());
+        (!self.clauses.is_empty()).then_some(self)
     }
 
     /// Value of the field if it is numeric.

@@ -19,6 +19,8 @@ pub(super) struct RuleCase<'a> {
     /// Event to check; None at a deadline.
     pub(super) event: Option<&'a Event>,
     pub(super) frames: FrameRange,
+    /// Assumption on which the value to check depends.
+    pub(super) assumed: Option<&'static str>,
 }
 
 impl RuleCase<'_> {
@@ -67,7 +69,7 @@ impl RuleCase<'_> {
             Some(event) => context.start_finding(event).at_node(node),
             None => context.fail_at(context.now, node, self.frames),
         };
-        alarm.with_subject(about_event(event, self.event))
+        alarm.with_subject(about_event(event, self.event)).with_assumption(self.assumed)
     }
 
     /// Sets the deadline and requests a wake-up.

@@ -12,6 +12,21 @@ fn rule_name(device: &DeviceProfile, rule: &str) -> Arc<str> {
     format!("{}:{rule}", device.id).into()
 }
 
+/// Description of a rule of a single node.
+pub(in crate::rules) fn node_rule_info(rule: &DeviceRule) -> RuleInfo {
+    describe_rule(
+        rule,
+        rule.name.as_str().into(),
+        if rule.source.is_empty() { "the bus file" } else { &rule.source },
+    )
+}
+
+/// Relations of a rule of a single node; it names other rules in full.
+pub(super) fn node_rule_relations(rule: &DeviceRule) -> RuleRelations {
+    let full = |names: &[String]| names.iter().map(|name| name.as_str().into()).collect();
+    RuleRelations { takes_in: full(&rule.takes_in), follows: full(&rule.follows) }
+}
+
 /// Full names of the rules in `takes_in` and `follows`: of the same profile, else general rules.
 pub(super) fn rule_relations(device: &DeviceProfile, rule: &DeviceRule) -> RuleRelations {
     let is_own = |wanted: &str| device.rules.iter().any(|own| own.name == wanted);
@@ -25,7 +40,10 @@ pub(super) fn rule_relations(device: &DeviceProfile, rule: &DeviceRule) -> RuleR
 
 /// Description of a device rule.
 pub(super) fn rule_info(device: &DeviceProfile, rule: &DeviceRule) -> RuleInfo {
-    let source = device.cite_section(&rule.source);
+    describe_rule(rule, rule_name(device, &rule.name), &device.cite_section(&rule.source))
+}
+
+fn describe_rule(rule: &DeviceRule, name: Arc<str>, source: &str) -> RuleInfo {
     let note = if rule.note.is_empty() { String::new() } else { format!("\n# Assumption\n{}\n", rule.note) };
     let next = if rule.next.is_empty() {
         String::new()
@@ -35,7 +53,7 @@ pub(super) fn rule_info(device: &DeviceProfile, rule: &DeviceRule) -> RuleInfo {
     let (text, kind) = (&rule.text, kind_text(rule.kind));
     let explanation = format!("# What it checks\n{text}. {kind}\n{note}\n# Source\n{source}\n{next}");
     RuleInfo {
-        name: rule_name(device, &rule.name),
+        name,
         severity: rule.severity,
         title: rule.text.as_str().into(),
         explanation: explanation.into(),

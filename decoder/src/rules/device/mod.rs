@@ -1,4 +1,4 @@
-//! Rules of devices: `[[rule]]` in their profiles.
+//! Rules of devices: `[[rule]]` in their profiles, and of single nodes in the bus file.
 //!
 //! ```text
 //! Event ─DeviceRules─▶ nodes it concerns ─NodeJudge─▶ TriggerEvent ─kinds─▶ one file per family of kinds ─▶ Context
@@ -45,4 +45,5 @@ mod transfer;
 mod values;
 
 pub(super) use dispatch::DeviceRules;
+pub(super) use info::node_rule_info;
 pub(super) use roster::may_attach;

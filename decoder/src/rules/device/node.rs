@@ -56,7 +56,7 @@ impl NodeRules {
         };
         Self {
             record,
-            progress: vec![RuleProgress::default(); plan.device.rules.len()],
+            progress: vec![RuleProgress::default(); plan.places.len()],
             is_present: false,
             scratch: Vec::new(),
             carriers: CarrierPlans::default(),
@@ -72,7 +72,7 @@ impl NodeRules {
 
     /// Interrupts all intervals, counts and orders after a silence or lost frames.
     pub(super) fn interrupt_measurements(&mut self) {
-        for (progress, rule) in self.progress.iter_mut().zip(&self.record.plan.device.rules) {
+        for (progress, rule) in self.progress.iter_mut().zip(self.record.plan.all_rules()) {
             if matches!(rule.kind, RuleKind::MinInterval | RuleKind::MaxInterval | RuleKind::MaxCount) {
                 progress.interrupt_intervals();
             }
@@ -85,7 +85,7 @@ impl NodeRules {
 
     /// Handles the reconfiguration of a PDO: its absence proves nothing until it occurs again.
     pub(super) fn on_reconfiguration(&mut self, name: PdoName) {
-        for (progress, rule) in self.progress.iter_mut().zip(&self.record.plan.device.rules) {
+        for (progress, rule) in self.progress.iter_mut().zip(self.record.plan.all_rules()) {
             if matches!(rule.kind, RuleKind::MaxInterval | RuleKind::Follow) && waits_for(rule, name) {
                 (progress.last, progress.deadline, progress.is_counting) = (None, None, false);
             }

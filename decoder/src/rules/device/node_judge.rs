@@ -15,6 +15,7 @@ use crate::event::{
 use crate::profile::device::{DeviceRule, LssEvent, RuleKind, TriggerEvent, UpdateSource, ValueUpdate};
 use crate::profile::{PdoName, as_integer, lss_names};
 use crate::rules::RuleContext;
+use crate::rules::context::MAPPING_ASSUMED;
 use crate::session::{Bus, Node};
 use crate::wire::canopen::lss::LssContent;
 use crate::wire::canopen::nmt::NmtService;
@@ -39,16 +40,23 @@ pub(super) struct NodeJudge<'a> {
 pub(super) struct CheckOccasion<'a> {
     pub(super) event: Option<&'a Event>,
     pub(super) frames: FrameRange,
+    /// Assumption on which the value to check depends.
+    pub(super) assumed: Option<&'static str>,
 }
 
 impl<'a> CheckOccasion<'a> {
     pub(super) fn occasion_of(event: &'a Event) -> Self {
-        Self { event: Some(event), frames: event.frames }
+        Self { event: Some(event), frames: event.frames, assumed: None }
+    }
+
+    /// The same occasion for a value that depends on an assumed mapping, if it does.
+    pub(super) fn with_assumed_mapping(self, is_assumed: bool) -> Self {
+        Self { assumed: is_assumed.then_some(MAPPING_ASSUMED), ..self }
     }
 
     /// Occasion of an expired deadline.
     pub(super) fn of_time(bus: &Bus) -> Self {
-        Self { event: None, frames: FrameRange::one(bus.last_frame()) }
+        Self { event: None, frames: FrameRange::one(bus.last_frame()), assumed: None }
     }
 }
 
@@ -90,8 +98,8 @@ impl NodeJudge<'_> {
         let Self { bus, id, node, others, .. } = *self;
         let facts = ProvenFacts { bus, id, node, own, others, now: context.now };
         let before = std::mem::replace(&mut context.rule, place);
-        let CheckOccasion { event, frames } = occasion;
-        task(&RuleCase { facts, rule, number, event, frames }, progress, context);
+        let CheckOccasion { event, frames, assumed } = occasion;
+        task(&RuleCase { facts, rule, number, event, frames, assumed }, progress, context);
         context.rule = before;
     }
 
@@ -107,12 +115,8 @@ impl NodeJudge<'_> {
     fn pass_by_presence(&mut self, occasion: CheckOccasion<'_>, context: &mut RuleContext<'_>) {
         self.own.is_present = true;
         self.own.record.present = Some(context.now);
-        let by_presence = |rule: &DeviceRule| match rule.kind {
-            RuleKind::Never => rule.during.0.is_empty() && !rule.is_scoped(),
-            RuleKind::ReservedId => true,
-            _ => false,
-        };
-        for number in self.active_rules(by_presence) {
+        // The identifier of each frame is compared with the reserved ones.
+        for number in self.active_rules(|rule| rule.kind == RuleKind::ReservedId) {
             self.judge_one(number, occasion, context, |_, _, context| context.count_pass());
         }
         for number in
@@ -132,6 +136,23 @@ impl NodeJudge<'_> {
         }
     }
 
+    /// Counts the rules about forbidden events that are compared with the event.
+    pub(super) fn exercise_rules(
+        &mut self,
+        rules: &[usize],
+        event: &TriggerEvent<'_>,
+        occasion: CheckOccasion<'_>,
+        context: &mut RuleContext<'_>,
+    ) {
+        for number in rules.iter().copied() {
+            if self.own.progress.get(number).is_some_and(|progress| !progress.is_exercised) {
+                self.judge_one(number, occasion, context, |case, progress, context| {
+                    kinds::exercise_never(case, progress, event, context);
+                });
+            }
+        }
+    }
+
     /// Runs all rules that the event concerns.
     fn judge_event(
         &mut self,
@@ -139,6 +160,8 @@ impl NodeJudge<'_> {
         occasion: CheckOccasion<'_>,
         context: &mut RuleContext<'_>,
     ) {
+        let plan = Arc::clone(&self.own.record.plan);
+        self.exercise_rules(&plan.forbidding, event, occasion, context);
         for number in self.active_rules(|rule| concerns_rule(rule, event)) {
             self.judge_one(number, occasion, context, |case, progress, context| {
                 kinds::judge_event(case, progress, event, context);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::carrier::CarrierPlan;
+use super::carrier::{CarrierPlan, FieldEvidence};
 use super::kinds::frames;
 use super::node::NodeRules;
 use super::plan::{RulePlan, waits_for};
@@ -120,9 +120,14 @@ fn pdo_target(
     let source = if is_received { UpdateSource::Received } else { UpdateSource::Sent };
     let constants =
         numbers(&|rule| rule.kind == RuleKind::Constant && rule.on.0.contains(&ProfileTrigger::Pdo(name)));
-    let is_certain = |field: &SignalField| is_whole || is_in_all_layouts(field, device, name);
-    let plan = CarrierPlan::new(layout, &is_certain, source, numbers(&|rule| waits_for(rule, name)), plan)
-        .with_constants(layout.filter(|_| is_whole), constants);
+    let is_assumed = layout.is_some_and(|layout| is_default(layout, pdo));
+    let evidence = |field: &SignalField| match () {
+        () if is_whole || is_in_all_layouts(field, device, name) => FieldEvidence::Certain,
+        () if is_assumed => FieldEvidence::Assumed,
+        () => FieldEvidence::Unknown,
+    };
+    let plan = CarrierPlan::new(layout, &evidence, source, numbers(&|rule| waits_for(rule, name)), plan)
+        .with_constants((layout.filter(|_| is_whole || is_assumed), !is_whole), constants);
     let requests = numbers(&|rule| is_own && rule.kind == RuleKind::RemoteLength);
     let is_empty = plan.is_empty() && requests.is_empty();
     (!is_empty).then_some(PdoTarget { id, name, is_own, plan, carrier: None, requests })
@@ -146,12 +151,16 @@ fn is_in_all_layouts(field: &SignalField, device: &DeviceProfile, name: PdoName)
     specs.peek().is_some() && specs.all(has_field)
 }
 
+/// Whether a mapping is the default of the profile, with the length of the PDO.
+fn is_default(layout: &PayloadLayout, pdo: &DecodedPdo) -> bool {
+    layout.origin == LayoutOrigin::Profile && layout.bits == u16::from(pdo.length) * 8
+}
+
 /// Whether the fields of a PDO are reliable: the mapping was seen on the wire, set by the user or is fixed. A
 /// default mapping is reliable if the length matches and no mode selects the mapping.
 fn is_trusted(layout: &PayloadLayout, device: &DeviceProfile, pdo: &DecodedPdo) -> bool {
     let mut specs = device.pdos.iter().filter(|spec| spec.pdo == pdo.name);
     !layout.assumed
-        || layout.origin == LayoutOrigin::Profile
-            && layout.bits == u16::from(pdo.length) * 8
+        || is_default(layout, pdo)
             && specs.all(|spec| spec.mapping == MappingSource::Default && spec.when.is_none())
 }

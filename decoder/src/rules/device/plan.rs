@@ -16,7 +16,9 @@ use crate::wire::canopen::ObjectAddress;
 #[derive(Debug)]
 pub(super) struct RulePlan {
     pub(super) device: Arc<DeviceProfile>,
-    /// Ledger index of each rule, in profile order; None for a rule that is switched off.
+    /// Rules of the bus file for the node; their indices follow those of the profile.
+    pub(super) added: Vec<Arc<DeviceRule>>,
+    /// Ledger index of each rule, in this order; None for a rule that is switched off.
     pub(super) places: Vec<Option<u16>>,
     /// Objects that rules use, sorted.
     watched: Vec<WatchedObject>,
@@ -26,6 +28,8 @@ pub(super) struct RulePlan {
     pub(super) syncs: Vec<usize>,
     /// Rules that need an update of `while` after every event.
     pub(super) stretches: Vec<usize>,
+    /// Rules about events that must not occur.
+    pub(super) forbidding: Vec<usize>,
     /// Groups sent on request only, and their rules.
     pub(super) requested: Vec<(u32, usize)>,
     /// Event kinds that the rules need, for CANopen and for J1939 nodes.
@@ -45,21 +49,33 @@ pub(super) struct WatchedObject {
 }
 
 impl RulePlan {
-    /// Creates the plan of a device and registers its rules in the ledger.
-    pub(super) fn new(device: &Arc<DeviceProfile>, ledger: &mut FindingLedger) -> Self {
+    /// Creates the plan of a device with rules of the bus file, and registers all rules in the ledger.
+    pub(super) fn new(
+        device: &Arc<DeviceProfile>,
+        added: Vec<Arc<DeviceRule>>,
+        ledger: &mut FindingLedger,
+    ) -> Self {
         let mut plan = Self {
             device: Arc::clone(device),
+            added: Vec::new(),
             places: Vec::new(),
             watched: Vec::new(),
             pdos: Vec::new(),
             syncs: Vec::new(),
             stretches: Vec::new(),
+            forbidding: Vec::new(),
             requested: Vec::new(),
             kinds: (KindSet::NONE, KindSet::NONE),
         };
         let mut kinds = ALWAYS;
-        for (number, rule) in device.rules.iter().enumerate() {
-            let place = ledger.add_rule(info::rule_info(device, rule), info::rule_relations(device, rule));
+        let own = device
+            .rules
+            .iter()
+            .map(|rule| (rule, info::rule_info(device, rule), info::rule_relations(device, rule)));
+        let of_node =
+            added.iter().map(|rule| (&**rule, info::node_rule_info(rule), info::node_rule_relations(rule)));
+        for (number, (rule, info, relations)) in own.chain(of_node).enumerate() {
+            let place = ledger.add_rule(info, relations);
             plan.places.push(place);
             if place.is_some() {
                 plan.take_rule(number, rule, &mut kinds);
@@ -68,6 +84,7 @@ impl RulePlan {
         plan.watched.sort_by_key(|watched| watched.object);
         plan.pdos.sort_unstable();
         plan.pdos.dedup();
+        plan.added = added;
         plan.kinds = (kinds.and(OF_J1939.complement()), kinds.and(OF_J1939.or(OF_J1939_AND_CANOPEN)));
         plan
     }
@@ -87,12 +104,22 @@ impl RulePlan {
     #[inline]
     pub(super) fn active_rule(&self, number: usize) -> Option<(&DeviceRule, u16)> {
         let place = self.places.get(number).copied().flatten()?;
-        Some((self.device.rules.get(number)?, place))
+        Some((self.rule(number)?, place))
+    }
+
+    fn rule(&self, number: usize) -> Option<&DeviceRule> {
+        let of_node = || Some(&**self.added.get(number.checked_sub(self.device.rules.len())?)?);
+        self.device.rules.get(number).or_else(of_node)
+    }
+
+    /// All rules in the order of their indices.
+    pub(super) fn all_rules(&self) -> impl Iterator<Item = &DeviceRule> {
+        self.device.rules.iter().chain(self.added.iter().map(|rule| &**rule))
     }
 
     /// Active rules with their indices.
     pub(super) fn active_rules(&self) -> impl Iterator<Item = (usize, &DeviceRule)> {
-        let on = self.device.rules.iter().zip(&self.places).enumerate();
+        let on = self.all_rules().zip(&self.places).enumerate();
         on.filter(|(_, (_, place))| place.is_some()).map(|(number, (rule, _))| (number, rule))
     }
 
@@ -150,6 +177,9 @@ impl RulePlan {
         }
         if follows_while(rule) {
             self.stretches.push(number);
+        }
+        if rule.kind == RuleKind::Never {
+            self.forbidding.push(number);
         }
     }
 
@@ -264,7 +294,7 @@ fn kinds_of(trigger: &ProfileTrigger) -> KindSet {
         ProfileTrigger::Emcy(_) => &[Kind::Emcy],
         ProfileTrigger::Boot | ProfileTrigger::PowerOn => &[Kind::BootUp, Kind::Emcy],
         ProfileTrigger::Lss(_) => &[Kind::Lss],
-        ProfileTrigger::Guard => &[Kind::GuardRequest],
+        ProfileTrigger::Guard => &[Kind::GuardRequest, Kind::Heartbeat, Kind::GuardReply],
         ProfileTrigger::Reports(_) => &[Kind::Heartbeat, Kind::GuardReply],
     })
 }

@@ -44,6 +44,8 @@ pub(super) struct RuleProgress {
     pub(super) is_prepared: Option<bool>,
     /// Bit mask of the steps of a sequence that have occurred.
     pub(super) done: u64,
+    /// A forbidden event could have occurred, in the current interval of `while`, or of `since` and `until`.
+    pub(super) is_exercised: bool,
     /// An event of `on` occurred.
     pub(super) has_begun: bool,
     /// Time at which the required earlier event became necessary again.
@@ -74,8 +76,8 @@ impl RuleProgress {
 
     /// The node restarted: all but the order of events is void.
     pub(super) fn reset_after_restart(&mut self) {
-        let Self { is_prepared, voided, has_begun, .. } = *self;
-        *self = Self { is_prepared, has_begun, voided, ..Self::default() };
+        let Self { is_prepared, is_exercised, has_begun, voided, .. } = *self;
+        *self = Self { is_prepared, is_exercised, has_begun, voided, ..Self::default() };
     }
 
     /// Neither an interval nor a count continues.

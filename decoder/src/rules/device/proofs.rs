@@ -35,7 +35,7 @@ pub(super) type ProofAge = (u64, u64);
 
 impl RuleProofs {
     pub(super) fn new(plan: &RulePlan) -> Self {
-        Self(plan.device.rules.iter().map(|rule| RuleProof::new(rule, plan)).collect())
+        Self(plan.all_rules().map(|rule| RuleProof::new(rule, plan)).collect())
     }
 
     #[inline]

@@ -6,7 +6,8 @@ use super::node::NodeRules;
 use super::node_judge::NodeJudge;
 use super::plan::RulePlan;
 use crate::event::{Event, EventKind, Kind, KindSet};
-use crate::profile::DeviceProfile;
+use crate::profile::device::DeviceRule;
+use crate::profile::{DeviceProfile, plain_device};
 use crate::rules::ledger::FindingLedger;
 use crate::session::{Bus, Node};
 use crate::wire::{NodeId, NodeMap};
@@ -24,7 +25,7 @@ const ATTACHING: KindSet = KindSet::of(&[Kind::NodeIdentified, Kind::NodeIdChang
 pub(super) struct NodeRoster {
     pub(super) nodes: NodeMap<Box<NodeRules>>,
     pub(super) ids: Vec<NodeId>,
-    /// Shared rule plans, one per device.
+    /// Rule plans, one per device, and one per node with rules of its own.
     plans: Vec<Arc<RulePlan>>,
 }
 
@@ -32,8 +33,14 @@ impl NodeRoster {
     /// Assigns the rules of its current device to each node.
     pub(super) fn attach_rules(&mut self, bus: &Bus, ledger: &mut FindingLedger) {
         for id in NodeId::all_ids() {
-            let device = bus.node(id).filter(|node| node.assigned_by().is_some()).map(Node::device);
-            let device = device.filter(|device| !device.rules.is_empty());
+            let added = ledger.node_rules(bus.name(), id);
+            let assigned = bus.node(id).filter(|node| node.assigned_by().is_some()).map(Node::device);
+            let with_rules = assigned.filter(|device| !device.rules.is_empty());
+            // The first frame of a node that is not assigned to a device does not call this function.
+            let device = match with_rules {
+                None if !added.is_empty() => Some(bus.node(id).map_or(plain_device(), Node::device)),
+                device => device,
+            };
             let is_same = match (self.nodes.get(id), device) {
                 (Some(own), Some(device)) => Arc::ptr_eq(&own.record.plan.device, device),
                 (None, None) => true,
@@ -44,7 +51,7 @@ impl NodeRoster {
             }
             self.nodes.remove(id);
             if let Some(device) = device {
-                let plan = self.plan_for(device, ledger);
+                let plan = self.plan_for(device, added, ledger);
                 self.nodes.insert(id, Box::new(NodeRules::new(&plan)));
             }
         }
@@ -52,11 +59,17 @@ impl NodeRoster {
         self.ids = self.nodes.iter().map(|(id, _)| id).collect();
     }
 
-    fn plan_for(&mut self, device: &Arc<DeviceProfile>, ledger: &mut FindingLedger) -> Arc<RulePlan> {
-        if let Some(known) = self.plans.iter().find(|plan| Arc::ptr_eq(&plan.device, device)) {
+    fn plan_for(
+        &mut self,
+        device: &Arc<DeviceProfile>,
+        added: Vec<Arc<DeviceRule>>,
+        ledger: &mut FindingLedger,
+    ) -> Arc<RulePlan> {
+        let is_shared = |plan: &&Arc<RulePlan>| Arc::ptr_eq(&plan.device, device) && plan.added.is_empty();
+        if let Some(known) = self.plans.iter().find(is_shared).filter(|_| added.is_empty()) {
             return Arc::clone(known);
         }
-        let plan = Arc::new(RulePlan::new(device, ledger));
+        let plan = Arc::new(RulePlan::new(device, added, ledger));
         self.plans.push(Arc::clone(&plan));
         plan
     }

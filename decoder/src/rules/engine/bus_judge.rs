@@ -13,10 +13,11 @@ use crate::rules::context::pdo_slot::PdoFrame;
 use crate::rules::context::traffic::PdoTraffic;
 use crate::rules::context::{LEDGER, RuleContext, Wake};
 use crate::rules::device::{self, DeviceRules};
+use crate::rules::expectation::CompiledExpectation;
 use crate::rules::general::longest_period;
-use crate::rules::ledger::{FindingLedger, build_occurrence};
+use crate::rules::ledger::{FindingLedger, RuleRelations, build_occurrence};
 use crate::rules::{REGISTRY, Rule};
-use crate::session::Bus;
+use crate::session::{Bus, Node};
 
 /// Maximum wake-ups in one step of time. Timestamps can leap over years; a rule that requests a wake-up again
 /// and again then gets the next one at the end of the leap.
@@ -46,6 +47,8 @@ pub(super) struct BusJudge {
     pub(super) needs: NeedsTable,
     /// Monotonic time of the bus up to which no frame needs its event because of its time; `i64::MIN` if this is not known.
     pub(super) quiet_until: i64,
+    /// Ids of the profiles whose expectations are among the rules.
+    profiles: Vec<String>,
     /// Last frame whose event is for few rules only, until its event.
     pub(super) counted: Option<CountedFrame>,
     /// Number of the last such frame.
@@ -132,6 +135,7 @@ impl BusJudge {
             has_turned: true,
             needs: NeedsTable::new(),
             quiet_until: i64::MIN,
+            profiles: Vec::new(),
             counted: None,
             last_counted: None,
         };
@@ -155,17 +159,47 @@ impl BusJudge {
         }
         for (number, expectation) in setup.expectations_on(bus.name()) {
             if ledger.rules.get(usize::from(number)).is_some_and(|info| info.is_on) {
-                let kinds = expectation.needed_kinds();
-                let instance = RuleInstance {
-                    number,
-                    rule: expectation.build_rule(),
-                    skips_holes: false,
-                    has_pdos: false,
-                };
-                judge.add_rule(instance, |interests, place| interests.register_kinds(kinds, place));
+                judge.add_expectation(number, expectation);
             }
         }
+        judge.add_expectations_of_profiles(bus, ledger);
         judge
+    }
+
+    fn add_expectation(&mut self, number: u16, expectation: &CompiledExpectation) {
+        let kinds = expectation.needed_kinds();
+        let rule = expectation.build_rule();
+        let instance = RuleInstance { number, rule, skips_holes: false, has_pdos: false };
+        self.add_rule(instance, |interests, place| interests.register_kinds(kinds, place));
+    }
+
+    /// Adds the expectations of profiles that are now assigned to a node.
+    #[cold]
+    fn add_expectations_of_profiles(&mut self, bus: &Bus, ledger: &mut FindingLedger) {
+        for device in bus.nodes().filter(|node| node.assigned_by().is_some()).map(Node::device) {
+            if device.expectations.is_empty() || self.profiles.contains(&device.id) {
+                continue;
+            }
+            self.profiles.push(device.id.clone());
+            for entry in &device.expectations {
+                match CompiledExpectation::compile_entry(entry, "") {
+                    Ok(expectation) => {
+                        let info = expectation.rule_info().clone();
+                        if let Some(number) = ledger.add_rule(info, RuleRelations::default()) {
+                            self.add_expectation(number, &expectation);
+                        }
+                    }
+                    Err(error) => {
+                        let info = CompiledExpectation::broken_info(entry);
+                        if let Some(number) = ledger.add_rule(info, RuleRelations::default()) {
+                            ledger.note_unexercised(number, error.message);
+                        }
+                    }
+                }
+            }
+            self.has_turned = true;
+            self.needs.forget_all();
+        }
     }
 
     fn add_rule(&mut self, instance: RuleInstance, interested: impl Fn(&mut RuleInterests, u16)) {
@@ -280,6 +314,7 @@ impl BusJudge {
         }
         if device::may_attach(&event.kind) {
             self.update_kinds();
+            self.add_expectations_of_profiles(bus, ledger);
         }
     }
 

@@ -25,7 +25,7 @@ const fn contains(subset: PdoSubset, class: usize) -> bool {
         PdoSubset::Received => class & (RECEIVED | REQUEST) == RECEIVED,
         PdoSubset::ReceivedChanged => class & (RECEIVED | REQUEST | ROUTINE) == RECEIVED,
         PdoSubset::Mapped => class & (REQUEST | MAPPED) == MAPPED,
-        PdoSubset::MappedChanged => class & (REQUEST | ROUTINE | MAPPED) == MAPPED,
+        PdoSubset::Changed => class & (REQUEST | ROUTINE) == 0,
     }
 }
 
@@ -233,10 +233,15 @@ mod tests {
         assert_eq!(lists, [wanted, wanted].concat());
         let mut interests = RuleInterests::default();
         declare(&mut interests, PdoSubset::Mapped, 1);
-        declare(&mut interests, PdoSubset::MappedChanged, 2);
+        declare(&mut interests, PdoSubset::Mapped, 2);
         let lists: Vec<_> = interests.pdo.iter().skip(MAPPED).map(Vec::as_slice).collect();
-        let wanted: [&[u16]; 8] = [&[1, 2], &[1, 2], &[], &[], &[1], &[1], &[], &[]];
+        let wanted: [&[u16]; 8] = [&[1, 2], &[1, 2], &[], &[], &[1, 2], &[1, 2], &[], &[]];
         assert_eq!(lists, wanted);
         assert!(interests.pdo.iter().take(MAPPED).all(Vec::is_empty));
+        let mut interests = RuleInterests::default();
+        declare(&mut interests, PdoSubset::Changed, 1);
+        let lists: Vec<_> = interests.pdo.iter().map(Vec::as_slice).collect();
+        let wanted: [&[u16]; 8] = [&[1], &[1], &[], &[], &[], &[], &[], &[]];
+        assert_eq!(lists, [wanted, wanted].concat());
     }
 }

@@ -207,7 +207,8 @@ impl RuleEngine {
         for one in news {
             let Some((group, stated)) = self.ledger.finding_news(one) else { continue };
             let rule = self.ledger.rules.get(usize::from(group.key.rule));
-            let waits = rule.is_some_and(|rule| rule.is_timing) && !is_timed;
+            let waits =
+                rule.is_some_and(|rule| rule.is_timing) && !is_timed && !self.ledger.is_by_order(&one);
             if waits || group.key.bus != bus.index() {
                 self.held.push(one);
                 continue;

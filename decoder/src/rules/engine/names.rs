@@ -4,12 +4,14 @@ use crate::profile::TextError;
 use crate::profile::device::ProfileFile;
 use crate::query::fields::edit_distance;
 use crate::rules::all_declarations;
+use crate::rules::expectation::CompiledExpectation;
 use crate::rules::ledger::causes::cause_table;
 
 /// Number of suggestions for an unknown name.
 const NEAREST: usize = 3;
 
-/// Rule names in a profile that do not match any general rule; `text` is the source of `file`.
+/// Rule names in a profile that do not match any general rule, and invalid expressions of its expectations; `text` is the
+/// source of `file`.
 pub fn check_names(text: &str, file: &ProfileFile) -> Vec<TextError> {
     let is_known =
         |name: &str| cause_table().is_fact(name) || all_declarations().any(|rule| rule.name == name);
@@ -20,7 +22,10 @@ pub fn check_names(text: &str, file: &ProfileFile) -> Vec<TextError> {
         let message = format!("unknown rule '{name}' in {key}; similar rules: {}", similar_rules(name));
         TextError::at_place(text, span, message)
     });
-    wrong.collect()
+    let expressions = file.expectations().iter();
+    wrong
+        .chain(expressions.filter_map(|entry| CompiledExpectation::compile_entry(entry, text).err()))
+        .collect()
 }
 
 /// Rules that share most words with `name`, then by edit distance.

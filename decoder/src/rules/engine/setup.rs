@@ -4,12 +4,13 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::bus_file::{self, BusFile, RuleSettings};
+use crate::bus_file::{BusFile, NodeRule, RuleSettings};
 use crate::finding::RuleInfo;
 use crate::profile::device::DeviceRule;
-use crate::profile::{Catalogue, TextError};
+use crate::profile::{Catalogue, ExpectEntry, TextError};
 use crate::query::fields::edit_distance;
 use crate::rules::declaration::Declaration;
+use crate::rules::device::node_rule_info;
 use crate::rules::expectation::CompiledExpectation;
 use crate::rules::general::all_declarations;
 use crate::rules::policy::RulePolicy;
@@ -48,6 +49,9 @@ impl RuleSetup {
         let mut expectations = Vec::new();
         for written in &file.judgement.expectations {
             expectations.push(add_expectation(&mut policy, written, text)?);
+        }
+        for written in &file.judgement.node_rules {
+            add_node_rule(&mut policy, written, text)?;
         }
         for given in &file.judgement.rules {
             take_settings(&mut policy, given, text)?;
@@ -145,7 +149,7 @@ impl RuleSetup {
 /// Adds an expectation as a rule; returns its index.
 fn add_expectation(
     policy: &mut RulePolicy,
-    written: &bus_file::ExpectEntry,
+    written: &ExpectEntry,
     text: &str,
 ) -> Result<(u16, CompiledExpectation), TextError> {
     let expectation = CompiledExpectation::compile_entry(written, text)?;
@@ -157,6 +161,20 @@ fn add_expectation(
     };
     policy.rules.push(expectation.rule_info().clone());
     Ok((place, expectation))
+}
+
+/// Adds a rule of a node, once for all its repeats.
+fn add_node_rule(policy: &mut RulePolicy, written: &NodeRule, text: &str) -> Result<(), TextError> {
+    let is_repeat = policy.node_rules.iter().any(|known| known.rule.name == written.rule.name);
+    if !is_repeat {
+        if policy.knows_rule(&written.rule.name) {
+            let message = format!("duplicate rule name '{}'", written.rule.name);
+            return Err(TextError::at_place(text, written.span.clone(), message));
+        }
+        policy.rules.push(node_rule_info(&written.rule));
+    }
+    policy.node_rules.push(written.clone());
+    Ok(())
 }
 
 fn check_pattern(policy: &RulePolicy, pattern: &str) -> Result<(), String> {

@@ -1,7 +1,7 @@
-//! Expectations: rules of the user, `[[expect]]` in the bus file.
+//! Expectations: rules as expressions on events, `[[expect]]` in bus files and profiles.
 //!
 //! ```text
-//! bus_file::Expectation ─compile─▶ Expectation ─make, once per bus─▶ Scoped<Task of its kind> : Rule
+//! ExpectEntry ─compile─▶ CompiledExpectation ─once per bus─▶ ScopedTask<task of its kind> : Rule
 //! ```
 //!
 //! A [`ExpectationTask`] checks one kind of expectation; each kind has its own file. [`ScopedTask`] filters events of other
@@ -32,44 +32,66 @@ use self::named::RequiredNames;
 use self::plan::ExpectationPlan;
 use self::task::ExpectationTask;
 use super::{Rule, RuleContext};
-use crate::bus_file;
 use crate::event::{Event, EventKind, KindSet};
 use crate::finding::{MergedFindings, RuleInfo, RuleOrigin};
-use crate::profile::TextError;
+use crate::profile::{ExpectEntry, TextError};
+use crate::session::Bus;
 use crate::wire::NodeId;
 
 /// KIND column of findings of all expectations.
 const WORD: &str = "EXPECT";
+
+/// Nodes that an expectation is about.
+#[derive(Debug, Clone)]
+struct NodeScope {
+    node: Option<NodeId>,
+    /// Id of a profile that is assigned to the nodes.
+    profile: Option<Arc<str>>,
+}
+
+impl NodeScope {
+    #[inline]
+    fn contains_node(&self, node: Option<NodeId>, bus: &Bus) -> bool {
+        match &self.profile {
+            None => self.node.is_none() || node == self.node,
+            Some(profile) => node
+                .and_then(|id| bus.node(id))
+                .is_some_and(|node| node.assigned_by().is_some() && node.device().id == **profile),
+        }
+    }
+}
 
 /// A compiled expectation.
 #[derive(Debug, Clone)]
 pub struct CompiledExpectation {
     info: RuleInfo,
     bus: Option<String>,
-    node: Option<NodeId>,
+    scope: NodeScope,
     is_per_node: bool,
     kinds: KindSet,
     plan: Arc<ExpectationPlan>,
 }
 
 impl CompiledExpectation {
-    /// Compiles an expectation of the bus file; `text` is the source of the file.
+    /// Compiles an expectation of a bus file or profile; `text` is the source of the file.
     ///
     /// # Errors
     /// An invalid expression, or an expression without possible matches, with its position in `text`.
-    pub(in crate::rules) fn compile_entry(
-        written: &bus_file::ExpectEntry,
-        text: &str,
-    ) -> Result<Self, TextError> {
+    pub(in crate::rules) fn compile_entry(written: &ExpectEntry, text: &str) -> Result<Self, TextError> {
         let plan = ExpectationPlan::plan_for(&written.demand, text)?;
         Ok(Self {
-            info: rule_info(written, &plan),
+            info: rule_info(written, &plan.to_string(), plan.is_timing()),
             bus: written.bus.clone(),
-            node: written.node,
+            scope: NodeScope { node: written.node, profile: written.profile.clone() },
             is_per_node: written.is_per_node,
             kinds: plan.needed_kinds(),
             plan: Arc::new(plan),
         })
+    }
+
+    /// Description of an expectation of a profile that cannot be compiled.
+    pub(in crate::rules) fn broken_info(written: &ExpectEntry) -> RuleInfo {
+        rule_info(written, &format!("invalid expectation {}", written.id.text), false)
     }
 
     /// Description of the expectation as a rule.
@@ -121,17 +143,22 @@ impl CompiledExpectation {
     }
 
     fn scope_task<T: ExpectationTask + 'static>(&self, task: T) -> Box<dyn Rule> {
-        Box::new(ScopedTask { node: self.node, named: RequiredNames::names_of(&self.plan, self.node), task })
+        let named = RequiredNames::names_of(&self.plan, self.scope.node);
+        Box::new(ScopedTask { scope: self.scope.clone(), named, task })
     }
 }
 
-fn rule_info(written: &bus_file::ExpectEntry, plan: &ExpectationPlan) -> RuleInfo {
-    let title = plan.to_string();
+fn rule_info(written: &ExpectEntry, title: &str, is_timing: bool) -> RuleInfo {
     let reason = &written.reason;
+    let id = &written.id.text;
+    let (name, source) = match &written.profile {
+        Some(profile) => (format!("{profile}:{id}"), format!("profile {profile}")),
+        None => (id.clone(), "the bus file".to_owned()),
+    };
     let explanation =
-        format!("# What it checks\n{title}\n\n# Why it matters\n{reason}\n\n# Source\nthe bus file\n");
+        format!("# What it checks\n{title}\n\n# Why it matters\n{reason}\n\n# Source\n{source}\n");
     RuleInfo {
-        name: written.id.text.as_str().into(),
+        name: name.into(),
         severity: written.severity,
         title: title.into(),
         explanation: explanation.into(),
@@ -139,7 +166,7 @@ fn rule_info(written: &bus_file::ExpectEntry, plan: &ExpectationPlan) -> RuleInf
         cases: Vec::new(),
         shows: Vec::new(),
         origin: RuleOrigin::Expectation,
-        is_timing: plan.is_timing(),
+        is_timing,
         merge: MergedFindings::Subject,
         is_on: true,
         word: WORD,
@@ -148,9 +175,9 @@ fn rule_info(written: &bus_file::ExpectEntry, plan: &ExpectationPlan) -> RuleInf
     }
 }
 
-/// A task, limited to one node if set.
+/// A task about the nodes of a scope.
 struct ScopedTask<T> {
-    node: Option<NodeId>,
+    scope: NodeScope,
     named: RequiredNames,
     task: T,
 }
@@ -161,7 +188,7 @@ impl<T: ExpectationTask> Rule for ScopedTask<T> {
         if matches!(event.kind, EventKind::BusSilent { .. } | EventKind::ClockStep { .. }) {
             self.task.on_gap(context);
         }
-        if self.node.is_none() || event.node == self.node {
+        if self.scope.contains_node(event.node, context.bus) {
             self.named.on_layout(event, context);
             self.task.on_event(event, context);
         }

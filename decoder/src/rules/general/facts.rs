@@ -3,7 +3,7 @@
 use crate::event::{DecodedPdo, SdoOutcome, SdoTransfer};
 use crate::finding::FindingSubject;
 use crate::frame::CanId;
-use crate::profile::{PdoName, little_endian};
+use crate::profile::{PdoName, connection_set, little_endian};
 use crate::rules::{PdoSlot, RuleContext};
 use crate::session::{Node, OriginKind};
 use crate::wire::canopen::ObjectAddress;
@@ -73,8 +73,7 @@ pub(super) fn cob_identifier(cob_id: u64) -> Option<CanId> {
 
 /// Whether an identifier is restricted by CiA 301 table 40.
 fn is_restricted(id: CanId) -> bool {
-    let CanId::Standard(id) = id else { return false };
-    matches!(id, 0x001..=0x07F | 0x101..=0x180 | 0x581..=0x5FF | 0x601..=0x67F | 0x6E0..=0x6FF | 0x701..=0x7FF)
+    matches!(id, CanId::Standard(id) if connection_set().restriction_reason(id).is_some())
 }
 
 /// Whether a write sets a restricted identifier.
@@ -137,9 +136,16 @@ mod tests {
 
     #[test]
     fn identifiers_that_the_standard_keeps_for_others() {
-        for (id, expected) in
-            [(0x80, false), (0x180, true), (0x181, false), (0x6DF, false), (0x6E0, true), (0x0, false)]
+        // CiA 301 §7.3.5, table 40; both ends of each range.
+        for (first, last) in
+            [(0x000, 0x07F), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F), (0x6E0, 0x6FF), (0x701, 0x7FF)]
         {
+            let inside = [first, last].map(|id| is_restricted(CanId::from_standard(id)));
+            let outside = [first.wrapping_sub(1), last + 1]
+                .map(|id| id < 0x800 && is_restricted(CanId::from_standard(id)));
+            assert_eq!((inside, outside), ([true; 2], [false; 2]), "{first:03X} to {last:03X}");
+        }
+        for (id, expected) in [(0x80, false), (0x100, false), (0x181, false), (0x6DF, false)] {
             assert_eq!(is_restricted(CanId::from_standard(id)), expected, "{id:03X}");
         }
         assert!(!is_restricted(CanId::from_extended(0x601)));

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::FindingLedger;
 use super::explained::PRESUMED;
-use crate::finding::{CaptureFindings, CheckTally, RuleOrigin, RuleOutcome};
+use crate::finding::{CaptureFindings, CheckTally, FindingGroup, RuleOrigin, RuleOutcome};
 
 impl FindingLedger {
     /// All results. Without usable timestamps (`is_timed` false), results of timing rules are discarded.
@@ -19,10 +19,20 @@ impl FindingLedger {
         if !is_timed {
             let judges_time =
                 |rule: u16| self.rules.get(usize::from(rule)).is_some_and(|rule| rule.is_timing);
-            self.groups.retain(|group| !judges_time(group.key.rule));
-            for (tally, rule) in self.tallies.iter_mut().zip(&mut self.rules) {
+            let is_by_order = |group: &FindingGroup| {
+                // Groups are numbered from 1 in the order of `courses`; some may have been removed.
+                let place = usize::try_from(group.id).ok().and_then(|id| id.checked_sub(1));
+                place.and_then(|place| self.courses.get(place)).is_some_and(|course| course.is_by_order)
+            };
+            self.groups.retain(|group| !judges_time(group.key.rule) || is_by_order(group));
+            for (place, (tally, rule)) in self.tallies.iter_mut().zip(&mut self.rules).enumerate() {
                 if rule.is_timing {
-                    *tally = CheckTally::default();
+                    let own = self.groups.iter().filter(|group| usize::from(group.key.rule) == place);
+                    let failed = own.map(|group| group.count).sum();
+                    *tally = CheckTally { failed, ..CheckTally::default() };
+                    if failed > 0 {
+                        continue;
+                    }
                     rule.needs = "usable timestamps".into();
                     for case in &rule.cases {
                         self.cases.remove(case);

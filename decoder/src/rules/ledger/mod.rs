@@ -42,6 +42,8 @@ pub(super) struct DefectClaim {
     pub(super) word: Option<&'static str>,
     pub(super) is_ongoing: bool,
     pub(super) is_presumed: bool,
+    /// The order of frames alone shows the defect.
+    pub(super) is_by_order: bool,
     /// Commands to the node on an identifier without a consumer.
     pub(super) no_consumer: Option<Arc<FactCause>>,
     /// Findings with different reasons are not merged: an abort code, a closed gate.
@@ -83,6 +85,8 @@ struct GroupState {
     stated: Option<String>,
     /// Overrides the event word of the rule.
     word: Option<&'static str>,
+    /// The order of frames alone shows the defect, although the rule checks times.
+    is_by_order: bool,
 }
 
 /// A group opened or closed.
@@ -326,6 +330,7 @@ impl FindingLedger {
         self.courses.push(GroupState {
             worst: f64::NEG_INFINITY,
             word: claim.word,
+            is_by_order: claim.is_by_order,
             first_start: claim.since,
             last_start: claim.since,
             requested: claim.requested,
@@ -462,6 +467,11 @@ impl FindingLedger {
                 self.close_group(place, GroupChange::Ended, at);
             }
         }
+    }
+
+    /// Whether the order of frames alone shows the finding.
+    pub(super) fn is_by_order(&self, news: &LedgerNews) -> bool {
+        self.courses.get(news.group).is_some_and(|course| course.is_by_order)
     }
 
     /// Content of a finding event with its group; None if the group is suppressed or absorbed.

@@ -4,9 +4,12 @@ use std::sync::Arc;
 
 use super::causes::cause_table;
 use super::{DefectClaim, FindingLedger, RuleRelations};
+use crate::bus_file::NodeRule;
 use crate::finding::{
     CheckTally, FindingCause, FindingGroup, FindingSubject, GroupKey, RuleInfo, RuleOrigin,
 };
+use crate::profile::device::DeviceRule;
+use crate::wire::NodeId;
 
 /// Maximum number of device rules of a capture.
 const DEVICE_RULE_LIMIT: usize = 4096;
@@ -21,7 +24,12 @@ impl FindingLedger {
     pub(in crate::rules) fn add_rule(&mut self, mut info: RuleInfo, relations: RuleRelations) -> Option<u16> {
         if let Some(place) = self.rules.iter().position(|known| known.name == info.name) {
             let is_on = self.rules.get(place).is_some_and(|rule| rule.is_on);
-            return u16::try_from(place).ok().filter(|_| is_on);
+            let place = u16::try_from(place).ok().filter(|_| is_on)?;
+            // A rule of the bus file is known before its node.
+            if !self.taken.by_rule.contains_key(&place) {
+                self.relate_rule(place, relations);
+            }
+            return Some(place);
         }
         let own = self.rules.iter().filter(|rule| rule.origin == RuleOrigin::Device).count();
         let place = u16::try_from(self.rules.len()).ok().filter(|_| own < DEVICE_RULE_LIMIT)?;
@@ -33,11 +41,22 @@ impl FindingLedger {
         if !is_on {
             return None;
         }
+        self.relate_rule(place, relations);
+        Some(place)
+    }
+
+    fn relate_rule(&mut self, place: u16, relations: RuleRelations) {
         for effect in &relations.takes_in {
             self.taken.by_effect.entry(Arc::clone(effect)).or_default().push(place);
         }
         self.taken.by_rule.insert(place, relations);
-        Some(place)
+    }
+
+    /// Rules of the bus file for a node.
+    pub(in crate::rules) fn node_rules(&self, bus: &str, node: NodeId) -> Vec<Arc<DeviceRule>> {
+        let is_meant =
+            |rule: &&NodeRule| rule.node == node && rule.bus.as_deref().is_none_or(|own| own == bus);
+        self.policy.node_rules.iter().filter(is_meant).map(|rule| Arc::clone(&rule.rule)).collect()
     }
 
     /// Rules whose findings a device rule absorbs.

@@ -5,7 +5,9 @@ use std::fmt::Write as _;
 
 use super::baseline::portable_name;
 use super::format::{FindingFormat, write_at_once};
-use super::report::{ABSENT, CaptureResult, FindingsReport, MISSING, SILENT};
+use super::report::{
+    ABSENT, CaptureOutcome, CaptureResult, FindingsReport, MISSING, NOTHING_CHECKED, SILENT,
+};
 use super::text;
 use crate::diagnosis::incident::{IncidentFinding, group_incidents};
 use crate::escape::escape;
@@ -26,6 +28,10 @@ fn write_github(report: &FindingsReport, out: &mut String) {
     for judged in &report.captures {
         if let Some(failure) = &judged.failure {
             write_command(out, "error", &file_place(judged.first_file(), None), "unreadable", failure);
+        }
+        if judged.overall_outcome(report.least) == CaptureOutcome::Unchecked {
+            let place = file_place(judged.first_file(), None);
+            write_command(out, "notice", &place, "nothing-checked", NOTHING_CHECKED);
         }
         for note in &judged.findings.quality {
             write_command(out, "notice", &file_place(judged.first_file(), None), "quality", note);

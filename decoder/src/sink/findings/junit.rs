@@ -5,7 +5,9 @@ use std::time::Duration;
 use quick_junit::{NonSuccessKind, TestCase, TestCaseStatus, TestSuite, XmlString};
 
 use super::format::{FindingFormat, write_at_once};
-use super::report::{ABSENT, CaptureResult, FindingsReport, MISSING, SILENT};
+use super::report::{
+    ABSENT, CaptureOutcome, CaptureResult, FindingsReport, MISSING, NOTHING_CHECKED, SILENT,
+};
 use crate::diagnosis::incident::{IncidentFinding, group_incidents};
 use crate::escape::escape;
 use crate::finding::phrase::{finding_sentence, node_phrase, subject_phrase};
@@ -38,6 +40,11 @@ fn test_suite(judged: &CaptureResult, least: Option<Severity>) -> TestSuite {
     if let Some(text) = &judged.failure {
         let mut status = TestCaseStatus::non_success(NonSuccessKind::Error);
         status.set_type("unreadable").set_message(to_xml(text));
+        suite.add_test_case(TestCase::new("capture", status));
+    }
+    if judged.overall_outcome(least) == CaptureOutcome::Unchecked {
+        let mut status = TestCaseStatus::skipped();
+        status.set_message(NOTHING_CHECKED);
         suite.add_test_case(TestCase::new("capture", status));
     }
     let quality = judged.findings.quality.iter().map(|note| escape(note).into_owned());

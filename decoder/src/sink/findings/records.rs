@@ -136,7 +136,7 @@ pub struct SummaryRecord<'a> {
     /// Files of a capture of several parts, in order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<ReportedPart<'a>>,
-    /// pass, fail or unreadable.
+    /// pass, nothing-checked, fail or unreadable.
     pub verdict: &'static str,
     /// Reason why the capture was not read, or not to its end.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -19,6 +19,9 @@ pub(super) const ABSENT: &str = "in the baseline, but not checked in this run";
 /// Text for a rule exercised in the baseline but not in this run.
 pub(super) const SILENT: &str = "no longer exercised (exercised in the baseline)";
 
+/// Text for a capture in which no rule was exercised.
+pub(super) const NOTHING_CHECKED: &str = "nothing checked: no rule was exercised";
+
 /// Text for a rule of `--require-exercised` without a verdict.
 pub(super) const MISSING: &str = "required, but not exercised in any capture";
 
@@ -77,6 +80,9 @@ pub enum CaptureOutcome {
     #[default]
     #[serde(rename = "pass")]
     Passed,
+    /// No rule was exercised.
+    #[serde(rename = "nothing-checked")]
+    Unchecked,
     /// A finding counts as a failure, or a rule is no longer exercised.
     #[serde(rename = "fail")]
     Failed,
@@ -89,6 +95,7 @@ impl CaptureOutcome {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Passed => "pass",
+            Self::Unchecked => "nothing-checked",
             Self::Failed => "fail",
             Self::Unreadable => "unreadable",
         }
@@ -219,6 +226,9 @@ impl CaptureResult {
             () if self.failure.is_some() => CaptureOutcome::Unreadable,
             () if self.new_findings().any(is_failure) || !self.comparison.silent.is_empty() => {
                 CaptureOutcome::Failed
+            }
+            () if self.rules().all(|(_, tally)| tally.verdict() == RuleOutcome::NotExercised) => {
+                CaptureOutcome::Unchecked
             }
             () => CaptureOutcome::Passed,
         }

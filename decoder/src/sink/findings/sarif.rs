@@ -8,7 +8,9 @@ use serde_json::{Value, json};
 
 use super::baseline::portable_name;
 use super::format::{FindingFormat, write_at_once};
-use super::report::{ABSENT, CaptureResult, FindingStanding, FindingsReport, MISSING, SILENT};
+use super::report::{
+    ABSENT, CaptureOutcome, CaptureResult, FindingStanding, FindingsReport, MISSING, NOTHING_CHECKED, SILENT,
+};
 use crate::escape::{escape, escape_json};
 use crate::finding::phrase::{finding_sentence, node_phrase, subject_phrase};
 use crate::finding::{FindingGroup, Occurrence, RuleInfo, RuleOrigin, Severity, SuppressionUse};
@@ -141,7 +143,9 @@ fn sarif_invocation(report: &FindingsReport) -> Value {
     for (place, judged) in with_places(report) {
         let location =
             || json!([{"physicalLocation": {"artifactLocation": sarif_artifact(judged, place, 0)}}]);
-        for note in &judged.findings.quality {
+        let is_unchecked = judged.overall_outcome(report.least) == CaptureOutcome::Unchecked;
+        let unchecked = is_unchecked.then(|| NOTHING_CHECKED.to_owned());
+        for note in unchecked.iter().chain(&judged.findings.quality) {
             let text = escape(note).into_owned();
             notifications
                 .push(json!({"level": "warning", "message": {"text": text}, "locations": location()}));

@@ -284,7 +284,7 @@ impl FindingsPage<'_> {
             }
             row.push(judged.verdict_count(RuleOutcome::Pass).to_string());
             row.push(judged.verdict_count(RuleOutcome::NotExercised).to_string());
-            row.push(verdict_text(judged.overall_outcome(report.least), judged).to_owned());
+            row.push(verdict_text(judged.overall_outcome(report.least), judged));
             table.add_row(row);
         }
         table.write_table(0, self.out);
@@ -313,6 +313,12 @@ pub(super) fn total_text(report: &FindingsReport) -> String {
         count_noun(number(Severity::Warning), "warning"),
         count_noun(number(Severity::Note), "note"),
     );
+    match of(CaptureOutcome::Unchecked) {
+        0 => {}
+        count => {
+            let _ = write!(text, "; nothing checked in {}", count_noun(count, "capture"));
+        }
+    }
     for standing in [FindingStanding::Accepted, FindingStanding::Suppressed] {
         let count: usize = report.captures.iter().map(|judged| judged.number_of(standing)).sum();
         if count > 0 {
@@ -325,15 +331,19 @@ pub(super) fn total_text(report: &FindingsReport) -> String {
     text
 }
 
-/// Verdict column; a capture without any verdict has not passed.
-fn verdict_text(outcome: CaptureOutcome, judged: &CaptureResult) -> &'static str {
-    let is_exercised = judged.rules().any(|(_, tally)| tally.verdict() != RuleOutcome::NotExercised);
-    match outcome {
-        CaptureOutcome::Passed if !is_exercised => "nothing checked",
+/// Verdict column; a capture with findings below the limit has not passed.
+fn verdict_text(outcome: CaptureOutcome, judged: &CaptureResult) -> String {
+    let text = match outcome {
+        CaptureOutcome::Unchecked => "nothing checked",
         CaptureOutcome::Passed => "passed",
         CaptureOutcome::Failed => "FAILED",
         CaptureOutcome::Unreadable => "UNREADABLE",
-    }
+    };
+    let worst = [Severity::Error, Severity::Warning, Severity::Note].into_iter().find_map(|severity| {
+        let count = judged.printed_count(severity);
+        (count > 0).then(|| count_noun(count, severity.name()))
+    });
+    worst.filter(|_| outcome == CaptureOutcome::Passed).unwrap_or_else(|| text.to_owned())
 }
 
 const fn severity_label(severity: Severity) -> (&'static str, &'static str) {

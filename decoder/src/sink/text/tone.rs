@@ -17,6 +17,17 @@ pub enum LineTone {
 }
 
 impl LineTone {
+    /// Name, the class of its colour on a page.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Plain => "plain",
+            Self::Quiet => "quiet",
+            Self::Good => "good",
+            Self::Caution => "caution",
+            Self::Bad => "bad",
+        }
+    }
+
     pub(super) const fn ansi_code(self) -> &'static str {
         match self {
             Self::Plain => "",

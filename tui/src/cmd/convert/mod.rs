@@ -32,9 +32,10 @@ use crate::run::messages::{print_error, print_note};
 use crate::run::output::{creation_error, ensure_folder, ensure_not_read, files_known};
 use crate::select::ensure_order;
 use crate::source::time_span;
-use crate::words::{unknown_bus, unreadable_text};
+use crate::words::unknown_bus;
 pub use arguments::ConvertArgs;
 use choice::FrameChoice;
+use cobscope_decoder::answers::statistics::phrases::unreadable_text;
 use input::ConversionInput;
 use notes::{CaptureNotes, common_name};
 use output::ConversionOutput;
@@ -284,6 +285,10 @@ impl CaptureConversion<'_> {
             Notice::Unreadable { .. } => {
                 self.unreadable += 1;
                 self.unreadable_in.insert(capture);
+                // The output lacks a frame that the capture has.
+                if notice.is_unsupported_frame() {
+                    self.exit = ExitStatus::Capture;
+                }
                 if self.unreadable <= NAMED {
                     print_note(&format!("{name}: {notice}"));
                 }

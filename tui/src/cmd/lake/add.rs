@@ -131,9 +131,8 @@ impl AddInputs<'_> {
         };
         let added = match job.read((Statistics::default(), Borrowed(&mut writer))) {
             Ok(read) => {
-                let ReadCapture { summary, format, failure, warnings, unreadable } = read;
-                let summary = summary.map(|(statistics, _)| statistics);
-                let read = ReadCapture { summary, format, failure, warnings, unreadable };
+                // The borrow of the writer ends with its part of the pass.
+                let read = read.map(|(statistics, _)| statistics);
                 finish(writer, read, (series, &self.arguments.input))
             }
             Err(error) => {

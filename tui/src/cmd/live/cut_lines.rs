@@ -13,9 +13,9 @@ use cobscope_decoder::wire::NodeId;
 use cobscope_decoder::words::count_noun;
 use serde_json::{Map, Value, json};
 
-use crate::figures::{format_bytes, format_seconds, seconds_to};
 use crate::record::{CaptureTrigger, CompleteCut, CutEnd, CutNews, RefusalReason};
 use crate::run::print::PrintArgs;
+use cobscope_decoder::figures::{format_bytes, format_seconds, seconds_to};
 
 /// Form of the lines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

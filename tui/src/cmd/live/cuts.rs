@@ -15,12 +15,12 @@ use super::cut_lines::{CutLine, LineStyle, limit as limit_reached};
 use super::program::ProgramRunner;
 use super::triggers::LiveTriggers;
 use crate::exit_code::ExitStatus;
-use crate::figures::format_limit;
 use crate::record::format;
 use crate::record::{CutNews, CutOptions, RecordStatus, Recorder, StateText};
 use crate::run::cut;
 use crate::run::messages::print_note;
 use crate::run::output::print_text;
+use cobscope_decoder::figures::format_limit;
 
 /// Time in addition to `--after` after which a stopped session no longer waits for frames.
 const LATEST: Duration = Duration::from_secs(1);

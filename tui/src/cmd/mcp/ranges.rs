@@ -4,6 +4,7 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use anyhow::{Context as _, ensure};
+use cobscope_decoder::answers::signals::{RangeSample, RangeSignal};
 use cobscope_decoder::answers::{EventObject, format_line};
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Timestamp;
@@ -11,7 +12,7 @@ use cobscope_decoder::query::Filter;
 use cobscope_decoder::reading::ListedSignal;
 use cobscope_decoder::replay::EventPosition;
 use cobscope_decoder::session::Bus;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::arguments::CallArguments;
 use super::capture::OpenedCapture;
@@ -143,68 +144,6 @@ fn event_line(event: &Event, bus: &Bus) -> String {
     serde_json::to_value(&object).map_or(text, |value| fit_within(value, MOST_TEXT))
 }
 
-/// A signal over the range.
-struct RangeSignal {
-    name: ListedSignal,
-    count: u64,
-    /// Value in its unit, time in s, text, frame; of the lowest and of the highest value.
-    least: Option<(f64, RangeSample)>,
-    most: Option<(f64, RangeSample)>,
-    samples: Vec<RangeSample>,
-    /// Every value of so many is kept.
-    stride: u64,
-}
-
-#[derive(Clone)]
-struct RangeSample {
-    seconds: Option<f64>,
-    frame: u64,
-    text: String,
-}
-
-impl RangeSample {
-    fn to_json(&self) -> Value {
-        json!({"seconds": self.seconds, "frame": self.frame, "value": self.text})
-    }
-}
-
-impl RangeSignal {
-    fn add_number(&mut self, number: Option<f64>, sample: RangeSample, most: usize) {
-        if let Some(number) = number.filter(|number| number.is_finite()) {
-            if self.least.as_ref().is_none_or(|(least, _)| number < *least) {
-                self.least = Some((number, sample.clone()));
-            }
-            if self.most.as_ref().is_none_or(|(most, _)| number > *most) {
-                self.most = Some((number, sample.clone()));
-            }
-        }
-        if self.count.is_multiple_of(self.stride) {
-            self.samples.push(sample);
-        }
-        self.count = self.count.saturating_add(1);
-        if self.samples.len() >= most.saturating_mul(2) {
-            let mut is_kept = false;
-            self.samples.retain(|_| {
-                is_kept = !is_kept;
-                is_kept
-            });
-            self.stride = self.stride.saturating_mul(2);
-        }
-    }
-
-    fn to_json(&self) -> Value {
-        let ListedSignal { bus, node, object, name, unit } = &self.name;
-        let extreme = |end: &Option<(f64, RangeSample)>| end.as_ref().map(|(_, sample)| sample.to_json());
-        json!({
-            "bus": bus, "node": node, "object": object, "name": name, "unit": unit,
-            "count": self.count,
-            "min": extreme(&self.least),
-            "max": extreme(&self.most),
-            "samples": self.samples.iter().map(RangeSample::to_json).collect::<Vec<_>>(),
-        })
-    }
-}
-
 /// Signals over a range, or the list of all signals.
 ///
 /// # Errors
@@ -231,17 +170,7 @@ pub(super) fn range_signals(capture: &OpenedCapture, arguments: &CallArguments) 
     }
     let range = RequestRange::range_of(capture, arguments)?;
     let most = arguments.number_argument("samples").unwrap_or(SAMPLES);
-    let track = |name: &&ListedSignal| {
-        let track = RangeSignal {
-            name: (*name).clone(),
-            count: 0,
-            least: None,
-            most: None,
-            samples: Vec::new(),
-            stride: 1,
-        };
-        ((*name).clone(), track)
-    };
+    let track = |name: &&ListedSignal| ((*name).clone(), RangeSignal::new(name));
     let mut tracks: BTreeMap<ListedSignal, RangeSignal> =
         chosen.iter().take(MOST_TRACKS).map(track).collect();
     let mut walk = capture.indexed.walk_from(capture.walk_start(range.from))?;
@@ -260,7 +189,7 @@ pub(super) fn range_signals(capture: &OpenedCapture, arguments: &CallArguments) 
             break false;
         }
     };
-    let list: Vec<_> = tracks.values().map(RangeSignal::to_json).collect();
+    let list: Vec<_> = tracks.into_values().collect();
     let more = chosen.len().saturating_sub(list.len());
     let next = (!is_complete).then(|| format!("#{}", walk.world.frames().saturating_add(1)));
     Ok(fit_value(json!({"signals": list, "more_signals": more, "complete": is_complete, "next_from": next})))
@@ -281,7 +210,8 @@ fn add_samples(
         let Some(track) = tracks.get_mut(&ListedSignal::of(event, bus, signal.field)) else { continue };
         #[expect(clippy::cast_precision_loss, reason = "only for display")]
         let seconds = event.time.zip(zero).map(|(time, zero)| time.since(zero) as f64 / 1e9);
-        let sample = RangeSample { seconds, frame: event.frames.last, text: signal.text() };
-        track.add_number(signal.field.plot_number(&signal.value), sample, most);
+        let number = signal.field.plot_number(&signal.value);
+        let sample = RangeSample { frame: event.frames.last, seconds, value: signal.text(), number };
+        track.add_sample(sample, most);
     }
 }

@@ -1,6 +1,7 @@
 //! Options of `stats`.
 
 use clap::Args;
+use cobscope_decoder::session::Bus;
 
 use crate::run::arguments::{InputArgs, ReportFormat, SelectArgs, examples, filter_grammar, from_help};
 
@@ -44,6 +45,15 @@ pub struct StatsArgs {
     /// Output format
     #[arg(short, long, value_name = "FORMAT", default_value = "text")]
     pub format: ReportFormat,
+}
+
+impl StatsArgs {
+    /// Bit rate of a bus from the command line, else from the bus file.
+    pub fn bit_rate(&self, bus: &Bus) -> Option<u32> {
+        let own = self.bitrate.iter().find(|rate| rate.bus.as_deref() == Some(bus.name()));
+        let given = own.or_else(|| self.bitrate.iter().find(|rate| rate.bus.is_none()));
+        given.map(|rate| rate.rate).or_else(|| bus.bit_rate())
+    }
 }
 
 /// Bit rate of one bus or of all.

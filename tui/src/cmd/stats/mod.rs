@@ -1,11 +1,10 @@
 //! `cobscope stats`: statistics of captures.
 
 mod arguments;
-mod j1939;
-mod report;
-mod text;
 
 use cobscope_decoder::answers::format_line;
+use cobscope_decoder::answers::statistics::CaptureStatistics;
+use cobscope_decoder::answers::statistics::text::{self, StatisticsReport};
 use cobscope_decoder::capture::BusNames;
 use cobscope_decoder::event::Event;
 use cobscope_decoder::frame::Frame;
@@ -21,7 +20,6 @@ use crate::run::messages::{Refusal, print_error, print_warning};
 use crate::select::Selection;
 use crate::words::unknown_bus;
 pub use arguments::StatsArgs;
-use report::StatisticsReport;
 
 /// Runs the command.
 pub fn run(arguments: &StatsArgs) -> ExitStatus {
@@ -49,11 +47,18 @@ pub fn run(arguments: &StatsArgs) -> ExitStatus {
         if let Some(missed) = missed {
             print_warning(&format!("{capture}: {missed}"));
         }
-        let (statistics, decoder) = (summary.part.statistics, summary.decoder);
-        let report = StatisticsReport { capture, format, statistics, decoder, arguments };
+        let (statistics, buses) = (&summary.part.statistics, summary.buses());
+        let (capture, bit_rate) = (capture.as_str(), |bus: &Bus| arguments.bit_rate(bus));
         match arguments.format {
-            ReportFormat::Text => text::write_text(&report, output),
-            ReportFormat::Json => output.push_str(&format_line(&report.figures())),
+            ReportFormat::Text => {
+                let bit_rate = &bit_rate;
+                let report = StatisticsReport { capture, format, statistics, buses, bit_rate };
+                text::write_report(&report, output);
+            }
+            ReportFormat::Json => {
+                let answer = CaptureStatistics::new((capture, format), statistics, buses, bit_rate);
+                output.push_str(&format_line(&answer));
+            }
         }
         Ok(failure)
     })

@@ -15,12 +15,14 @@ use cobscope_decoder::statistics::BusStatistics;
 use cobscope_decoder::words::count_noun;
 use ratatui::text::Line;
 
-use crate::figures::format_bytes;
 use crate::panes::common::LabelledLines;
 use crate::state::UiState;
 use crate::theme::TextRole;
 use crate::timeline::SurveyResults;
-use crate::words::{capture_defects, command_texts, error_frames, granularity_text, rate_texts};
+use cobscope_decoder::answers::statistics::phrases::{
+    capture_defects, command_texts, error_frames, granularity_text, rate_texts,
+};
+use cobscope_decoder::figures::format_bytes;
 
 /// Width of the labels.
 const LABEL: u16 = 12;

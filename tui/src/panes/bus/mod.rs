@@ -26,13 +26,13 @@ use super::common::{bus_name, last_world};
 use super::legend::{self, PaneLegend};
 use super::{Pane, PaneRequest};
 use crate::action::Action;
-use crate::figures::{format_bits, format_millis, format_seconds};
 use crate::state::{JumpPlace, UiState};
 use crate::theme::{Glyph, TextRole};
 use crate::timeline::SurveyResults;
 use crate::widgets::bars::Bars;
 use crate::widgets::draw;
-use crate::words::protocols_text;
+use cobscope_decoder::answers::statistics::phrases::protocols_text;
+use cobscope_decoder::figures::{format_bits, format_millis, format_seconds};
 
 /// Width of the scale.
 const SCALE: u16 = 12;

@@ -9,7 +9,6 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
 use super::columns::{BUS, COUNT, DATA, DELTA, EVENT, ID, KIND, NODE, NUMBER, OBJECT, SEVERITY, TIME};
-use crate::figures::format_seconds;
 use crate::panes::common;
 use crate::state::UiState;
 use crate::theme::{TextRole, role_of};
@@ -17,6 +16,7 @@ use crate::timeline::ReplayRow as EventRow;
 use crate::widgets::draw;
 use crate::widgets::fit::fit_text;
 use crate::widgets::table::{TableCell, TableRow};
+use cobscope_decoder::figures::format_seconds;
 
 /// Widths that the cells of a row depend on.
 #[derive(Debug, Clone, Copy)]

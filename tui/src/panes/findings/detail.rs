@@ -78,7 +78,7 @@ pub(super) fn finding_lines(
     if let Some(reason) = &group.suppressed {
         lines.push(labelled_line("  suppressed", reason));
     }
-    if let Some(name) = core.compared_name().filter(|_| core.is_new_finding(group.id)) {
+    if let Some(name) = core.against.compared_name().filter(|_| core.against.is_new_finding(group.id)) {
         lines.push(labelled_line("  against", &format!("{DIFFERS} not in {name}")));
     }
     lines.extend(

@@ -416,7 +416,7 @@ fn empty_text(survey: &SurveyResults, chosen: Option<&ChosenFindings>) -> String
 
 /// The text of a finding, with a mark if the other capture lacks it.
 fn marked_text(core: &UiState, item: &FindingRow, text: &str) -> String {
-    if core.is_new_finding(item.id) { format!("{DIFFERS} {text}") } else { text.to_owned() }
+    if core.against.is_new_finding(item.id) { format!("{DIFFERS} {text}") } else { text.to_owned() }
 }
 
 fn finding_row(core: &UiState, item: &FindingRow, facts: &FindingRowContent, bus: u16) -> TableRow<'static> {

@@ -41,8 +41,8 @@ pub fn of_node(core: &UiState, subject: &ShownNode<'_>, channel: Option<u8>) -> 
 
 /// Differences from the other capture: `≠ NMT: pre-operational 11.8 s, good.log operational 4.2 s`.
 fn difference_texts(core: &UiState, subject: &ShownNode<'_>) -> Vec<String> {
-    let all = core.differences_of((subject.bus.index(), subject.node.id()));
-    let name = core.compared_name().unwrap_or_default();
+    let all = core.against.differences_of(core.bus_state(), (subject.bus.index(), subject.node.id()));
+    let name = core.against.compared_name().unwrap_or_default();
     let shown = all.iter().take(MOST_DIFFERENCES);
     let mut lines: Vec<_> =
         shown.map(|difference| format!("{DIFFERS} {}", both_values(difference, name))).collect();

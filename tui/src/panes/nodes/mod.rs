@@ -382,7 +382,7 @@ impl Pane for NodesPane {
 /// The name of a row, with a mark if the node differs from the other capture.
 fn marked_name(core: &UiState, line: &NodeRow) -> TableCell<'static> {
     match line.key.node() {
-        Some(node) if !core.differences_of(node).is_empty() => {
+        Some(node) if !core.against.differences_of(core.bus_state(), node).is_empty() => {
             TableCell::new(format!("{DIFFERS} {}", line.name), core.theme.role_style(TextRole::Caution))
         }
         _ => line.name.clone().into(),

@@ -130,7 +130,7 @@ impl ObjectsPane {
         let time = core.time_words(core.cursor_time(), 3).map_or(String::new(), |time| format!(" at {time}"));
         let others = rows::known_nodes(core).len().saturating_sub(1);
         let more = if others > 0 { format!("  (x: next of {} nodes)", others + 1) } else { String::new() };
-        let other = core.compared_name().unwrap_or_default();
+        let other = core.against.compared_name().unwrap_or_default();
         let differ = match subject.difference_count(core) {
             0 => String::new(),
             count => format!(", {count} {DIFFERS} {other}"),

@@ -88,12 +88,12 @@ impl<'a> ObjectsNode<'a> {
 
     /// Difference of an object from the other capture.
     fn difference_of<'c>(&self, core: &'c UiState, known: &KnownObject<'_>) -> Option<&'c Difference> {
-        core.difference_of(self.bus.name(), self.node.id(), known.address)
+        core.against.difference_of(self.bus.name(), self.node.id(), known.address)
     }
 
     /// Number of objects that differ from the other capture.
     pub(super) fn difference_count(&self, core: &UiState) -> usize {
-        core.objects_that_differ(self.bus.name(), self.node.id())
+        core.against.objects_that_differ(self.bus.name(), self.node.id())
     }
 
     /// Objects by address; with a search only the matching ones.
@@ -258,7 +258,7 @@ impl<'a> ObjectsNode<'a> {
 
 /// `≠ good.log: 500 ms, frame 4`: value of the other capture.
 fn against_line(core: &UiState, difference: &Difference) -> String {
-    let name = core.compared_name().unwrap_or_default();
+    let name = core.against.compared_name().unwrap_or_default();
     let frame = difference.good.as_ref().map_or(0, |value| value.mark.frame);
     let frame = if frame == 0 { String::new() } else { format!(", frame {frame}") };
     let note = if difference.note.is_empty() { String::new() } else { format!(" ({})", difference.note) };

@@ -25,6 +25,10 @@ pub struct InputArgs {
     /// Interpret ambiguous timestamps in candump text as STYLE (default: detected from the first 1,000 lines)
     #[arg(long, help_heading = READING, value_name = "STYLE")]
     pub time: Option<StampStyle>,
+    /// Read times in CSV in UNIT (default: the unit of the program; milliseconds if no bus could carry the frames in
+    /// microseconds)
+    #[arg(long, help_heading = READING, value_name = "UNIT")]
+    pub time_unit: Option<TimeUnitOption>,
     /// Read names of nodes, identifiers, bit rates and object values from a bus file (TOML)
     #[arg(long, help_heading = READING, value_name = "FILE")]
     pub bus: Option<PathBuf>,
@@ -305,6 +309,19 @@ pub enum StampStyle {
     /// Timestamps are the time since the previous line (candump -t d)
     #[value(name = "d", alias = "delta")]
     Delta,
+}
+
+/// Unit of times in text.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum TimeUnitOption {
+    /// Seconds
+    S,
+    /// Milliseconds
+    Ms,
+    /// Microseconds
+    Us,
+    /// Nanoseconds
+    Ns,
 }
 
 /// Protocol of the traffic.

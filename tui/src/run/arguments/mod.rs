@@ -12,8 +12,8 @@ use clap::{Args, Command};
 pub use duration::{parse_duration, parse_side};
 pub use formats::{Color, FailOn, ReportFormat};
 pub use input::{
-    EdsArg, InputArgs, NODE_HELP, NodeArg, NodeOption, ProtocolOption, SelectArgs, StampStyle, node_choices,
-    parse_count, parse_date,
+    EdsArg, InputArgs, NODE_HELP, NodeArg, NodeOption, ProtocolOption, SelectArgs, StampStyle,
+    TimeUnitOption, node_choices, parse_count, parse_date,
 };
 pub(crate) use input::{filter_grammar, filter_help, finding_filter_help, from_help};
 pub use size::{parse_size, part_bytes};

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
 use cobscope_decoder::bus_file::{BusFile, SpannedText};
-use cobscope_decoder::capture::{BusNames, ReadOptions, TimeStyle};
+use cobscope_decoder::capture::{BusNames, ReadOptions, TimeStyle, TimeUnit};
 use cobscope_decoder::profile::{Catalogue, ProfileError, TextError, is_bus_file};
 use cobscope_decoder::query::Filter;
 use cobscope_decoder::rules::RuleSetup;
@@ -18,8 +18,8 @@ use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionO
 use cobscope_decoder::wire::NodeId;
 
 use super::messages::{collect_messages, print_note, print_warning};
-use crate::run::arguments::{InputArgs, NodeArg, ProtocolOption, StampStyle};
-use crate::source::{CaptureFile, CaptureSeries, relate_files};
+use crate::run::arguments::{InputArgs, NodeArg, ProtocolOption, StampStyle, TimeUnitOption};
+use crate::source::{CaptureFile, CaptureSeries, relate_files, siblings_note};
 use crate::words::unknown_bus;
 
 use databases::read_databases;
@@ -38,6 +38,11 @@ pub fn capture_series(input: &InputArgs) -> Vec<CaptureSeries> {
 pub fn join_files(files: &[CaptureFile], input: &InputArgs) -> Vec<CaptureSeries> {
     let relations = relate_files(files, &read_options(input), join_options(input));
     let all = relations.series();
+    let is_single = |file: &&CaptureFile| files.len() == 1 && file.is_listed && !input.separate;
+    let siblings = files.first().filter(is_single).and_then(|file| siblings_note(&file.path));
+    if let Some(text) = &siblings {
+        print_note(text);
+    }
     let joined = all.iter().filter_map(CaptureSeries::parts_note);
     joined.chain(relations.separation_notes()).for_each(|text| print_note(&text));
     all
@@ -55,6 +60,12 @@ pub fn read_options(input: &InputArgs) -> ReadOptions {
         time_style: input.time.map(|style| match style {
             StampStyle::Absolute => TimeStyle::Absolute,
             StampStyle::Delta => TimeStyle::Delta,
+        }),
+        time_unit: input.time_unit.map(|unit| match unit {
+            TimeUnitOption::S => TimeUnit::Second,
+            TimeUnitOption::Ms => TimeUnit::Millisecond,
+            TimeUnitOption::Us => TimeUnit::Microsecond,
+            TimeUnitOption::Ns => TimeUnit::Nanosecond,
         }),
     }
 }

@@ -255,13 +255,27 @@ fn parse_line(line: &[u8], is_refused: bool, give: &mut impl FnMut(SlcanReply)) 
             Some(frame) => SlcanReply::Frame(frame, None),
             None => unreadable("expected e, a count and that number of letters of a, b, B, c, f, o, O, s"),
         }),
-        [kind, rest @ ..] => give(match KINDS.iter().find(|(letter, ..)| letter == kind) {
-            Some((_, is_extended, flags)) => match parse_frame(*is_extended, *flags, rest) {
-                Ok((frame, milliseconds)) => SlcanReply::Frame(frame, milliseconds),
-                Err(what) => unreadable(what),
-            },
+        line => give(match frame_of_line(line) {
+            Some(Ok((frame, milliseconds))) => SlcanReply::Frame(frame, milliseconds),
+            Some(Err(what)) => unreadable(what),
             None => unreadable("expected a frame (t, T, r, R, d, D, b, B), F, s or e"),
         }),
+    }
+}
+
+/// Parses a line of text as an adapter sends it; `None` if it does not begin with the letter of a frame.
+pub(in crate::capture) fn frame_of_line(line: &[u8]) -> Option<Result<(Frame, Option<u16>), &'static str>> {
+    let (kind, rest) = line.split_first()?;
+    let (_, is_extended, flags) = KINDS.iter().find(|(letter, ..)| letter == kind)?;
+    Some(parse_frame(*is_extended, *flags, rest))
+}
+
+/// Parses a report of the controller's state or of bus errors into its error frame.
+pub(in crate::capture) fn report_of_line(line: &[u8]) -> Option<Frame> {
+    match line {
+        [b's', rest @ ..] => parse_state(rest).map(state_frame),
+        [b'e', rest @ ..] => error_frame(rest),
+        _ => None,
     }
 }
 

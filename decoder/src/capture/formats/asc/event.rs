@@ -21,10 +21,24 @@ const NO_FRAME: &[&[u8]] = &[
     b"Trigger",
 ];
 
-/// First words of frames of other bus systems. LIN frames begin with `Li` on the first channel, and with
-/// `L2`, `L3`, … on the other channels.
-const OTHER_BUSES: &[&[u8]] =
-    &[b"Li", b"LIN", b"Fr", b"FR", b"ETH", b"MOST", b"MS", b"M50", b"M150", b"WLAN", b"AFDX", b"A429"];
+/// First words of frames of other bus systems, and the words after the number of their lines.
+const OTHER_BUSES: &[(&[u8], &str)] = &[
+    (b"Li", LIN),
+    (b"LIN", LIN),
+    (b"Fr", "of FlexRay"),
+    (b"FR", "of FlexRay"),
+    (b"ETH", "of Ethernet"),
+    (b"MOST", "of MOST"),
+    (b"MS", "of MOST"),
+    (b"M50", "of MOST"),
+    (b"M150", "of MOST"),
+    (b"WLAN", "of WLAN"),
+    (b"AFDX", "of AFDX"),
+    (b"A429", "of ARINC 429"),
+];
+
+/// LIN frames begin with `Li` on the first channel, and with `L2`, `L3`, … on the other channels.
+const LIN: &str = "of LIN";
 
 /// Start of the word after a channel in lines about the channel or with repeated data: `Statistic:` has
 /// counts, `J1939TP` is a transport message whose frames precede it.
@@ -48,8 +62,8 @@ pub(super) enum AscEventContent<'a> {
     Start,
     /// A request to send a frame; the transmitted frame has its own line.
     Request,
-    /// A frame of another bus system.
-    Foreign,
+    /// A frame of another bus system: `of LIN`.
+    Foreign(&'static str),
     /// Event without a frame.
     Nothing,
 }
@@ -72,8 +86,8 @@ fn parse_content(mut words: ColumnWords<'_>, base: NumberBase) -> Result<AscEven
     if is_silent {
         return Ok(AscEventContent::Nothing);
     }
-    if is_foreign(first) {
-        return Ok(AscEventContent::Foreign);
+    if let Some(system) = foreign_system(first) {
+        return Ok(AscEventContent::Foreign(system));
     }
     let is_fd = first.eq_ignore_ascii_case(b"CANFD");
     let channel = if is_fd { words.next().unwrap_or_default() } else { first };
@@ -84,6 +98,9 @@ fn parse_content(mut words: ColumnWords<'_>, base: NumberBase) -> Result<AscEven
         return Err("expected a channel number, CANFD or a known event after the time");
     }
     let about = words.peek().unwrap_or_default();
+    if about == b"Start" {
+        return Ok(AscEventContent::Start);
+    }
     if ABOUT_CHANNEL.iter().any(|start| about.starts_with(start)) {
         return Ok(AscEventContent::Nothing);
     }
@@ -95,9 +112,12 @@ fn parse_content(mut words: ColumnWords<'_>, base: NumberBase) -> Result<AscEven
     Ok(frame.map_or(AscEventContent::Request, |frame| AscEventContent::Frame(channel, frame)))
 }
 
-fn is_foreign(first: &[u8]) -> bool {
+fn foreign_system(first: &[u8]) -> Option<&'static str> {
     let lin = first.strip_prefix(b"L").filter(|digits| !digits.is_empty());
-    OTHER_BUSES.contains(&first) || lin.is_some_and(|digits| digits.iter().all(u8::is_ascii_digit))
+    if lin.is_some_and(|digits| digits.iter().all(u8::is_ascii_digit)) {
+        return Some(LIN);
+    }
+    OTHER_BUSES.iter().find(|(word, _)| *word == first).map(|(_, system)| *system)
 }
 
 #[cfg(test)]
@@ -122,19 +142,21 @@ mod tests {
         ] {
             assert_eq!(content_of(line), Ok(AscEventContent::Nothing), "{line}");
         }
-        assert_eq!(content_of("   0.000000 Start of measurement"), Ok(AscEventContent::Start));
+        for line in ["0.000000 Start of measurement", "0.000000 CANFD 1 Start of measurement"] {
+            assert_eq!(content_of(line), Ok(AscEventContent::Start), "{line}");
+        }
         assert_eq!(content_of("   0.1 1 291 TxRq d 0"), Ok(AscEventContent::Request));
     }
 
     #[test]
     fn frames_of_other_bus_systems_are_distinguished_from_can() {
-        for line in [
-            "   0.1 Li 3c Tx     8 01 02 03 04 05 06 07 08  checksum = 7f",
-            "   0.1 L12 3c Tx 8 01 02 03 04 05 06 07 08",
-            "   0.1 Fr RMSG  0 0 1 1 1e 0 Rx 0 40 4 8 01 02",
-            "   0.1 ETH  1 Rx 40:FFFFFFFFFFFF020000000001080045",
+        for (line, system) in [
+            ("   0.1 Li 3c Tx     8 01 02 03 04 05 06 07 08  checksum = 7f", "of LIN"),
+            ("   0.1 L12 3c Tx 8 01 02 03 04 05 06 07 08", "of LIN"),
+            ("   0.1 Fr RMSG  0 0 1 1 1e 0 Rx 0 40 4 8 01 02", "of FlexRay"),
+            ("   0.1 ETH  1 Rx 40:FFFFFFFFFFFF020000000001080045", "of Ethernet"),
         ] {
-            assert_eq!(content_of(line), Ok(AscEventContent::Foreign), "{line}");
+            assert_eq!(content_of(line), Ok(AscEventContent::Foreign(system)), "{line}");
         }
         assert!(content_of("   0.1 Lx 3c Tx 8").is_err());
     }

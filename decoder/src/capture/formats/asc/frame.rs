@@ -10,8 +10,7 @@
 //! `CANFD` means that the channel supports FD. The flags determine whether the frame is an FD frame.
 
 use crate::capture::text::columns::{ColumnWords, NumberBase, parse_data, parse_identifier};
-use crate::capture::text::payload::is_fd_length;
-use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
+use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length, is_fd_length};
 
 /// Flag of an FD line: a remote frame.
 const REMOTE_FLAG: u32 = 1 << 4;
@@ -149,7 +148,7 @@ pub(super) fn on_fd_channel(mut words: ColumnWords<'_>, base: NumberBase) -> Par
             _ => return Err("bit rate switch, error state: expected 0 or 1"),
         }
     }
-    let (dlc, length) = fd_lengths(&mut words).ok_or(LENGTH)?;
+    let (dlc, length) = fd_lengths(&mut words).filter(|(_, length)| is_fd_length(*length)).ok_or(LENGTH)?;
     let base = fd_base(&words, length, base);
     let id = can_id(id, base).ok_or(IDENTIFIER)?;
     let bytes = parse_data(words.clone(), length.into(), base).ok_or(SHORT)?;

@@ -1,7 +1,7 @@
 //! Lines without a time in an ASC capture: start date, base of numbers, meaning of times.
 //!
 //! ```text
-//! date Sam Sep 30 15:06:13.191 2017          or 03:06:13.191 pm 2017
+//! date Sam Sep 30 15:06:13.191 2017          or 03:06:13.191 pm 2017; months in the language of Windows
 //! base hex  timestamps absolute              or dec, relative
 //! internal events logged
 //! // version 9.0.0
@@ -21,27 +21,56 @@ use crate::capture::text::columns::{ColumnWords, NumberBase, parse_time};
 /// Unit of time in nanoseconds.
 const SECOND: i64 = 1_000_000_000;
 
-/// First letters of the months in English and German, in lower case; ä in Latin-1 and in UTF-8.
+/// First letters of the months in lower case, in the languages of Windows that write a Latin alphabet: English, German,
+/// French, Italian, Spanish, Portuguese, Dutch; accents in Latin-1 and in UTF-8. A longer beginning precedes a shorter one.
 const MONTHS: &[(&[u8], i64)] = &[
     (b"jan", 1),
+    (b"gen", 1),
+    (b"ene", 1),
     (b"feb", 2),
+    (b"fev", 2),
+    (b"f\xE9v", 2),
+    (b"f\xC3\xA9v", 2),
     (b"mar", 3),
     (b"m\xE4r", 3),
     (b"m\xC3\xA4r", 3),
     (b"mrz", 3),
+    (b"mrt", 3),
+    (b"maa", 3),
     (b"apr", 4),
+    (b"avr", 4),
+    (b"abr", 4),
     (b"may", 5),
     (b"mai", 5),
+    (b"mag", 5),
+    (b"mei", 5),
+    (b"juin", 6),
     (b"jun", 6),
+    (b"giu", 6),
+    (b"juil", 7),
     (b"jul", 7),
+    (b"lug", 7),
     (b"aug", 8),
+    (b"ao\xFB", 8),
+    (b"ao\xC3\xBB", 8),
+    (b"aou", 8),
+    (b"ago", 8),
     (b"sep", 9),
+    (b"set", 9),
     (b"oct", 10),
     (b"okt", 10),
+    (b"ott", 10),
+    (b"out", 10),
     (b"nov", 11),
     (b"dec", 12),
     (b"dez", 12),
+    (b"dic", 12),
+    (b"d\xE9c", 12),
+    (b"d\xC3\xA9c", 12),
 ];
+
+/// Signs after the number of a month in Chinese and Japanese: `9月` in UTF-8, GBK and Shift JIS.
+const MONTH_SIGNS: &[&[u8]] = &[b"\xE6\x9C\x88", b"\xD4\xC2", b"\x8C\x8E"];
 
 /// Start of ignored lines, in lower case.
 const SILENT: &[&[u8]] =
@@ -134,6 +163,9 @@ fn parse_word(input: &[u8]) -> Parsed<'_, &[u8]> {
 
 fn month_number(word: &[u8]) -> Option<i64> {
     let word = word.to_ascii_lowercase();
+    if let Some(digits) = MONTH_SIGNS.iter().find_map(|sign| word.strip_suffix(*sign)) {
+        return NumberBase::Decimal.parse_byte(digits).map(i64::from);
+    }
     MONTHS.iter().find(|(start, _)| word.starts_with(start)).map(|(_, month)| *month)
 }
 
@@ -186,6 +218,30 @@ mod tests {
                 line.escape_ascii()
             );
         }
+    }
+
+    #[test]
+    fn months_in_other_languages() {
+        for (word, month) in [
+            (&b"sept."[..], 9),
+            (b"ao\xC3\xBBt", 8),
+            (b"f\xE9vr.", 2),
+            (b"juin", 6),
+            (b"juillet", 7),
+            (b"Gen", 1),
+            (b"ott", 10),
+            (b"Dez", 12),
+            (b"mei", 5),
+            (b"9\xE6\x9C\x88", 9),
+            (b"12\xD4\xC2", 12),
+        ] {
+            assert_eq!(month_number(word), Some(month), "{}", word.escape_ascii());
+        }
+        // `date -u -d '2024-03-21 10:10:10.123' +%s%N`
+        let chinese = "date 周四 3月 21 10:10:10.123 2024".as_bytes();
+        assert_eq!(parse_header(chinese), Ok(AscHeader::Date(1_711_015_810_123_000_000)));
+        assert_eq!(month_number(b"13\xE6\x9C\x88"), Some(13), "refused as a date");
+        assert!(parse_header("date 周四 13月 21 10:10:10.123 2024".as_bytes()).is_err());
     }
 
     #[test]

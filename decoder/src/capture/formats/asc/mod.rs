@@ -11,7 +11,8 @@
 //! End TriggerBlock
 //! ```
 //!
-//! All header lines are optional, and a frame may follow directly. python-can treats the first line that is
+//! All header lines are optional, and a frame may follow directly. Rows without any header are recognised by `Rx d 8`
+//! and `Tx r` behind time, channel and identifier. python-can treats the first line that is
 //! not part of its header as a header line, and so loses a frame if `internal events logged` is missing.
 
 mod error;
@@ -25,8 +26,12 @@ use header::AscHeader;
 
 use crate::capture::text::bus_labels::BusLabels;
 use crate::capture::text::columns::NumberBase;
+use crate::capture::text::evidence::{LineClass, is_proven};
 use crate::capture::text::line_format::{CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine};
-use crate::capture::{CaptureFormat, DirectionSupport, ErrorFrames, FormatCapabilities, WritableFormat};
+use crate::capture::text::lines::SkippedLines;
+use crate::capture::{
+    Batch, CaptureFormat, DirectionSupport, ErrorFrames, FormatCapabilities, WritableFormat,
+};
 
 /// Number of lines at the start within which a header line must occur.
 const DETECTING_LINES: usize = 50;
@@ -56,13 +61,30 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
     writer: |output, _| Box::new(write::AscWriter::new(output)),
 };
 
-/// Whether a complete header line occurs. The last line may be incomplete and is not checked.
 fn detect_asc(head: &[u8]) -> bool {
+    has_header(head) || is_proven(head, classify_row)
+}
+
+/// Relation of a line to a capture without header.
+fn classify_row(line: &[u8]) -> LineClass {
+    match event::parse_event(line, NumberBase::Hex).map(|event| event.content) {
+        Some(Ok(AscEventContent::Frame(..) | AscEventContent::Request)) => LineClass::Proof,
+        Some(Ok(_)) => LineClass::Related,
+        None if header::parse_header(line).is_ok() => LineClass::Related,
+        Some(Err(_)) | None => LineClass::Misfit,
+    }
+}
+
+/// Whether a complete header line occurs. The last line may be incomplete and is not checked.
+fn has_header(head: &[u8]) -> bool {
     let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
     let whole = memchr::memrchr(b'\n', head).and_then(|end| head.get(..end)).unwrap_or_default();
     let mut lines = whole.split(|byte| *byte == b'\n').take(DETECTING_LINES).map(<[u8]>::trim_ascii);
     lines.any(|line| matches!(header::parse_header(line), Ok(AscHeader::Date(_) | AscHeader::Base { .. })))
 }
+
+const NO_HEADER: &str =
+    "no header: numbers read as hexadecimal, times as seconds from the start of the measurement";
 
 /// State that affects later lines.
 #[derive(Clone, Default)]
@@ -70,6 +92,10 @@ struct AscFormat {
     base: NumberBase,
     clock: AscClock,
     buses: BusLabels,
+    /// Whether a header stated a date, or the base and the meaning of times.
+    has_header: bool,
+    foreign: SkippedLines,
+    line: u64,
 }
 
 /// Meaning of times.
@@ -124,6 +150,7 @@ impl AscFormat {
         const ZONE: &str = "start date without time zone: times read as UTC";
         match header::parse_header(text)? {
             AscHeader::Date(date) => {
+                self.has_header = true;
                 self.clock.set_date(date);
                 assumptions.add_assumption(ZONE);
             }
@@ -134,6 +161,7 @@ impl AscFormat {
                 }
             }
             AscHeader::Base { base, relative } => {
+                self.has_header = true;
                 self.base = base;
                 self.clock.relative = relative;
             }
@@ -162,24 +190,33 @@ impl LineFormat for AscFormat {
         self.clock.advance_to(event.stamp);
         match event.content? {
             AscEventContent::Frame(channel, frame) => {
+                if !self.has_header {
+                    assumptions.add_assumption(NO_HEADER);
+                }
                 let time = self.clock.current_time();
                 return Ok(Some(ParsedLine::new(Some(time), self.buses.name(channel), frame)));
             }
             AscEventContent::Start => self.clock.start_of_measurement(),
             AscEventContent::Request => assumptions.add_assumption("requests to send (TxRq) ignored"),
-            AscEventContent::Foreign => {
-                assumptions.add_assumption("lines of bus systems other than CAN skipped");
-            }
+            AscEventContent::Foreign(system) => self.foreign.add_line(system, self.line),
             AscEventContent::Nothing => {}
         }
         Ok(None)
+    }
+
+    fn at_line(&mut self, number: u64) {
+        self.line = number;
+    }
+
+    fn report_skipped(&mut self, batch: &mut Batch) {
+        self.foreign.report_lines(batch);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::{Batch, FormatParser, Notice};
+    use crate::capture::{FormatParser, Notice};
 
     fn read(text: &str) -> Batch {
         let mut batch = Batch::new();
@@ -241,13 +278,30 @@ mod tests {
     }
 
     #[test]
-    fn other_bus_systems_are_skipped_and_reported_once() {
+    fn other_bus_systems_are_skipped_and_counted_by_name() {
         let batch = read(
             "base hex\n 0.1 Li 3c Tx 1 01\n 0.2 1 123 Rx d 0\n 0.3 ETH 1 Rx 40:FF\n 0.4 L2 3c Rx 1 01\n",
         );
         assert_eq!(times(&batch), ["0.200000000"]);
+        let notices: Vec<_> = batch.notices().iter().map(|(_, notice)| notice.to_string()).collect();
+        let expected =
+            ["2 lines of LIN skipped (first: line 2)", "1 line of Ethernet skipped (first: line 4)"];
+        assert_eq!(notices, expected);
+    }
+
+    #[test]
+    fn rows_without_a_header_are_hexadecimal_seconds() {
+        let batch = read("0.001001 1  0CF00203x Rx d 2 CC 10\n0.001002 1 10 Tx d 1 10\n");
+        let frames: Vec<_> = batch.frames().iter().map(|frame| format!("{frame:?}")).collect();
+        assert_eq!(
+            frames,
+            [
+                "{1} (0.001001000) bus0 0CF00203#CC10 flags=40 dlc=0",
+                "{2} (0.001002000) bus0 010#10 flags=20 dlc=0",
+            ]
+        );
         let [(0, notice)] = batch.notices() else { panic!("{:?}", batch.notices()) };
-        assert_eq!(notice.to_string(), "lines of bus systems other than CAN skipped");
+        assert_eq!(notice.to_string(), NO_HEADER);
     }
 
     #[test]
@@ -258,7 +312,7 @@ mod tests {
             .parse(b" 0.1 2 1 Rx d 0\n 0.1 CANFD 1 Rx 1 0 0 0 0\n 0.1 2 1 TxRq d 0\n", true, &mut batch)
             .unwrap();
         assert_eq!(reader.buses().names(), ["2", "1"]);
-        assert_eq!(batch.notices().len(), 1);
+        assert_eq!(batch.notices().len(), 2, "no header, and a request");
     }
 
     #[test]
@@ -267,6 +321,9 @@ mod tests {
             "date Sam Sep 30 15:06:13.191 2017\n",
             "\u{FEFF}base hex  timestamps absolute\r\n",
             "// generated\n\nbase dec\n",
+            "0.001001 1  0CF00203x Rx d 8 CC 00 00 FF FF 00 00 FF\n0.1 2 18EAFFF9x Tx d 3 EC FE 00",
+            "Begin TriggerBlock\n0.0 Start of measurement\n0.1 1 123 Rx r\n",
+            "0.1 CANFD 1 Rx 1 0 0 0 0\n",
         ] {
             assert!(detect_asc(head.as_bytes()), "{head}");
         }
@@ -277,6 +334,9 @@ mod tests {
             "(1.0) can0 123#11\n",
             ";$FILEVERSION=1.1\n",
             "// only a comment\n",
+            "0.1 1 123 Rx d 1 05\n1.5 R11 123 05\n",
+            "0.1 Start of measurement\n",
+            "// version 9.0.0\n0.1 1 123 Rx e 1 05\n",
         ] {
             assert!(!detect_asc(head.as_bytes()), "{head}");
         }

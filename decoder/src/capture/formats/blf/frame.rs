@@ -14,7 +14,7 @@
 //! Sources: Vector's `binlog_objects.h`, Wireshark's `wiretap/blf.c`, python-can.
 
 use crate::capture::byte_order::ByteOrder::Little;
-use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
+use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length, is_fd_length};
 
 const EXTENDED: u32 = 1 << 31;
 const CLASSIC_DATA: usize = 8;
@@ -121,6 +121,7 @@ impl FrameObjectFields {
         let is_remote = self.flags.contains(FrameFlags::REMOTE);
         let longest = if is_fd { fd_length(dlc) } else { dlc.min(8) };
         let length = if is_remote { longest } else { self.valid.map_or(longest, |valid| valid.min(longest)) };
+        let length = if is_fd && !is_fd_length(length) { longest } else { length };
         let mut bytes = [0; MAX_DATA];
         // Some writers omit trailing bytes that are 0.
         let count = usize::from(length).min(data.len());

@@ -15,8 +15,7 @@ use nom::sequence::{delimited, terminated};
 use nom::{IResult, Parser};
 
 use super::stamp::{decimal_value, leading_stamp};
-use crate::capture::text::payload::is_fd_length;
-use crate::frame::{CanId, FrameFlags, MAX_DATA};
+use crate::frame::{CanId, FrameFlags, MAX_DATA, is_fd_length};
 
 /// Error frame flag of SocketCAN in a 32-bit identifier.
 const ERROR_FLAG: u32 = 0x2000_0000;

@@ -10,7 +10,8 @@ use fast::LineCache;
 use line::{CandumpFrameLine, CandumpLine, LineError};
 use time::CandumpClock;
 
-use crate::capture::text::lines::{LineSplitter, LineStep, SkippedLines, line_excerpt};
+use crate::capture::notice::CAN_XL;
+use crate::capture::text::lines::{AROUND, LineSplitter, LineStep, SkippedLines, line_excerpt};
 use crate::capture::{
     Batch, BusNames, CaptureError, CaptureFormat, CapturePlace, FormatCapabilities, FormatParser,
     LARGEST_RECORD, Notice, ReadOptions, WritableFormat,
@@ -105,7 +106,7 @@ impl CandumpParser {
     fn parse_line(&mut self, line: &[u8], batch: &mut Batch) {
         match line::parse_line(&line::without_colors(line)) {
             Ok(CandumpLine::Nothing) => {}
-            Ok(CandumpLine::Around) => self.around.add_line(self.lines.line_number()),
+            Ok(CandumpLine::Around) => self.around.add_line(AROUND, self.lines.line_number()),
             Ok(CandumpLine::Dropped { count, bus }) => {
                 let bus = self.buses.index_of(bus).unwrap_or_default();
                 let place = CapturePlace::Line(self.lines.line_number());
@@ -161,9 +162,9 @@ impl CandumpParser {
     fn report_unreadable(&mut self, line: &[u8], error: &LineError, batch: &mut Batch) {
         let reason = match error {
             LineError::CanXl if !std::mem::replace(&mut self.stated_xl, true) => {
-                "CAN XL frame: not supported".to_owned()
+                format!("{CAN_XL}: not supported")
             }
-            LineError::CanXl => "CAN XL frame".to_owned(),
+            LineError::CanXl => CAN_XL.to_owned(),
             LineError::Broken(what) => format!("{what}; found {}", line_excerpt(line)),
             LineError::NotCandump => format!("not a candump line; found {}", line_excerpt(line)),
         };

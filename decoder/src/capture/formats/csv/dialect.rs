@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use super::field::{CsvField, CsvFields};
+use crate::capture::TimeUnit;
 use crate::capture::text::columns::NumberBase;
 
 /// Column separators, in the order in which they are tried.
@@ -59,12 +60,10 @@ pub(super) enum ColumnMeaning {
 /// Format of times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum CsvTimeFormat {
-    /// Seconds.
-    Seconds,
-    /// Milliseconds.
-    Milliseconds,
-    /// Microseconds; seconds if a decimal point occurs.
-    Microseconds,
+    /// A number in this unit.
+    Unit(TimeUnit),
+    /// Microseconds of GVRET; seconds if a decimal point occurs. Some programs write milliseconds.
+    Gvret,
     /// Hours, minutes and seconds: `00:30:06.866`.
     Clock,
     /// Time of the computer in ZLG's programs: `="09:15:30.250"`.
@@ -103,7 +102,7 @@ const DIALECTS: &[CsvDialect] = &[
     // cobscope.
     CsvDialect {
         required: &[
-            ("time", ColumnMeaning::Time(CsvTimeFormat::Seconds)),
+            ("time", ColumnMeaning::Time(CsvTimeFormat::Unit(TimeUnit::Second))),
             ("bus", ColumnMeaning::Bus),
             ("id", ColumnMeaning::Id(NumberBase::Hex)),
             ("extended", ColumnMeaning::Extended),
@@ -123,7 +122,7 @@ const DIALECTS: &[CsvDialect] = &[
     // CSS Electronics: mdf4-converters, CANedge and webCAN.
     CsvDialect {
         required: &[
-            ("timestampepoch", ColumnMeaning::Time(CsvTimeFormat::Seconds)),
+            ("timestampepoch", ColumnMeaning::Time(CsvTimeFormat::Unit(TimeUnit::Second))),
             ("buschannel", ColumnMeaning::Bus),
             ("id", ColumnMeaning::Id(NumberBase::Hex)),
             ("ide", ColumnMeaning::Extended),
@@ -143,7 +142,7 @@ const DIALECTS: &[CsvDialect] = &[
     // python-can: can.CSVWriter; its column dlc contains a length.
     CsvDialect {
         required: &[
-            ("timestamp", ColumnMeaning::Time(CsvTimeFormat::Seconds)),
+            ("timestamp", ColumnMeaning::Time(CsvTimeFormat::Unit(TimeUnit::Second))),
             ("arbitration_id", ColumnMeaning::Id(NumberBase::Hex)),
             ("extended", ColumnMeaning::Extended),
             ("remote", ColumnMeaning::Remote),
@@ -157,7 +156,7 @@ const DIALECTS: &[CsvDialect] = &[
     // SavvyCAN: framefileio.cpp, saveNativeCSVFile; older versions have no Dir.
     CsvDialect {
         required: &[
-            ("time stamp", ColumnMeaning::Time(CsvTimeFormat::Microseconds)),
+            ("time stamp", ColumnMeaning::Time(CsvTimeFormat::Gvret)),
             ("id", ColumnMeaning::Id(NumberBase::Hex)),
             ("extended", ColumnMeaning::Extended),
             ("bus", ColumnMeaning::Bus),
@@ -171,7 +170,7 @@ const DIALECTS: &[CsvDialect] = &[
     // state the bases.
     CsvDialect {
         required: &[
-            ("time", ColumnMeaning::Time(CsvTimeFormat::Seconds)),
+            ("time", ColumnMeaning::Time(CsvTimeFormat::Unit(TimeUnit::Second))),
             ("channel", ColumnMeaning::Bus),
             ("id", ColumnMeaning::Id(NumberBase::Hex)),
             ("flags", ColumnMeaning::KvaserFlags),
@@ -201,7 +200,7 @@ const DIALECTS: &[CsvDialect] = &[
     CsvDialect {
         required: &[
             ("type", ColumnMeaning::CandoKind),
-            ("time", ColumnMeaning::Time(CsvTimeFormat::Seconds)),
+            ("time", ColumnMeaning::Time(CsvTimeFormat::Unit(TimeUnit::Second))),
             ("id", ColumnMeaning::Id(NumberBase::Hex)),
             ("d1", ColumnMeaning::Byte(NumberBase::Hex)),
         ],
@@ -212,7 +211,7 @@ const DIALECTS: &[CsvDialect] = &[
     CsvDialect {
         required: &[
             ("message number", ColumnMeaning::Nothing),
-            ("time [ms]", ColumnMeaning::Time(CsvTimeFormat::Milliseconds)),
+            ("time [ms]", ColumnMeaning::Time(CsvTimeFormat::Unit(TimeUnit::Millisecond))),
             ("id", ColumnMeaning::Id(NumberBase::Hex)),
             ("dlc", ColumnMeaning::Dlc),
             ("data bytes", ColumnMeaning::Data(DataCoding::Listed)),
@@ -256,6 +255,23 @@ const DIALECTS: &[CsvDialect] = &[
             ("length", ColumnMeaning::Length),
             ("len", ColumnMeaning::Length),
             ("dlc", ColumnMeaning::Length),
+        ],
+        has_text: false,
+    },
+    // Programs that write the form of SavvyCAN with fewer columns, or with the DLC.
+    CsvDialect {
+        required: &[
+            ("time stamp", ColumnMeaning::Time(CsvTimeFormat::Gvret)),
+            ("id", ColumnMeaning::Id(NumberBase::Hex)),
+            ("d1", ColumnMeaning::Byte(NumberBase::Hex)),
+        ],
+        optional: &[
+            ("extended", ColumnMeaning::Extended),
+            ("dir", ColumnMeaning::Direction),
+            ("bus", ColumnMeaning::Bus),
+            ("len", ColumnMeaning::Length),
+            ("dlc", ColumnMeaning::Dlc),
+            ("d#", ColumnMeaning::Byte(NumberBase::Hex)),
         ],
         has_text: false,
     },

@@ -13,18 +13,22 @@
 //! 1700000000.123456789,can0,701,0,0,0,0,0,0,rx,1,1,05
 //! ```
 
+mod clock;
 mod dialect;
 mod field;
 mod number;
 mod row;
 mod write;
 
-use dialect::{ColumnMeaning, CsvLayout};
+use clock::{CsvClock, UnitEvidence};
+use dialect::{ColumnMeaning, CsvLayout, CsvTimeFormat};
 
-use crate::capture::CaptureFormat;
 use crate::capture::text::columns::NumberBase;
 use crate::capture::text::line_format::{
-    CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine, first_lines,
+    CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine, complete_lines, first_lines,
+};
+use crate::capture::{
+    Batch, BusNames, CaptureError, CaptureFormat, FormatParser, LARGEST_RECORD, ReadOptions, TimeUnit,
 };
 
 pub(super) use write::WRITABLE;
@@ -38,8 +42,63 @@ pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     is_text: true,
     is_packed: false,
     detect: |head| first_lines(head, DETECTING_LINES).any(|line| CsvLayout::of_header(line).is_some()),
-    parser: |_| Box::new(LineParser::new(CsvFormat::default())),
+    parser: |options| Box::new(CsvParser::new(options)),
 };
+
+/// Bytes at the start whose rows decide about the unit of the times.
+const DECIDING: usize = LARGEST_RECORD / 2;
+
+/// Parser of CSV.
+#[derive(Clone)]
+struct CsvParser {
+    rows: LineParser<CsvFormat>,
+    /// Whether the unit of the times is known.
+    is_decided: bool,
+}
+
+impl CsvParser {
+    fn new(options: &ReadOptions) -> Self {
+        let format = CsvFormat { unit: options.time_unit, ..CsvFormat::default() };
+        Self { rows: LineParser::new(format), is_decided: options.time_unit.is_some() }
+    }
+
+    /// Determines the unit of the times from the first rows; `false` requests more input.
+    fn decide_unit(&mut self, input: &[u8], at_end: bool) -> bool {
+        let start = input.get(..DECIDING);
+        let head = start.map_or_else(|| if at_end { input } else { complete_lines(input) }, complete_lines);
+        let header = first_lines(head, DETECTING_LINES + 1).find_map(CsvLayout::of_header);
+        let is_open = |layout: &CsvLayout| layout.has_column(ColumnMeaning::Time(CsvTimeFormat::Gvret));
+        if header.as_ref().is_none_or(is_open) {
+            if !at_end && start.is_none() {
+                return false;
+            }
+            self.rows.format_state().infer_unit(head);
+        }
+        self.is_decided = true;
+        true
+    }
+}
+
+impl FormatParser for CsvParser {
+    fn parse(&mut self, input: &[u8], at_end: bool, batch: &mut Batch) -> Result<usize, CaptureError> {
+        if !self.is_decided && !self.decide_unit(input, at_end) {
+            return Ok(0);
+        }
+        self.rows.parse(input, at_end, batch)
+    }
+
+    fn buses(&self) -> &BusNames {
+        self.rows.buses()
+    }
+
+    fn line_number(&self) -> Option<u64> {
+        FormatParser::line_number(&self.rows)
+    }
+
+    fn clone_box(&self) -> Box<dyn FormatParser> {
+        Box::new(self.clone())
+    }
+}
 
 /// State that affects later lines.
 #[derive(Clone, Default)]
@@ -48,7 +107,26 @@ struct CsvFormat {
     preface: CsvPreface,
     /// Buffer for a bus name whose quotes were removed.
     bus: Vec<u8>,
-    clock: row::CsvClock,
+    clock: CsvClock,
+    /// Unit of the times instead of that of the program.
+    unit: Option<TimeUnit>,
+    /// Assumption about the unit, until the first row.
+    assumption: Option<&'static str>,
+}
+
+impl CsvFormat {
+    /// Determines the unit of GVRET's times from the rows of `head`.
+    fn infer_unit(&mut self, head: &[u8]) {
+        let (mut rows, mut evidence) = (self.clone(), UnitEvidence::default());
+        for line in first_lines(head, usize::MAX) {
+            if let Ok(Some(row)) = rows.parse_line(line, &mut CaptureAssumptions::default()) {
+                evidence.add_row(&row);
+            }
+        }
+        if let Some((unit, assumption)) = evidence.other_unit() {
+            (self.unit, self.assumption) = (Some(unit), Some(assumption));
+        }
+    }
 }
 
 /// Content of the lines before the header.
@@ -75,9 +153,16 @@ impl CsvPreface {
         }
     }
 
-    /// Sets the bases stated before the header in its layout.
-    fn apply_to(&self, mut layout: CsvLayout) -> CsvLayout {
+    /// Sets the bases stated before the header, and the unit of times if it is known, in the layout of the header.
+    fn apply_to(&self, mut layout: CsvLayout, unit: Option<TimeUnit>) -> CsvLayout {
         for meaning in &mut layout.columns {
+            if let (
+                ColumnMeaning::Time(style @ (CsvTimeFormat::Unit(_) | CsvTimeFormat::Gvret)),
+                Some(unit),
+            ) = (&mut *meaning, unit)
+            {
+                *style = CsvTimeFormat::Unit(unit);
+            }
             match (meaning, self.id, self.data) {
                 (ColumnMeaning::Id(base), Some(id), _) => *base = id,
                 (ColumnMeaning::Byte(base), _, Some(data)) => *base = data,
@@ -102,17 +187,20 @@ impl LineFormat for CsvFormat {
                 return Err("header: expected the column names of a known program".into());
             }
             match CsvLayout::of_header(text) {
-                Some(layout) => self.layout = Some(self.preface.apply_to(layout)),
+                Some(layout) => self.layout = Some(self.preface.apply_to(layout, self.unit)),
                 None => self.preface.read_line(text),
             }
             return Ok(None);
         };
+        if let Some(assumption) = self.assumption.take() {
+            assumptions.add_assumption(assumption);
+        }
         match row::read_row(text, layout, &mut self.bus, &mut self.clock, assumptions) {
             Ok(seen) => Ok(seen),
             // Concatenated captures in one file have one header each.
             Err(reason) => match CsvLayout::of_header(text) {
                 Some(layout) => {
-                    self.layout = Some(self.preface.apply_to(layout));
+                    self.layout = Some(self.preface.apply_to(layout, self.unit));
                     Ok(None)
                 }
                 None => Err(reason),

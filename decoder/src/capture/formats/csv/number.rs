@@ -7,11 +7,9 @@ use nom::error::Error;
 use nom::sequence::preceded;
 
 use super::dialect::CsvTimeFormat;
-use crate::capture::text::columns::{NumberBase, parse_time, time_of_day};
+use crate::capture::TimeUnit;
+use crate::capture::text::columns::{NumberBase, time_of_day};
 use crate::frame::MAX_DATA;
-
-/// One second in nanoseconds.
-const SECOND: i64 = 1_000_000_000;
 
 /// Maximum number of digits in a number: a 128-bit integer can store them.
 const MOST_DIGITS: usize = 30;
@@ -19,10 +17,9 @@ const MOST_DIGITS: usize = 30;
 /// Parses a time into nanoseconds.
 pub(super) fn parse_timestamp(text: &[u8], style: CsvTimeFormat) -> Option<i64> {
     match style {
-        CsvTimeFormat::Seconds => parse_seconds(text),
-        CsvTimeFormat::Milliseconds => parse_time(text, SECOND / 1_000),
-        CsvTimeFormat::Microseconds if text.contains(&b'.') => parse_seconds(text),
-        CsvTimeFormat::Microseconds => parse_seconds(text).map(|nanoseconds| nanoseconds / 1_000_000),
+        CsvTimeFormat::Unit(unit) => parse_number(text, unit),
+        CsvTimeFormat::Gvret if text.contains(&b'.') => parse_number(text, TimeUnit::Second),
+        CsvTimeFormat::Gvret => parse_number(text, TimeUnit::Microsecond),
         CsvTimeFormat::Clock => time_of_day(text),
         CsvTimeFormat::ZlgSystem | CsvTimeFormat::ZlgAdapter => parse_zlg(text),
     }
@@ -55,13 +52,13 @@ fn parse_zlg(text: &[u8]) -> Option<i64> {
     let second =
         point.and_then(|point| Some(point + 1 + text.get(point + 1..)?.iter().position(|b| *b == b'.')?));
     let text = text.get(..second.unwrap_or(text.len())).unwrap_or(text);
-    if text.contains(&b':') { time_of_day(text) } else { parse_seconds(text) }
+    if text.contains(&b':') { time_of_day(text) } else { parse_number(text, TimeUnit::Second) }
 }
 
-/// Parses seconds in the form of Python and others: `1700000000.5`, `-0.25`, `1e-05`. Fractions of a
-/// nanosecond are truncated.
-fn parse_seconds(text: &[u8]) -> Option<i64> {
-    let fraction = opt(preceded(char('.'), digit1));
+/// Parses a number in the form of Python and others: `1700000000.5`, `-0,25`, `1e-05`. Fractions of a nanosecond are
+/// truncated.
+fn parse_number(text: &[u8], unit: TimeUnit) -> Option<i64> {
+    let fraction = opt(preceded(one_of(".,"), digit1));
     let exponent = opt(preceded(one_of("eE"), recognize((opt(one_of("+-")), digit1))));
     let number = (opt(char('-')), digit1::<_, Error<&[u8]>>, fraction, exponent);
     let (_, (minus, whole, fraction, exponent)) = all_consuming(number).parse_complete(text).ok()?;
@@ -75,7 +72,8 @@ fn parse_seconds(text: &[u8]) -> Option<i64> {
     }
     let digits = whole.iter().chain(fraction);
     let value = digits.fold(0_i128, |value, digit| value * 10 + i128::from(digit - b'0'));
-    let power = exponent.checked_add(9)?.checked_sub(i32::try_from(fraction.len()).ok()?)?;
+    let decimals = i32::try_from(unit.nanoseconds().ilog10()).ok()?;
+    let power = exponent.checked_add(decimals)?.checked_sub(i32::try_from(fraction.len()).ok()?)?;
     let scale = 10_i128.checked_pow(power.unsigned_abs());
     let nanoseconds = match scale {
         Some(scale) if power >= 0 => value.checked_mul(scale)?,
@@ -182,20 +180,41 @@ mod tests {
             ("0.0000000019", 1),
             ("0e999", 0),
         ] {
-            assert_eq!(parse_timestamp(text.as_bytes(), CsvTimeFormat::Seconds), Some(expected), "{text}");
+            assert_eq!(
+                parse_timestamp(text.as_bytes(), CsvTimeFormat::Unit(TimeUnit::Second)),
+                Some(expected),
+                "{text}"
+            );
         }
         for text in
             ["", "-", "1.", ".5", "1e", "1e99", "nan", "inf", "1 2", "1e999999999999", "9999999999999"]
         {
-            assert_eq!(parse_timestamp(text.as_bytes(), CsvTimeFormat::Seconds), None, "{text}");
+            assert_eq!(
+                parse_timestamp(text.as_bytes(), CsvTimeFormat::Unit(TimeUnit::Second)),
+                None,
+                "{text}"
+            );
         }
     }
 
     #[test]
     fn other_stamps() {
-        assert_eq!(parse_timestamp(b"144,500", CsvTimeFormat::Milliseconds), Some(144_500_000));
-        assert_eq!(parse_timestamp(b"166064000", CsvTimeFormat::Microseconds), Some(166_064_000_000));
-        assert_eq!(parse_timestamp(b"166.064", CsvTimeFormat::Microseconds), Some(166_064_000_000));
+        assert_eq!(
+            parse_timestamp(b"144,500", CsvTimeFormat::Unit(TimeUnit::Millisecond)),
+            Some(144_500_000)
+        );
+        assert_eq!(parse_timestamp(b"166064000", CsvTimeFormat::Gvret), Some(166_064_000_000));
+        assert_eq!(parse_timestamp(b"166.064", CsvTimeFormat::Gvret), Some(166_064_000_000));
+        // Microseconds since 1970 exceed 64 bits if they are scaled as seconds first.
+        for (text, expected) in [
+            (&b"1700000000000001"[..], 1_700_000_000_000_001_000),
+            (b"-1767062175875212", -1_767_062_175_875_212_000),
+            (b"-1.5", -1_500_000_000),
+        ] {
+            assert_eq!(parse_timestamp(text, CsvTimeFormat::Gvret), Some(expected));
+        }
+        assert_eq!(parse_timestamp(b"9300000000000000", CsvTimeFormat::Gvret), None, "beyond the year 2262");
+        assert_eq!(parse_timestamp(b"12.5", CsvTimeFormat::Unit(TimeUnit::Nanosecond)), Some(12));
         assert_eq!(parse_timestamp(b"00:30:06.866", CsvTimeFormat::Clock), Some(1_806_866_000_000));
         assert_eq!(parse_timestamp(b"1:0:0,5", CsvTimeFormat::Clock), Some(3_600_500_000_000));
         assert_eq!(parse_timestamp(b"30:06.866", CsvTimeFormat::Clock), None);

@@ -1,14 +1,14 @@
 //! Parser of one row into a frame.
 
-use super::dialect::{ColumnMeaning, CsvLayout, CsvTimeFormat, DataCoding, decode_text};
+use super::clock::CsvClock;
+use super::dialect::{ColumnMeaning, CsvLayout, DataCoding, decode_text};
 use super::field::{CsvField, CsvFields};
-use super::number::{RowBytes, is_zlg_time, parse_base64, parse_decimal, parse_hex, parse_timestamp};
+use super::number::{RowBytes, parse_base64, parse_decimal, parse_hex};
 use crate::capture::bus_error::{ControllerState, Violation, controller_frame, violation_frame};
 use crate::capture::text::columns::{NumberBase, parse_identifier};
-use crate::capture::text::day::TimesOfDay;
 use crate::capture::text::line_format::{CaptureAssumptions, LineFault, ONLY_BUS, ParsedLine};
-use crate::capture::text::payload::{self, IDENTIFIER, LENGTH, by_dlc, is_fd_length};
-use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA};
+use crate::capture::text::payload::{self, IDENTIFIER, LENGTH, by_dlc};
+use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, is_fd_length};
 
 const TIME: &str = "time: expected a number in the format of this header's program";
 const FLAG: &str = "flag: expected 0, 1, false or true";
@@ -41,8 +41,6 @@ const CANDO_STATES: &[(&[u8], ControllerState)] = &[
     (b"!", ControllerState::Overrun),
 ];
 
-const OF_DAY: &str = "times of day without a date: times count from the midnight before the first frame";
-const ADAPTER: &str = "times of the adapter used: units of 0.1 ms, seconds or time of day";
 const BROKEN: &str = "words with invalid characters ignored: direction or frame type unknown";
 
 /// Words of ZLG's programs for directions.
@@ -77,42 +75,6 @@ const ZLG_KINDS: &[(&str, Option<bool>, FrameFlags)] = &[
     ("extended frame", Some(true), FrameFlags(0)),
     ("ext", Some(true), FrameFlags(0)),
 ];
-
-/// Clock of a capture whose rows may have times of the computer and of the adapter: one of them for all rows.
-#[derive(Debug, Clone, Default)]
-pub(super) struct CsvClock {
-    uses: Option<CsvTimeFormat>,
-    days: TimesOfDay,
-}
-
-impl CsvClock {
-    /// Whether times of this form are used. The first row decides between the times of ZLG's programs.
-    fn uses_style(&mut self, style: CsvTimeFormat, text: &[u8]) -> bool {
-        match style {
-            CsvTimeFormat::ZlgSystem | CsvTimeFormat::ZlgAdapter => {
-                is_zlg_time(text) && *self.uses.get_or_insert(style) == style
-            }
-            _ => !text.is_empty(),
-        }
-    }
-
-    fn parse_time(
-        &mut self,
-        text: &[u8],
-        style: CsvTimeFormat,
-        assumptions: &mut CaptureAssumptions,
-    ) -> Option<i64> {
-        let time = parse_timestamp(text, style)?;
-        if style == CsvTimeFormat::ZlgAdapter {
-            assumptions.add_assumption(ADAPTER);
-        }
-        let is_of_day = text.contains(&b':');
-        if is_of_day && style != CsvTimeFormat::Clock {
-            assumptions.add_assumption(OF_DAY);
-        }
-        Some(if is_of_day { self.days.elapsed_since_midnight(time) } else { time })
-    }
-}
 
 /// Parsed fields of a row.
 struct CsvRowCells<'a> {
@@ -305,7 +267,8 @@ impl<'a> CsvRowCells<'a> {
             (None, None) => u8::try_from(self.bytes.count).ok()?,
         };
         let raw = self.dlc.filter(|dlc| (9..=15).contains(dlc) && !is_fd && length == 8);
-        (usize::from(length) <= most).then_some((length, raw.unwrap_or(0)))
+        let exists = usize::from(length) <= most && (!is_fd || is_fd_length(length));
+        exists.then_some((length, raw.unwrap_or(0)))
     }
 
     /// Builds the frame, without number, time and bus.

@@ -302,3 +302,86 @@ fn other_heads_and_clocks_of_zlg() {
     let wrong = items(&ZLG.replace("远程帧", "奇怪"));
     assert!(wrong.last().unwrap().starts_with("line 4: frame type: expected"), "{wrong:?}");
 }
+
+const GVRET: &str = "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8\n";
+
+/// 64 bits of microseconds overflowed in the program: the differences are right.
+#[test]
+fn negative_dates_count_from_the_first_frame() {
+    let text = format!(
+        "{GVRET}-1767062175875212,00000705,false,Rx,0,1,05,\r\n\
+         -1767062175874870,00000185,false,Rx,0,2,01,00,\r\n-1767062175864615,00000185,false,Tx,1,1,02,\r\n"
+    );
+    assert_eq!(
+        items(&text),
+        [
+            "dates before 1970 (an overflow of the writer): times count from the first frame",
+            "{1} (0.000000000) bus0 705#05 flags=40 dlc=0",
+            "{2} (0.000342000) bus0 185#0100 flags=40 dlc=0",
+            "{3} (0.010597000) bus1 185#02 flags=20 dlc=0",
+        ]
+    );
+    let dated = items(&format!("{GVRET}1700000000000001,00000705,false,Rx,0,1,05,\n"));
+    assert_eq!(dated, ["{1} (1700000000.000001000) bus0 705#05 flags=40 dlc=0"]);
+}
+
+/// Rows without data bytes, `step` units apart, on each of `buses` buses in turn.
+fn rows_apart(count: u32, step: u32, buses: u32) -> String {
+    let row = |n: u32| format!("{},00000705,false,Rx,{},0,\n", n / buses * step, n % buses);
+    format!("{GVRET}{}", (0..count).map(row).collect::<String>())
+}
+
+/// The shortest frame takes 47 µs at 1 Mbit/s.
+#[test]
+fn the_unit_of_gvret_fits_a_bus() {
+    const MILLISECONDS: &str = "times read as milliseconds: as microseconds, no bus could carry the frames; --time-unit us reads \
+                                microseconds";
+    for (count, step, buses, last, is_assumed) in [
+        (40, 47, 1, 39 * 47_000, false),
+        (40, 46, 1, 39 * 46_000_000, true),
+        // 20 frames of each of two buses at the same times.
+        (40, 47, 2, 19 * 47_000, false),
+        (19, 1, 1, 18_000, false),
+        // Too fast even in milliseconds: the program's own unit.
+        (40, 0, 1, 0, false),
+    ] {
+        let text = rows_apart(count, step, buses);
+        let whole = read_capture(text.as_bytes());
+        let pieces = crate::capture::testing::read_in_pieces(text.as_bytes(), &[1, 7, 30]);
+        assert_eq!(whole, pieces, "{count} rows, {step} apart");
+        let time = whole.frames.last().unwrap().time.unwrap().0;
+        assert_eq!((time, whole.items[0] == MILLISECONDS), (last, is_assumed), "{count} rows, {step} apart");
+    }
+}
+
+#[test]
+fn the_user_states_the_unit() {
+    let read = |unit: Option<TimeUnit>| {
+        let options = ReadOptions { time_unit: unit, ..ReadOptions::default() };
+        let mut parser = (FORMAT.parser)(&options);
+        let mut batch = Batch::new();
+        parser.parse(rows_apart(40, 46, 1).as_bytes(), true, &mut batch).unwrap();
+        let last = batch.frames().last().and_then(|frame| frame.time).map(|time| time.0);
+        (last.unwrap(), batch.notices().len())
+    };
+    let ticks = 39 * 46;
+    assert_eq!(read(Some(TimeUnit::Microsecond)), (ticks * 1_000, 0));
+    assert_eq!(read(Some(TimeUnit::Nanosecond)), (ticks, 0));
+    assert_eq!(read(Some(TimeUnit::Second)), (ticks * 1_000_000_000, 0));
+    assert_eq!(read(None), (ticks * 1_000_000, 1));
+}
+
+/// The number of bytes replaces a missing length; a DLC above 8 has eight bytes.
+#[test]
+fn fewer_columns_than_those_of_savvycan() {
+    for (text, expected) in [
+        ("Time Stamp,ID,D1,D2\n5,705,05,\n", "{1} (0.000005000) bus0 705#05 flags=00 dlc=0"),
+        (
+            "Time Stamp;ID;Extended;Dir;Bus;DLC;D1;D2;D3;D4;D5;D6;D7;D8\n\
+             5;18FEF100;true;Tx;can1;2;01;02;00;00;00;00;00;00\n",
+            "{1} (0.000005000) bus0 18FEF100#0102 flags=20 dlc=0",
+        ),
+    ] {
+        assert_eq!(items(text).last().unwrap(), expected);
+    }
+}

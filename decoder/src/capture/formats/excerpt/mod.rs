@@ -21,7 +21,7 @@ use crate::capture::text::day::TimesOfDay;
 use crate::capture::text::line_format::{
     CaptureAssumptions, LineFault, LineFormat, LineParser, ONLY_BUS, ParsedLine, complete_lines,
 };
-use crate::capture::text::lines::SkippedLines;
+use crate::capture::text::lines::{AROUND, SkippedLines};
 use crate::capture::{Batch, BusNames, CaptureError, CaptureFormat, FormatParser, LARGEST_RECORD};
 
 pub(super) const FORMAT: CaptureFormat = CaptureFormat {
@@ -151,7 +151,7 @@ impl LineFormat for ExcerptRowState {
         let row = match parse_line(text) {
             ExcerptLine::Blank | ExcerptLine::Names => return Ok(None),
             ExcerptLine::Around => {
-                self.around.add_line(self.number);
+                self.around.add_line(AROUND, self.number);
                 return Ok(None);
             }
             ExcerptLine::Text(row) => row,
@@ -170,6 +170,10 @@ impl LineFormat for ExcerptRowState {
     fn at_line(&mut self, number: u64) {
         self.number = number;
     }
+
+    fn report_skipped(&mut self, batch: &mut Batch) {
+        self.around.report_lines(batch);
+    }
 }
 
 impl FormatParser for ExcerptParser {
@@ -179,11 +183,7 @@ impl FormatParser for ExcerptParser {
             let rows = self.rows.format_state();
             (rows.is_decided, rows.pattern) = (true, best_pattern(head));
         }
-        let taken = self.rows.parse(input, at_end, batch)?;
-        if at_end && taken == input.len() && !batch.is_full() {
-            self.rows.format_state().around.report_lines(batch);
-        }
-        Ok(taken)
+        self.rows.parse(input, at_end, batch)
     }
 
     fn buses(&self) -> &BusNames {

@@ -4,7 +4,7 @@ use super::field::{GroupRecord, RecordField};
 use super::group::{FrameGroup, GroupContent};
 use super::records::VariableValues;
 use crate::capture::bus_error::{Violation, violation_frame};
-use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length};
+use crate::frame::{CanId, Frame, FrameFlags, MAX_DATA, fd_length, is_fd_length};
 
 /// Error types, by their numbers.
 const ERRORS: &[Violation] = &[
@@ -101,6 +101,9 @@ fn read_data(
     let bytes = bytes.get(..length).ok_or(MISSING)?;
     if bytes.len() > if is_fd { MAX_DATA } else { 8 } {
         return Err("data: longer than the frame type allows");
+    }
+    if is_fd && !u8::try_from(length).is_ok_and(is_fd_length) {
+        return Err("data: expected 0 to 8, 12, 16, 20, 24, 32, 48 or 64 bytes");
     }
     let mut frame = Frame::data_frame(id, bytes);
     if is_fd {

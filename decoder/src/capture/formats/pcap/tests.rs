@@ -96,7 +96,7 @@ fn all_kinds_of_frame() {
             "{2} (1700000001.123456000) bus0 00000004#0010000000006000 flags=02 dlc=0",
             "{3} (1700000002.123456000) bus0 18FEF180#ABABABABABABABABABABABAB flags=0C dlc=0",
             "{4} (1700000003.123456000) bus0 123#3132333435363738 flags=00 dlc=15",
-            "byte 156: CAN XL frame: not supported",
+            "byte 156: CAN XL frame: not supported (priority 005, VCID 00, SDT 00, AF 00000000, 1 bytes)",
             "byte 185: CAN frame: found 3 of 8 data bytes",
             "byte 212: CAN frame: found 0 bytes; expected at least 8",
         ]
@@ -124,7 +124,7 @@ fn identifiers_in_the_writers_order_are_detected_and_reported_once() {
 #[test]
 fn a_capture_of_something_else_says_so_at_its_end() {
     let content = read_capture(&capture(ByteOrder::Little, 0xA1B2_C3D4, 1, &[SYNC, b"", HEARTBEAT]));
-    assert_eq!(content.items, ["interface \"can0\" is not CAN (link type 1): 3 packets skipped"]);
+    assert_eq!(content.items, ["interface \"can0\" is Ethernet, not CAN (link type 1): 3 packets skipped"]);
     assert_eq!(content.buses, [] as [&str; 0]);
     let arp = b"\0\x01\0\x01\0\x06\0\0\0\0\0\0\0\0\x08\x06who has";
     let content = read_capture(&capture(ByteOrder::Little, 0xA1B2_C3D4, 113, &[arp]));
@@ -174,7 +174,7 @@ fn a_length_no_packet_has_is_passed_over_without_memory_for_it() {
     let content = read_capture(&usual(&[&long, SYNC, &longest, SYNC]));
     assert_eq!(content.frames.len(), 3, "the longest is read, and has length 0");
     let content = read_capture(&capture(ByteOrder::Big, 0xA1B2_C3D4, 1, &[&long, SYNC]));
-    assert_eq!(content.items, ["interface \"can0\" is not CAN (link type 1): 2 packets skipped"]);
+    assert_eq!(content.items, ["interface \"can0\" is Ethernet, not CAN (link type 1): 2 packets skipped"]);
 }
 
 #[test]

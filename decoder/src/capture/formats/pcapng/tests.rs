@@ -201,8 +201,8 @@ fn packets_that_are_no_can_are_counted_for_each_section() {
         content.items,
         [
             "{1} (0.000000000) bus0 080# flags=00 dlc=0",
-            "interface \"eth\\x1b0\" is not CAN (link type 1): 2 packets skipped",
-            "interface \"lin0\" is not CAN (link type 212): 1 packet skipped",
+            "interface \"eth\\x1b0\" is Ethernet, not CAN (link type 1): 2 packets skipped",
+            "interface \"lin0\" is LIN, not CAN (link type 212): 1 packet skipped",
         ]
     );
     assert_eq!(content.buses, ["can0"]);

@@ -1,7 +1,7 @@
 //! Captures (trace files) of PEAK-System, versions 1.0 to 1.3 and 2.x.
 //!
 //! ```text
-//! ;$FILEVERSION=2.1                          from 1.1 on
+//! ;$FILEVERSION=2.1                          from 1.1 on; without it the first row decides
 //! ;$STARTTIME=44548.6028595139               days since 1899-12-30, local time
 //! ;$COLUMNS=N,O,T,B,I,d,R,L,D                from 2.0 on
 //! ;   any comment
@@ -54,22 +54,24 @@ pub(super) const WRITABLE: WritableFormat = WritableFormat {
     writer: |output, _| Box::new(write::TrcWriter::new(output)),
 };
 
-/// Detects a version line, or comments followed by a line of version 1.0. PEAK's LIN captures have the same
+/// Detects a version line, or comments followed by a row of any version. PEAK's LIN captures have the same
 /// start, but a checksum column.
 fn detect_trc(head: &[u8]) -> bool {
     let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
     let lines = head.split(|byte| *byte == b'\n').take(DETECTING_LINES).map(<[u8]>::trim_ascii);
     let (mut commented, mut versioned) = (false, false);
+    let mut format = TrcFormat::new();
     for text in lines.filter(|text| !text.is_empty()) {
         if !text.starts_with(b";") {
-            let numbered = ColumnWords::new(text).next().is_some_and(|word| word.ends_with(b")"));
-            let oldest = || commented && numbered && line::parse_line(oldest_layout(), text).is_ok();
-            return versioned || oldest();
+            return versioned || commented && format.fits_layout(text);
         }
         if memchr::memmem::find(text, b"Checksum Type").is_some() {
             return false;
         }
         commented = true;
+        if text.starts_with(b";$COLUMNS=") {
+            let _ = format.on_comment(text.get(1..).unwrap_or_default(), &mut CaptureAssumptions::default());
+        }
         versioned |= text.starts_with(b";$FILEVERSION=");
     }
     versioned
@@ -83,13 +85,35 @@ fn oldest_layout() -> &'static [u8] {
 #[derive(Clone)]
 struct TrcFormat {
     layout: Vec<u8>,
+    /// Whether a comment stated the version or the columns, or the first row decided.
+    has_layout: bool,
     start: i64,
     buses: BusLabels,
 }
 
 impl TrcFormat {
     fn new() -> Self {
-        Self { layout: oldest_layout().to_vec(), start: 0, buses: BusLabels::default() }
+        let layout = oldest_layout().to_vec();
+        Self { layout, has_layout: false, start: 0, buses: BusLabels::default() }
+    }
+
+    /// Whether the first row fits the stated columns or, without a statement, those of some version: 1.0 first, which
+    /// states none, then the latest. Sets these columns.
+    fn fits_layout(&mut self, row: &[u8]) -> bool {
+        if self.has_layout {
+            return line::parse_line(&self.layout, row).is_ok();
+        }
+        // Up to 1.3 a bracket follows the number of the row.
+        let has_bracket = ColumnWords::new(row).next().is_some_and(|word| word.ends_with(b")"));
+        let fits = |(version, layout): &&(&str, &[u8])| {
+            version.starts_with('1') == has_bracket && line::parse_line(layout, row).is_ok()
+        };
+        let found = LAYOUTS.iter().take(1).chain(LAYOUTS.iter().rev()).find(fits);
+        if let Some((_, layout)) = found {
+            self.layout = layout.to_vec();
+        }
+        self.has_layout = found.is_some();
+        self.has_layout
     }
 
     /// Handles a comment: free text, except for three keywords and the names of buses.
@@ -100,6 +124,7 @@ impl TrcFormat {
         if let Some(columns) = comment.strip_prefix(b"$COLUMNS=") {
             let columns = columns.split(|byte| *byte == b',').take(MOST_COLUMNS);
             self.layout = columns.filter_map(|column| column.trim_ascii().first().copied()).collect();
+            self.has_layout = true;
         }
         if let Some(label) = comment.strip_prefix(b"   Bus ") {
             self.buses.learn_label(label);
@@ -123,6 +148,7 @@ impl TrcFormat {
             });
         };
         self.layout = layout.to_vec();
+        self.has_layout = true;
         Ok(())
     }
 }
@@ -138,6 +164,9 @@ impl LineFormat for TrcFormat {
         let text = text.trim_ascii();
         if let Some(comment) = text.strip_prefix(b";") {
             return self.on_comment(comment, assumptions).map(|()| None);
+        }
+        if !self.has_layout {
+            self.fits_layout(text);
         }
         let TrcFrameLine { offset, bus, frame, lost } = match line::parse_line(&self.layout, text)? {
             TrcLine::Nothing => return Ok(None),
@@ -182,6 +211,24 @@ mod tests {
         let text = ";$FILEVERSION=2.2\n;$COLUMNS=O,I,d,T,l,D\n1.5 0181 Rx DT 2 AA BB\n";
         let batch = read(text).unwrap();
         assert_eq!(batch.frames()[0].data(), [0xAA, 0xBB]);
+    }
+
+    #[test]
+    fn without_a_version_the_first_row_decides() {
+        for (text, expected) in [
+            (";a comment\n 1) 2.5 Rx 0728 1 7F\n", "{1} (0.002500000) bus0 728#7F flags=40 dlc=0"),
+            (";a\n 1 2.5 DT 0728 Tx 1 7F\n", "{1} (0.002500000) bus0 728#7F flags=20 dlc=0"),
+            (";a\n 1 2.5 DT 1 18FEF100 Rx - 1 7F\n", "{1} (0.002500000) bus0 18FEF100#7F flags=40 dlc=0"),
+            (";$COLUMNS=O,I,d,T,l,D\n2.5 0728 Rx DT 1 7F\n", "{1} (0.002500000) bus0 728#7F flags=40 dlc=0"),
+        ] {
+            assert!(detect_trc(text.as_bytes()), "{text}");
+            let batch = read(text).unwrap();
+            let frames: Vec<_> = batch.frames().iter().map(|frame| format!("{frame:?}")).collect();
+            assert_eq!(frames, [expected]);
+        }
+        for other in [";a\n 1 2.5 0728 1 7F\n", ";a\n 1) broken\n", ";$COLUMNS=O,I,d,T,l,D\nbroken\n"] {
+            assert!(!detect_trc(other.as_bytes()), "{other}");
+        }
     }
 
     #[test]

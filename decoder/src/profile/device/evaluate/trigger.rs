@@ -117,6 +117,40 @@ impl ProfileTrigger {
         self.matches_event(event, true)
     }
 
+    /// Whether the event is compared with the trigger: an event of its category, for values that of its object.
+    pub(crate) fn is_compared_with(&self, event: &TriggerEvent<'_>) -> bool {
+        let is_value = |is_meant: &dyn Fn(&ValueUpdate<'_>) -> bool| matches!(event, TriggerEvent::Value(update) if is_meant(update));
+        let is_of = |update: &ValueUpdate<'_>, set: &SetTrigger| {
+            let is_comparable = update.raw.is_some() && (!set.changed || update.before.is_some());
+            update.object == set.object.object && (set.values.is_none() && !set.changed || is_comparable)
+        };
+        match self {
+            Self::Write(..) | Self::Writes(_) => {
+                is_value(&|update| matches!(update.source, UpdateSource::Written | UpdateSource::Refused))
+            }
+            Self::Read(..) => is_value(&|update| update.source == UpdateSource::Read),
+            Self::Set(set) => is_value(&|update| update.source.is_command() && is_of(update, set)),
+            Self::Shows(set) => is_value(&|update| !update.source.is_command() && is_of(update, set)),
+            Self::Bit(bit, _) => is_value(&|update| {
+                update.object == bit.object.object
+                    && !matches!(update.source, UpdateSource::Refused | UpdateSource::Read)
+                    && (update.before.is_some() || update.is_fresh)
+            }),
+            Self::Pdo(_) => matches!(event, TriggerEvent::Pdo(_)),
+            Self::Message(_) => matches!(event, TriggerEvent::Message(_)),
+            Self::Nmt(_) => matches!(event, TriggerEvent::Nmt(_)),
+            Self::State(_) => matches!(event, TriggerEvent::State(..)),
+            Self::Emcy(_) => matches!(event, TriggerEvent::Emcy(_)),
+            Self::Dtc(_) => matches!(event, TriggerEvent::Dtc(..)),
+            Self::Sync => matches!(event, TriggerEvent::Sync),
+            Self::Boot | Self::PowerOn => matches!(event, TriggerEvent::Boot { .. }),
+            // A report of the state shows that the node is monitored by one of the two.
+            Self::Guard => matches!(event, TriggerEvent::Guard | TriggerEvent::Reports(_)),
+            Self::Reports(_) => matches!(event, TriggerEvent::Reports(_)),
+            Self::Lss(_) => matches!(event, TriggerEvent::Lss(_)),
+        }
+    }
+
     fn matches_event(&self, event: &TriggerEvent<'_>, attempts: bool) -> bool {
         match self {
             Self::Write(..)

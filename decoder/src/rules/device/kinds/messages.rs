@@ -80,6 +80,7 @@ pub(in crate::rules::device) fn judge_fixed_bits(
     let alarm = context
         .start_finding(event)
         .at_node(Some(case.facts.id))
-        .with_subject(FindingSubject::Name(name.to_string().into()));
+        .with_subject(FindingSubject::Name(name.to_string().into()))
+        .with_assumption(case.assumed);
     alarm.report_finding(|| with_details(&case.rule.text, &format!("{name}, byte {byte}")));
 }

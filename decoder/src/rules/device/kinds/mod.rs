@@ -11,6 +11,7 @@ mod times;
 mod values;
 
 pub(super) use self::counts::{count_pdo, end_count};
+pub(super) use self::order::exercise_never;
 pub(super) use self::times::on_answer;
 use super::case::RuleCase;
 use super::progress::{PdoTask, RuleProgress};
@@ -79,8 +80,7 @@ pub(super) fn follow_while(case: &RuleCase<'_>, progress: &mut RuleProgress, con
         RuleKind::MaxInterval => times::follow_stretch(case, progress, held, context),
         RuleKind::Follow if !progress.holds => (progress.last, progress.deadline) = (None, None),
         RuleKind::Precondition if !progress.holds => progress.last = None,
-        // A forbidden event that has not occurred passes once per period of `while`.
-        RuleKind::Never if progress.holds && !held => context.count_pass(),
+        RuleKind::Never if progress.holds && !held => order::begin_never(case, progress, context),
         RuleKind::MaxCount if held && !progress.holds => counts::end_stretch(case, progress, context),
         _ => {}
     }

@@ -15,6 +15,41 @@ pub(super) fn judge_never(case: &RuleCase<'_>, event: &TriggerEvent<'_>, context
     }
 }
 
+/// Counts a forbidden event that has not occurred: once, and once per interval in which the rule applies. The first event
+/// that is compared with `on` counts, or a value that is known when the interval begins.
+pub(in crate::rules::device) fn exercise_never(
+    case: &RuleCase<'_>,
+    progress: &mut RuleProgress,
+    event: &TriggerEvent<'_>,
+    context: &mut RuleContext<'_>,
+) {
+    let rule = case.rule;
+    let is_compared = !progress.is_exercised
+        && rule.on.0.iter().any(|trigger| trigger.is_compared_with(event))
+        && (!rule.is_scoped() || progress.is_prepared == Some(true))
+        && case.is_due();
+    if is_compared {
+        progress.is_exercised = true;
+        if case.matching_trigger(event).is_none() {
+            context.count_pass();
+        }
+    }
+}
+
+/// Begins an interval in which a forbidden event must not occur.
+pub(super) fn begin_never(case: &RuleCase<'_>, progress: &mut RuleProgress, context: &mut RuleContext<'_>) {
+    let is_known = |trigger: &ProfileTrigger| match trigger {
+        ProfileTrigger::Set(set) | ProfileTrigger::Shows(set) if !set.changed => {
+            case.facts.proven_value(set.object.object).is_some()
+        }
+        _ => false,
+    };
+    progress.is_exercised = case.rule.on.0.iter().any(is_known);
+    if progress.is_exercised {
+        context.count_pass();
+    }
+}
+
 /// Follows the interval in which a rule applies; returns whether the event is inside. The events that begin
 /// and end it are not.
 pub(super) fn follow_scope(
@@ -29,9 +64,8 @@ pub(super) fn follow_scope(
         progress.is_prepared = Some(false);
     } else if meets(&case.rule.since.0) {
         progress.is_prepared = Some(true);
-        // A forbidden event that has not occurred passes once per interval.
         if !was_open && case.rule.kind == RuleKind::Never {
-            context.count_pass();
+            begin_never(case, progress, context);
         }
     }
     was_open && progress.is_prepared == Some(true)

@@ -10,11 +10,13 @@ use crate::rules::rule::declare_rule;
 use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeSet};
+use crate::words::count_noun;
 
 declare_rule! {
     /// # What it checks
     /// A device sends an EMCY with a code other than 0000. There is one finding per code, open until EMCY
-    /// 0000. A device that starts has 5 s after its boot to clear an error, at most until it is operational.
+    /// 0000. A device that starts has 5 s after its boot to clear an error, at most until it is operational, and
+    /// without timestamps until the end of the capture, if a heartbeat follows the error.
     ///
     /// # Why it matters
     /// The device itself reports an error.
@@ -29,7 +31,7 @@ declare_rule! {
     /// # Mutation
     /// insert an EMCY with a generic error
     "emcy-raised", Warning, "error reported by EMCY",
-    kinds: [Kind::Emcy, Kind::NmtState, Kind::BootUp],
+    kinds: [Kind::Emcy, Kind::NmtState, Kind::BootUp, Kind::Heartbeat],
     needs: "an EMCY",
     word: "EMCY",
 }
@@ -47,6 +49,8 @@ struct EarlyError {
     code: u16,
     due: i64,
     event: Event,
+    /// Heartbeats of the node since then: the clock of a capture without timestamps.
+    heartbeats: u32,
 }
 
 /// Event that shows a finding.
@@ -58,6 +62,8 @@ enum ShownEvent<'a> {
     Operational(&'a Event),
     /// No event: [`START`] has passed.
     Late,
+    /// The end of a capture without timestamps, after this number of heartbeats.
+    End(u32),
 }
 
 #[derive(Default)]
@@ -107,7 +113,7 @@ impl EmcyRaised {
             return;
         }
         let due = context.now.saturating_add(rest);
-        self.early.push(EarlyError { node, code, due, event: event.clone() });
+        self.early.push(EarlyError { node, code, due, event: event.clone(), heartbeats: 0 });
         context.wake_at(due, 0);
     }
 
@@ -136,15 +142,17 @@ impl EmcyRaised {
             self.open.push((node, code));
         }
         let device = record::event_device(event, context.bus);
+        let is_open = !context.bus.protocols().is_settled(Some(node));
         let (is_presumed, until) = match shown {
-            ShownEvent::Directly => (event.presumed, ""),
+            ShownEvent::Directly => (event.presumed, String::new()),
             ShownEvent::Operational(shown) => {
-                (shown.presumed, "; reported before the node was operational, not cleared since")
+                (shown.presumed, "; reported before the node was operational, not cleared since".into())
             }
-            ShownEvent::Late => (
-                !context.bus.protocols().is_settled(Some(node)),
-                "; reported at power-on, not cleared within 5 s",
-            ),
+            ShownEvent::Late => (is_open, "; reported at power-on, not cleared within 5 s".into()),
+            ShownEvent::End(heartbeats) => {
+                let count = count_noun(heartbeats, "heartbeat");
+                (is_open, format!("; reported at power-on, not cleared in the {count} after it"))
+            }
         };
         let alarm = context
             .start_finding(event)
@@ -180,6 +188,11 @@ impl Rule for EmcyRaised {
                     self.report_early(ShownEvent::Operational(event), |early| early.node == node, context);
                 }
             }
+            EventKind::Heartbeat { .. } => {
+                for early in self.early.iter_mut().filter(|early| early.node == node) {
+                    early.heartbeats = early.heartbeats.saturating_add(1);
+                }
+            }
             // A restart ends the errors of the time before it.
             EventKind::BootUp { .. } => self.early.retain(|early| early.node != node),
             EventKind::Emcy(emergency) => match (emergency.action, emergency.code) {
@@ -193,6 +206,18 @@ impl Rule for EmcyRaised {
             _ => {}
         }
     }
+
+    /// Without timestamps, the heartbeats of the node are the clock.
+    fn on_end(&mut self, context: &mut RuleContext<'_>) {
+        if context.has_time {
+            return;
+        }
+        for early in std::mem::take(&mut self.early).into_iter().filter(|early| early.heartbeats > 0) {
+            let shown = ShownEvent::End(early.heartbeats);
+            self.report_error(&early.event, shown, (early.node, early.code), context);
+        }
+    }
+
     fn on_wake(&mut self, _token: u64, context: &mut RuleContext<'_>) {
         let now = context.now;
         self.report_early(ShownEvent::Late, |early| early.due <= now, context);

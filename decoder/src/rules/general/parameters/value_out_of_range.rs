@@ -7,8 +7,10 @@ use crate::event::{
 };
 use crate::finding::FindingSubject;
 use crate::profile::{
-    DecodedValue, IntegerPosition, ObjectMeaning, ObjectRole, PayloadLayout, SignalField, SignalId,
+    DecodedValue, IntegerPosition, LayoutOrigin, ObjectMeaning, ObjectRole, PayloadLayout, SignalField,
+    SignalId,
 };
+use crate::rules::context::MAPPING_ASSUMED;
 use crate::rules::general::uds::uds_negative::exchange_subject;
 use crate::rules::rule::declare_rule;
 use crate::rules::{BySlot, FrameNeed, PdoSubset, Rule, RuleContext, RulePolicy};
@@ -18,8 +20,9 @@ use crate::wire::canopen::ObjectAddress;
 declare_rule! {
     /// # What it checks
     /// A value accepted or sent by SDO or UDS, or sent in a PDO, is outside the range in the device manual. PDO
-    /// values are checked when the payload changes. Values that depend on an assumed mapping, scale or mode are
-    /// exempt, and so are counts of the error history (1003:00), whose range applies to writes only.
+    /// values are checked when the payload changes. With the default mapping of the profile, if the length fits
+    /// it, set points and states are checked with a lower severity. Values that depend on an assumed scale or
+    /// mode are exempt, and so are counts of the error history (1003:00), whose range applies to writes only.
     ///
     /// # Why it matters
     /// Devices clip such values, ignore them or report an error later.
@@ -34,7 +37,7 @@ declare_rule! {
     /// set the first set point of an RPDO to its largest raw number
     "value-out-of-range", Warning, "value outside the permitted range",
     kinds: [Kind::Pdo, Kind::SdoTransfer, Kind::UdsExchange],
-    pdos: PdoSubset::MappedChanged,
+    pdos: PdoSubset::Changed,
     needs: "a value of an object with a range in the profile or EDS",
     word: "RANGE",
 }
@@ -50,6 +53,8 @@ struct RangedFields {
     is_measured: bool,
     /// All values of the last PDO were in range.
     is_right: bool,
+    /// Assumption on which the mapping depends.
+    assumed: Option<&'static str>,
 }
 
 /// Field with a range.
@@ -74,7 +79,7 @@ impl ValueOutOfRange {
         let (Some(layout), Some(slot)) = (&pdo.layout, context.traffic.current_slot()) else { return };
         let Some(checked) = self.checked.entry_of(slot) else { return };
         if checked.layout.as_ref().is_none_or(|known| !Arc::ptr_eq(known, layout)) {
-            checked.learn_ranges(layout, context.event_node(event));
+            checked.learn_ranges(layout, pdo.length, context.event_node(event));
             context.ask_again();
         }
         if checked.fields.is_empty() {
@@ -92,7 +97,7 @@ impl ValueOutOfRange {
             let value = field.convert_raw(raw);
             if meaning.is_outside(&value) {
                 is_right = false;
-                report_value(event, meaning, &value, &pdo.name.to_string(), context);
+                report_value(event, (meaning, &value), (&pdo.name.to_string(), checked.assumed), context);
             }
         }
         if std::mem::replace(&mut checked.is_right, is_right) != is_right {
@@ -121,17 +126,20 @@ impl FieldRange {
 
 impl RangedFields {
     #[cold]
-    fn learn_ranges(&mut self, layout: &Arc<PayloadLayout>, node: Option<&Node>) {
+    fn learn_ranges(&mut self, layout: &Arc<PayloadLayout>, length: u8, node: Option<&Node>) {
+        // Another length disproves a default mapping.
+        let is_default = layout.origin == LayoutOrigin::Profile && layout.bits == u16::from(length) * 8;
+        self.assumed = layout.assumed.then_some(MAPPING_ASSUMED);
+        let is_measured = |field: &SignalField| {
+            field.meaning.as_ref().is_some_and(|it| it.role == Some(ObjectRole::Actual))
+        };
         let fields = layout.fields.iter().enumerate().filter(|(_, field)| {
-            !layout.assumed
+            (!layout.assumed || is_default && !is_measured(field))
                 && matches!(field.id, SignalId::Object(_))
                 && field.meaning.as_deref().is_some_and(|meaning| has_confirmed_range(meaning, node))
         });
         self.fields = fields.map(|(place, field)| FieldRange::new(place, field)).collect();
         let ranged = self.fields.iter().filter_map(|range| layout.fields.get(range.field));
-        let is_measured = |field: &SignalField| {
-            field.meaning.as_ref().is_some_and(|it| it.role == Some(ObjectRole::Actual))
-        };
         self.is_measured = ranged.clone().any(is_measured);
         self.bits = ranged.fold(0, |bits, field| bits | field.payload_bits());
         self.layout = Some(Arc::clone(layout));
@@ -171,7 +179,7 @@ fn on_transfer(event: &Event, transfer: &SdoTransfer, context: &mut RuleContext<
     let value = meaning.decode(&transfer.data);
     if meaning.is_outside(&value) {
         let by = if is_read { "SDO upload" } else { "SDO" };
-        report_value(event, meaning, &value, by, context);
+        report_value(event, (meaning, &value), (by, None), context);
     } else {
         context.count_pass();
     }
@@ -192,13 +200,12 @@ fn on_exchange(event: &Event, exchange: &UdsExchange, context: &mut RuleContext<
 #[cold]
 fn report_value(
     event: &Event,
-    meaning: &ObjectMeaning,
-    value: &DecodedValue,
-    by: &str,
+    (meaning, value): (&ObjectMeaning, &DecodedValue),
+    (by, assumed): (&str, Option<&'static str>),
     context: &mut RuleContext<'_>,
 ) {
     let alarm = context.start_finding(event).with_subject(FindingSubject::Object(meaning.object));
-    alarm.report_finding(|| out_of_range(meaning, value, by));
+    alarm.with_assumption(assumed).report_finding(|| out_of_range(meaning, value, by));
 }
 
 /// `500 bar by SDO out of range 1 to 450 bar (raw 500)`
@@ -214,7 +221,10 @@ fn out_of_range(meaning: &ObjectMeaning, value: &DecodedValue, by: &str) -> Stri
 
 impl Rule for ValueOutOfRange {
     fn frame_need(&self, event: &Event, context: &RuleContext<'_>) -> FrameNeed {
-        let EventKind::Pdo(_) = &event.kind else { return FrameNeed::EACH };
+        let EventKind::Pdo(pdo) = &event.kind else { return FrameNeed::EACH };
+        if pdo.layout.is_none() {
+            return FrameNeed::NOTHING;
+        }
         let checked = context.traffic.current_slot().and_then(|slot| self.checked.get(slot.place));
         match checked {
             Some(checked) if checked.layout.is_none() => FrameNeed::EACH,

@@ -12,8 +12,9 @@ use crate::wire::{NodeId, NodeMap, NodeSet};
 declare_rule! {
     /// # What it checks
     /// A node sends a TPDO more than `command-ms` after a command to leave operational, or between two of its
-    /// own reports of another state. RPDOs to a node that has reported another state for more than
-    /// `receive-ms` are a warning. A node that starts by itself between two heartbeats is exempt.
+    /// own reports of another state; a boot-up reports pre-operational. RPDOs to a node that has reported
+    /// another state for more than `receive-ms` are a warning, without timestamps after two of its reports. A
+    /// node that starts by itself between two heartbeats is exempt.
     ///
     /// # Why it matters
     /// Values of such a node are unreliable, and the node may ignore NMT commands. RPDOs
@@ -42,6 +43,9 @@ declare_rule! {
     ],
 }
 
+/// Number of reports of a state that replace `receive-ms` without timestamps.
+const REPORTS: u32 = 2;
+
 /// PDO that the next state report of the node decides on.
 #[derive(Clone, Copy)]
 struct PendingPdo {
@@ -55,6 +59,8 @@ struct PendingPdo {
 struct StateWatch {
     /// Latest reported state, time and frame of its first report.
     reported: Option<(NmtState, i64, u64)>,
+    /// Number of reports of this state.
+    reports: u32,
     /// Command to leave operational, its time and frame; `None` after a report of the state.
     commanded: Option<(NmtState, i64, u64)>,
     sent: Option<PendingPdo>,
@@ -111,8 +117,12 @@ impl PdoOutsideOperational {
         let same = watch.reported.filter(|(before, ..)| *before == state);
         let Some((.., frame)) = same else {
             watch.reported = Some((state, context.now, event.frames.first));
+            watch.reports = 1;
             return;
         };
+        watch.reports = watch.reports.saturating_add(1);
+        let reports = watch.reports;
+        let context_has_time = context.has_time;
         for (pending, severity) in [(sent, Severity::Error), (received, Severity::Warning)] {
             let Some(PendingPdo { name, id, frame: pdo }) = pending else { continue };
             let frames = FrameRange { first: frame, last: event.frames.last };
@@ -122,11 +132,23 @@ impl PdoOutsideOperational {
                 .with_severity(severity)
                 .with_frames(frames);
             let verb = if severity == Severity::Error { "sent" } else { "received" };
-            alarm.report_finding(|| format!("{name} {verb} in NMT state {} {{{pdo}}}", state.name()));
+            // Without timestamps, the reports of the node are the clock.
+            let clock = if context_has_time { String::new() } else { format!(", {reports} reports of it") };
+            alarm.report_finding(|| format!("{name} {verb} in NMT state {} {{{pdo}}}{clock}", state.name()));
         }
         if sent.is_none() {
             context.count_pass();
         }
+    }
+
+    /// After its boot-up, a node is pre-operational (CiA 301 §7.3.2.2.1).
+    fn on_boot_up(&mut self, event: &Event, node: NodeId, context: &mut RuleContext<'_>) {
+        context.ask_again();
+        self.operational.remove(node);
+        let Some(watch) = self.watches.entry(node) else { return };
+        let reported = Some((NmtState::PreOperational, context.now, event.frames.first));
+        *watch = StateWatch { reported, reports: 1, ..StateWatch::default() };
+        self.silent.insert(node);
     }
 
     #[cold]
@@ -135,8 +157,11 @@ impl PdoOutsideOperational {
         let pending = PendingPdo { name: pdo.name, id: pdo.cob_id, frame: event.frames.last };
         let now = context.now;
         if pdo.name.direction == PdoDirection::Receive {
-            let is_long =
-                watch.reported.is_some_and(|(_, since, _)| now.saturating_sub(since) > self.receive);
+            let is_long = if context.has_time {
+                watch.reported.is_some_and(|(_, since, _)| now.saturating_sub(since) > self.receive)
+            } else {
+                watch.reports >= REPORTS
+            };
             // A conformance test sends such RPDOs on purpose.
             if is_long && !context.is_tested {
                 watch.received.get_or_insert(pending);
@@ -205,12 +230,7 @@ impl PdoOutsideOperational {
             ) => {
                 self.on_state(event, node, *state, context);
             }
-            (EventKind::BootUp { .. }, Some(node)) => {
-                self.watches.remove(node);
-                self.silent.remove(node);
-                self.operational.remove(node);
-                context.ask_again();
-            }
+            (EventKind::BootUp { .. }, Some(node)) => self.on_boot_up(event, node, context),
             _ => {}
         }
     }

@@ -37,7 +37,8 @@ fn new(_policy: &RulePolicy) -> SdoClientDoesNotWait {
 impl Rule for SdoClientDoesNotWait {
     fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::SdoTransfer(transfer) = &event.kind else { return };
-        if context.is_tested || transfer.cut_start || transfer.is_unrequested {
+        // Without timestamps, the client may have waited.
+        if !context.has_time || context.is_tested || transfer.cut_start || transfer.is_unrequested {
             return;
         }
         let Some(overlap) = transfer.overlap else {

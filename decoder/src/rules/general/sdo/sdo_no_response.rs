@@ -7,12 +7,14 @@ use crate::rules::rule::{declare_rule, define_tolerance};
 use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::NmtState;
 use crate::wire::{NodeId, NodeMap, NodeSet};
+use crate::words::count_noun;
 
 declare_rule! {
     /// # What it checks
     /// An SDO request has no response, or the response to an expedited transfer is later than `warning-ms`. A
-    /// client that aborts, or repeats its request after more than `warning-ms`, also had no response. Store
-    /// and restore commands (1010, 1011) have their own limit, and stopped nodes are exempt.
+    /// client that aborts, or repeats its request after more than `warning-ms`, also had no response; without
+    /// timestamps, one that repeats its request after frames of others. Store and restore commands (1010, 1011)
+    /// have their own limit, and stopped nodes are exempt.
     ///
     /// # Why it matters
     /// The configuration of the node may be incomplete. A master that waits for the response delays the
@@ -88,6 +90,9 @@ impl SdoNoResponse {
         context: &mut RuleContext<'_>,
     ) {
         let is_early = waited <= self.warning;
+        if !context.has_time {
+            return Self::on_repeated(event, transfer, outcome, context);
+        }
         let what = match outcome {
             // A client that repeats the request at once did not wait for a response.
             SdoOutcome::Superseded if is_early => return,
@@ -104,6 +109,26 @@ impl SdoNoResponse {
         let alarm = alarm.reported_by_device().requested_at_timestamp(requested);
         let milliseconds = waited / 1_000_000;
         alarm.report_finding(|| format!("no SDO response ({what} after {milliseconds} ms)"));
+    }
+
+    /// Without timestamps, frames of others between two requests are the clock.
+    fn on_repeated(
+        event: &Event,
+        transfer: &SdoTransfer,
+        outcome: SdoOutcome,
+        context: &mut RuleContext<'_>,
+    ) {
+        let own = u64::from(transfer.retries).saturating_add(1);
+        let others =
+            event.frames.last.saturating_add(1).saturating_sub(event.frames.first).saturating_sub(own);
+        if outcome != SdoOutcome::Superseded || transfer.retries == 0 || others == 0 {
+            return;
+        }
+        let alarm = context.start_finding(event).with_subject(transfer_subject(transfer)).shown_by_order();
+        alarm.report_finding(|| {
+            let others = count_noun(others, "other frame");
+            format!("no SDO response (same request repeated after {others}; no timestamps)")
+        });
     }
 
     fn on_slow_response(&self, event: &Event, transfer: &SdoTransfer, context: &mut RuleContext<'_>) {

@@ -1,9 +1,9 @@
 //! SYNC period against 1006 or the usual period.
 
-use crate::event::{Event, EventKind, FrameRange, Kind};
+use crate::event::{Event, EventKind, FrameRange, Kind, SdoTransfer};
 use crate::finding::{FindingSubject, Severity};
 use crate::frame::Timestamp;
-use crate::rules::general::facts::confirmed_value;
+use crate::rules::general::facts::{PRODUCES, confirmed_value, transfer_number};
 use crate::rules::rule::{declare_rule, define_tolerance};
 use crate::rules::{Rule, RuleContext, RulePolicy, TransferSubset};
 use crate::session::{Bus, Node};
@@ -44,8 +44,7 @@ declare_rule! {
 const PERIOD: ObjectAddress = ObjectAddress::new(0x1006, 0);
 const COB_ID: ObjectAddress = ObjectAddress::new(0x1005, 0);
 
-/// Bit 30 of 1005: the device is the SYNC producer. Bits 0 to 28: identifier.
-const PRODUCES: u64 = 1 << 30;
+/// Bits 0 to 28 of 1005: identifier.
 const IDENTIFIER: u64 = 0x1FFF_FFFF;
 const PREDEFINED: u64 = 0x80;
 
@@ -67,6 +66,8 @@ struct SyncPeriod {
     given: Option<i64>,
     /// A node uses another SYNC identifier.
     is_mixed: bool,
+    /// The configuration of a node changed after the last SYNC. A transfer is reported before its value is stored.
+    is_outdated: bool,
     /// Resolution of the timestamps relative to the first one, in nanoseconds.
     step: i64,
     first: i64,
@@ -84,6 +85,7 @@ fn new(policy: &RulePolicy) -> SyncPeriod {
         median: None,
         given: None,
         is_mixed: false,
+        is_outdated: false,
         step: COARSEST,
         first: 0,
         is_double: false,
@@ -92,6 +94,9 @@ fn new(policy: &RulePolicy) -> SyncPeriod {
 
 impl SyncPeriod {
     fn on_sync(&mut self, event: &Event, context: &mut RuleContext<'_>) {
+        if std::mem::take(&mut self.is_outdated) {
+            self.update_expected(context.bus);
+        }
         let Some(stamp) = event.time.filter(|_| !self.is_mixed) else { return };
         let now = context.now;
         let Some((last, frame)) = self.last.replace((now, event.frames.last)) else {
@@ -221,8 +226,12 @@ impl SyncPeriod {
         }
     }
 
-    fn check_producers(event: &Event, context: &mut RuleContext<'_>) {
-        let produces = |node: &&Node| confirmed_value(node, COB_ID).is_some_and(|id| id & PRODUCES != 0);
+    /// Checks the producer bits after a transfer of 1005, whose value is not stored yet.
+    fn check_producers(event: &Event, transfer: &SdoTransfer, context: &mut RuleContext<'_>) {
+        let produces = |node: &&Node| {
+            let transferred = transfer_number(transfer).filter(|_| event.node == Some(node.id()));
+            transferred.or_else(|| confirmed_value(node, COB_ID)).is_some_and(|id| id & PRODUCES != 0)
+        };
         let all: Vec<String> =
             context.bus.nodes().filter(produces).map(|node| node.id().to_string()).collect();
         if all.len() > 1 {
@@ -244,15 +253,13 @@ impl Rule for SyncPeriod {
     fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match &event.kind {
             EventKind::Sync { .. } if !event.presumed => self.on_sync(event, context),
-            EventKind::SdoTransfer(transfer) => match transfer.object {
-                Some(PERIOD) => self.update_expected(context.bus),
-                Some(COB_ID) => {
-                    self.update_expected(context.bus);
-                    Self::check_producers(event, context);
+            EventKind::SdoTransfer(transfer) => {
+                self.is_outdated |= matches!(transfer.object, Some(PERIOD | COB_ID));
+                if transfer.object == Some(COB_ID) {
+                    Self::check_producers(event, transfer, context);
                 }
-                _ => {}
-            },
-            EventKind::BootUp { .. } => self.update_expected(context.bus),
+            }
+            EventKind::BootUp { .. } => self.is_outdated = true,
             _ => {}
         }
     }

@@ -163,11 +163,14 @@ impl DeviceFaults {
         (changes, refused)
     }
 
-    /// Clears the previously active codes, or all codes.
+    /// Clears the previously active codes, or all codes. A code that is still active has not ended when it is cleared as a
+    /// previously active one (J1939-73 §5.7.3, DM3).
     pub(in crate::session) fn clear_codes(&mut self, all: bool) -> Vec<DtcChange> {
         let active = if all { std::mem::take(&mut self.active) } else { Vec::new() };
         let mut cleared = std::mem::take(&mut self.previous);
-        cleared.retain(|known| !active.iter().any(|active| active.is_code(known.code)));
+        let is_active =
+            |known: &KnownDtc| active.iter().chain(&self.active).any(|active| active.is_code(known.code));
+        cleared.retain(|known| !is_active(known));
         let changes = active.into_iter().chain(cleared);
         changes.map(|known| DtcChange { known, action: DtcAction::Cleared }).collect()
     }

@@ -153,7 +153,7 @@ fn losses_that_the_text_tells_are_counted_on_their_bus() {
 #[test]
 fn relative_timestamps_arrive_at_once_if_their_meaning_is_given() {
     let (pipe, mut writer) = std::io::pipe().unwrap();
-    let options = ReadOptions { time_style: Some(TimeStyle::Delta) };
+    let options = ReadOptions { time_style: Some(TimeStyle::Delta), ..ReadOptions::default() };
     let mut source = Lines::read(pipe, options).unwrap();
     writer.write_all(b"(000.000000) can0 001#\n(000.500000) can0 001#\n(000.250000) can0 001#\n").unwrap();
     let times: Vec<_> = frames(&receive(&mut source, 3)).iter().map(|frame| frame.time.unwrap().0).collect();
