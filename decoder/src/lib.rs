@@ -74,6 +74,7 @@ pub mod figures;
 pub mod finding;
 pub mod frame;
 mod marked_line;
+mod observation;
 pub mod profile;
 pub mod query;
 pub mod reading;

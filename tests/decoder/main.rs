@@ -3,8 +3,10 @@
 #![expect(clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 #![expect(clippy::disallowed_methods, reason = "tests open files")]
 
+mod absent_nodes;
 mod assumed_mapping;
 mod both_sides;
+mod controller;
 mod corpus;
 mod corpus_conformance;
 mod corpus_j1939;
@@ -38,11 +40,14 @@ mod imported;
 mod j1939;
 mod j1939_nm;
 mod language;
+mod layouts;
+mod layouts_random;
 mod limits;
 #[allow(dead_code, reason = "a part of the generator")]
 #[path = "../../decoder/benches/machine/mod.rs"]
 mod machine;
 mod malformed;
+mod missing_frames;
 mod mutations;
 mod mutator;
 mod nmea2000;

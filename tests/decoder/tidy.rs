@@ -30,6 +30,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("standard_tables", &["frame", "wire", "profile"]),
     ("session", &["words", "frame", "wire", "profile", "event", "bus_file", "standard_tables"]),
     ("suggestion", &["frame", "wire", "profile", "session"]),
+    ("observation", &["words", "frame", "wire", "session"]),
     ("query", &["words", "marked_line", "frame", "wire", "profile", "event", "standard_tables", "session"]),
     ("statistics", &["words", "frame", "wire", "profile", "event", "session", "query"]),
     (
@@ -44,6 +45,7 @@ const LAYERS: &[(&str, &[&str])] = &[
             "bus_file",
             "session",
             "suggestion",
+            "observation",
             "query",
             "statistics",
         ],

@@ -71,8 +71,10 @@ def readout(machine, dice, at):
 
     def read():
         for slave in machine.slaves:
-            for index, sub in ((0x1000, 0), (0x1018, 1), (0x1018, 2), (0x1017, 0), (0x1008, 0), (0x100A, 0), (0x2FFF, 0)):
-                tool.client.read(slave.node, index, sub)
+            for index, sub in ((0x1000, 0), (0x1018, 1), (0x1018, 2), (0x1017, 0), (0x1008, 0), (0x2FFF, 0)):
+                # The manuals of the devices list more objects than their models have.
+                if not slave.PROFILE or (index, sub) in slave.kept:
+                    tool.client.read(slave.node, index, sub)
     machine.clock.at(at, read)
 
 

@@ -77,6 +77,7 @@ fn the_formats_of_captures() {
         writeln!(text, "| {} | {} | {suffix} | {lacks} |", format.name, format.title).unwrap();
     }
     text.push_str(&format_examples());
+    text.push_str(&inferred_layouts());
     is_current("docs/formats.md", &text);
 }
 
@@ -105,7 +106,7 @@ fn sample_of(format: &str) -> Vec<u8> {
     let stem = if format == "csv" { "cobscope" } else { "sample" };
     let mut paths = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let path = paths.find(|path| path.file_stem().is_some_and(|found| found == stem));
-    fs::read(path.unwrap_or_else(|| panic!("{format} has no sample"))).unwrap()
+    fs::read(path.unwrap()).unwrap()
 }
 
 fn assert_reads(format: &str, bytes: &[u8]) {
@@ -129,6 +130,57 @@ fn shown_line(line: &[u8]) -> String {
         byte => format!("\\x{byte:02X}"),
     };
     line.iter().map(shown).collect::<String>().trim_end().to_owned()
+}
+
+/// The section about text without a known format: one example per layout, with its columns as the program reads them.
+fn inferred_layouts() -> String {
+    let mut text = String::from(
+        "\n## Text without a known format\n\nIf no format matches, the columns are inferred from the first lines: \
+         bytes whose number equals a length, identifiers, rising times, words for directions and frame types, names of \
+         columns in English, German, French, Spanish and Chinese. One line on standard error states the columns, the \
+         number of lines that fit, and what is ignored. At least 90 % of the lines with bytes must fit, and no second \
+         reading may fit as well; otherwise the capture is refused with the nearest layout and the first line that does \
+         not fit.\n\n`--columns` states the columns, in the order of a line: `time`, `delta` (time since the frame \
+         before), `date`, `id`, `len`, `data`, `bus`, `dir`, `kind`, `ext`, `rtr`, `skip`. Units follow a colon \
+         (`time:ms`, default seconds), so does the base (`id:dec`, `data:dec`).\n\n\
+         ```sh\ncobscope decode --columns 'time:ms id len data' log.txt\n\
+         cobscope decode --columns 'skip id:dec data:dec' log.csv\n\
+         cobscope check --columns 'delta:us bus id data' -\n```\n\n\
+         An identifier has one to eight digits. It is extended if a word or bit 31 marks it, if its value exceeds 7FF, or if \
+         it has more than four digits and others have fewer. Whole numbers without a unit are milliseconds if two frames \
+         would be closer in microseconds than a bus permits; otherwise the times are ignored. Lines without a frame are \
+         counted; `...` is a known gap. UTF-16 is refused.\n\n\
+         The files of `fixtures/layouts/` have the same frames in these layouts:\n\n```text\n",
+    );
+    let mut files: Vec<_> = fs::read_dir(workspace().join("fixtures/layouts"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
+    files.sort();
+    for path in files {
+        let content = fs::read_to_string(&path).unwrap();
+        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        writeln!(text, "{name}: {}", inferred_columns(&content)).unwrap();
+        // Each file has eight frames, after the names of the columns.
+        let lines: Vec<&str> = content.lines().filter(|line| !line.is_empty()).collect();
+        for line in lines.iter().take(lines.len() % 8 + lines.len() / 8) {
+            writeln!(text, "    {line}").unwrap();
+        }
+    }
+    text.push_str("```\n");
+    text
+}
+
+/// Columns of a capture as the reader states them.
+fn inferred_columns(content: &str) -> String {
+    let mut reader = CaptureReader::open(content.as_bytes(), &ReadOptions::default()).unwrap();
+    let mut batch = Batch::new();
+    assert!(reader.read(&mut batch).unwrap());
+    let Some((_, Notice::Assumption(stated))) = batch.notices().first() else {
+        panic!("no columns: {content}")
+    };
+    let columns = stated.split_once("columns: ").map_or(stated.as_str(), |(_, columns)| columns);
+    columns.split(';').next().unwrap().to_owned()
 }
 
 /// Sections of a variant that differ from the first variant of its device, and titles of the equal ones.

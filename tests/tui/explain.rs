@@ -46,6 +46,17 @@ fn one_pasted_frame() {
 }
 
 #[test]
+fn a_line_of_any_capture_is_explained() {
+    for line in [
+        "601 40 41 60 00 00 00 00 00",
+        "0.125 Tx 601 8 40 41 60 00 00 00 00 00",
+        "ID: 0x601 DLC: 8 Data: 0x40 0x41 0x60 0x00 0x00 0x00 0x00 0x00",
+    ] {
+        assert!(explain(line).contains("6041:00"), "{line}: {}", explain(line));
+    }
+}
+
+#[test]
 fn a_defect_of_a_frame_is_named() {
     let reported = |thing: &str| {
         let output = run(&["explain", thing], "");
@@ -56,7 +67,7 @@ fn a_defect_of_a_frame_is_named() {
     assert_eq!(reported("601#ZZ"), digits);
     assert!(reported("601#40O0").contains("data digits \"O\""));
     assert!(reported("601#401").contains("3 data digits; expected pairs of hex digits"));
-    assert!(reported("6G1#40").contains("identifier \"6G1\"; expected 3 or 8 hex digits"));
+    assert!(reported("6G1#40").contains("identifier \"6G1\"; expected 3 to 8 hex digits"));
     assert!(reported("601#001122334455667788").contains("9 data bytes; expected max 8"));
     assert!(reported("601#4\u{e9}").contains("data digits \"\u{e9}\""));
 }

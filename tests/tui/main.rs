@@ -9,6 +9,7 @@ mod changed;
 mod check;
 mod check_schema;
 mod cli;
+mod columns;
 mod convert;
 mod cross_checks;
 mod dbc;

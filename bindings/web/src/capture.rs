@@ -70,7 +70,7 @@ impl PossiblePart for NamedContent {
 }
 
 /// Options of all readers.
-pub const READ_OPTIONS: ReadOptions = ReadOptions { time_style: None, time_unit: None };
+pub const READ_OPTIONS: ReadOptions = ReadOptions { time_style: None, columns: None, time_unit: None };
 
 impl CaptureSet {
     /// Opens captures: parts of a series follow each other, the others are merged by time.

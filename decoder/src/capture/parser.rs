@@ -2,6 +2,7 @@
 
 use super::batch::Batch;
 use super::bus_names::BusNames;
+use super::column_list::ColumnList;
 use super::error::CaptureError;
 
 /// Default of [`FormatParser::largest_input`] in bytes: a parser must use input of this size. Longer lines and records
@@ -48,6 +49,8 @@ impl TimeUnit {
 pub struct ReadOptions {
     /// Meaning of candump's relative times; `None` determines it from the first 1,000 lines.
     pub time_style: Option<TimeStyle>,
+    /// Columns of text captures; `None` infers them if the format is unknown.
+    pub columns: Option<ColumnList>,
     /// Unit of times in CSV and in layouts without a name; `None` uses that of the program, or infers it from the rate.
     pub time_unit: Option<TimeUnit>,
 }

@@ -2,6 +2,8 @@
 
 use std::io::{ErrorKind, Read};
 
+use super::formats::inferred::describe_refusal;
+use super::formats::stated_format;
 use super::{
     Batch, BusNames, CaptureError, CaptureFormat, FORMATS, ForeignFile, FormatParser, LARGEST_RECORD,
     ReadOptions, detect_format, foreign_file,
@@ -65,7 +67,14 @@ impl<R: Read> CaptureReader<R> {
         let mut at_end = false;
         // A pipe may deliver a few bytes at a time; detection of a format needs several lines.
         loop {
-            if let Some(format) = detect_format(buffer.get(..end).unwrap_or_default(), at_end) {
+            let head = buffer.get(..end).unwrap_or_default();
+            let format = match options.columns {
+                // Pipes may deliver less than the first bytes of a binary format.
+                Some(_) if at_end || end >= LARGEST_RECORD => stated_format(head),
+                Some(_) => None,
+                None => detect_format(head, at_end),
+            };
+            if let Some(format) = format {
                 let parser = (format.parser)(options);
                 let failure = ReadFailure::None;
                 return Ok(Self {
@@ -229,7 +238,8 @@ fn unrecognised_format(head: &[u8]) -> CaptureError {
         [0xFF, 0xFE, ..] | [0xFE, 0xFF, ..] => ", the mark of UTF-16; save it as UTF-8",
         _ => "",
     };
-    CaptureError::Unrecognised { known, found: format!("\"{found}\"{hint}") }
+    let nearest = describe_refusal(head).map_or(String::new(), |text| format!("; {text}"));
+    CaptureError::Unrecognised { known, found: format!("\"{found}\"{hint}{nearest}") }
 }
 
 #[cfg(test)]

@@ -127,10 +127,12 @@ pub struct NodeSilence {
     pub last_state: Option<NmtState>,
     /// Last error code other than 0.
     pub last_emcy: Option<u16>,
-    /// Time without a frame, in ns.
+    /// Time without a frame in ns; without the expected message if `others_continue`.
     pub gap: i64,
     /// Message that was expected.
     pub monitored_by: MonitoringMethod,
+    /// Only the expected message is missing: PDOs of the node continue.
+    pub others_continue: bool,
 }
 
 /// Effect of an EMCY on the set of active errors.

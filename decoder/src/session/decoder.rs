@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use super::bus::{AmbiguousGap, Bus, IdentifierService, RouteOrigin};
+use super::bus::{AmbiguousGap, Bus, IdentifierService, RouteOrigin, UdsLink};
 use super::canopen::{
     ConformanceMarks, EmcyMachine, ErrorControlMachine, LssMachine, NmtMachine, PdoMachine, SdoMachine,
-    SyncMachine, TimeStamps,
+    SyncMachine, TimeStamps, proves_canopen,
 };
 use super::context::SharedState;
 use super::device::DeviceMachine;
@@ -19,9 +19,10 @@ use super::machine::{ProtocolMachine, TimedMachine};
 use super::observer::Observer;
 use super::options::SessionOptions;
 use super::timers::DeadlineSubject;
-use super::uds::{IsoTpMachine, ObdPairs, UdsMachine};
+use super::uds::{IsoTpMachine, ObdPairs, PairSearch, UdsMachine};
 use crate::event::{Event, EventKind, EventProtocol, EvictedState, FrameRange};
-use crate::frame::{BusIndex, Frame, FrameFlags, Timestamp};
+use crate::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
+use crate::wire::canopen::lss;
 use crate::wire::error_frame;
 use crate::wire::j1939::{ALL, J1939Id, NO_ADDRESS, Pgn};
 use crate::words::count_noun;
@@ -47,6 +48,7 @@ pub struct BusDecoder {
     trouble_codes: TroubleCodeMachine,
     isotp: IsoTpMachine,
     obd: ObdPairs,
+    pairs: PairSearch,
     uds: UdsMachine,
     devices: DeviceMachine,
     /// Consecutive frames that only the observer needed.
@@ -62,7 +64,7 @@ impl BusDecoder {
             shared,
             nmt: NmtMachine,
             error_control: ErrorControlMachine,
-            emcy: EmcyMachine,
+            emcy: EmcyMachine::default(),
             sync: SyncMachine::default(),
             time_stamps: TimeStamps::default(),
             marks: ConformanceMarks,
@@ -77,6 +79,7 @@ impl BusDecoder {
             trouble_codes: TroubleCodeMachine,
             isotp: IsoTpMachine::default(),
             obd: ObdPairs::default(),
+            pairs: PairSearch::default(),
             uds: UdsMachine::default(),
             devices: DeviceMachine,
             needed_in_a_row: 0,
@@ -103,6 +106,16 @@ impl BusDecoder {
         }
     }
 
+    /// An error frame; an overflow of the receive buffer also shows that frames are missing from the capture.
+    fn on_error_frame(&mut self, frame: &Frame, out: &mut dyn Observer) {
+        let error = error_frame::parse_error_frame(frame.id.number(), frame.data());
+        let mut cx = self.shared.lend_context(out);
+        cx.emit_can(frame, EventKind::CanError(error));
+        if error.is_receive_overflow() {
+            cx.emit_can(frame, EventKind::LostFrames { count: None });
+        }
+    }
+
     /// Decodes a frame and sends its events to `out`; `identifier` is the index of its identifier, if it is known.
     #[inline(never)]
     fn decode_frame(&mut self, identifier: Option<usize>, frame: &Frame, out: &mut dyn Observer) {
@@ -114,13 +127,15 @@ impl BusDecoder {
             emit_given_states(frame, &mut self.shared.lend_context(out));
         }
         if frame.flags.contains(FrameFlags::ERROR) {
-            let kind = EventKind::CanError(error_frame::parse_error_frame(frame.id.number(), frame.data()));
-            return self.shared.lend_context(out).emit_can(frame, kind);
+            return self.on_error_frame(frame, out);
         }
         let slot = identifier.or_else(|| self.add_slot(frame, out));
         let Some(slot) = slot else { return self.on_frame_without_slot(frame, out) };
         let bus = &mut self.shared.bus;
         let Some(service) = bus.routes.note_frame(slot, bus.clock.now()) else { return };
+        if self.is_pair_undecided(service, frame) && self.on_undecided_frame(service, frame, out) {
+            return;
+        }
         if frame.flags.contains(FrameFlags::FD) && !matches!(service, IdentifierService::IsoTp(_)) {
             return self.on_fd_frame(frame, service, out);
         }
@@ -128,6 +143,9 @@ impl BusDecoder {
             return self.shared.lend_context(out).emit_undecoded(frame, None);
         }
         let cx = &mut self.shared.lend_context(out);
+        if self.emcy.holds_frames() {
+            self.emcy.on_proof(proves_canopen(service, frame), frame, cx);
+        }
         match service {
             IdentifierService::Pdo(name, node) => self.pdo.on_frame((slot, name, node), frame, cx),
             IdentifierService::J1939(id) => self.on_j1939(Some(slot), id, frame, out),
@@ -145,20 +163,8 @@ impl BusDecoder {
             IdentifierService::Emcy(node) => self.emcy.on_frame(node, frame, cx),
             IdentifierService::Nmt => self.nmt.on_frame((), frame, cx),
             IdentifierService::Time => self.time_stamps.on_frame((), frame, cx),
-            IdentifierService::Lss(from_master) => {
-                if !cx.bus.protocols.canopen.is_confirmed() {
-                    self.obd.note_request(frame);
-                }
-                self.lss.on_frame(from_master, frame, cx);
-            }
-            IdentifierService::IsoTp(link) => {
-                if ObdPairs::is_functional(frame.id) {
-                    self.obd.note_request(frame);
-                }
-                if let Some(message) = self.isotp.on_frame(link, frame, cx) {
-                    self.uds.on_frame(message, frame, cx);
-                }
-            }
+            IdentifierService::Lss(from_master) => self.on_lss(from_master, service, frame, out),
+            IdentifierService::IsoTp(link) => self.on_isotp(link, frame, out),
             IdentifierService::TestMarker => self.marks.on_frame((), frame, cx),
             _ if service.is_undecoded() && ObdPairs::is_obd_identifier(frame.id) => {
                 self.on_obd_frame(service, frame, out);
@@ -166,6 +172,65 @@ impl BusDecoder {
             IdentifierService::Unclassified => cx.emit_undecoded(frame, None),
             IdentifierService::Named(name) => cx.emit_undecoded(frame, Some(name)),
         }
+    }
+
+    /// Handles a frame on an identifier of LSS; unless CANopen is confirmed, a server of OBD may use it.
+    fn on_lss(
+        &mut self,
+        from_master: bool,
+        service: IdentifierService,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
+        let cx = &mut self.shared.lend_context(out);
+        if !cx.bus.protocols.canopen.is_confirmed() {
+            self.obd.note_request(frame);
+            if frame.data().first().is_some_and(|command| !lss::is_defined_command(*command, from_master)) {
+                return self.on_obd_frame(service, frame, out);
+            }
+        }
+        self.lss.on_frame(from_master, frame, cx);
+    }
+
+    fn on_isotp(&mut self, link: UdsLink, frame: &Frame, out: &mut dyn Observer) {
+        let cx = &mut self.shared.lend_context(out);
+        if ObdPairs::is_functional(frame.id) {
+            self.obd.note_request(frame);
+        }
+        if let Some(message) = self.isotp.on_frame(link, frame, cx) {
+            self.uds.on_frame(message, frame, cx);
+        }
+    }
+
+    /// Whether a frame may belong to a pair of identifiers of UDS that is not decided yet.
+    #[inline]
+    fn is_pair_undecided(&self, service: IdentifierService, frame: &Frame) -> bool {
+        matches!(frame.id, CanId::Extended(_))
+            && match service {
+                IdentifierService::J1939(_) => !self.shared.bus.protocols.j1939.is_confirmed(),
+                _ => service == IdentifierService::Unclassified,
+            }
+    }
+
+    /// Handles a frame that proves a pair of identifiers of UDS, with the frames held before it; `false`, without any
+    /// event, for all other frames.
+    #[cold]
+    fn on_undecided_frame(
+        &mut self,
+        service: IdentifierService,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) -> bool {
+        let cx = &mut self.shared.lend_context(out);
+        let is_undecoded = service == IdentifierService::Unclassified
+            || cx.bus.protocols.j1939.is_rejected()
+            || frame.flags.contains(FrameFlags::FD);
+        let is_counted = is_undecoded && cx.described_message(frame).is_none();
+        let Some(pair) = self.pairs.take_frame(frame, is_counted, cx) else { return false };
+        for (link, frame) in pair.frames {
+            self.on_isotp(link, &frame, out);
+        }
+        true
     }
 
     /// Handles a frame on an identifier of OBD that is not decoded; the first response to a request is.
@@ -464,6 +529,7 @@ impl BusDecoder {
             + self.transports.memory_size()
             + self.fast_packets.memory_size()
             + self.isotp.memory_size()
+            + self.pairs.memory_size()
             + self.uds.memory_size()
     }
 }

@@ -37,7 +37,7 @@ pub use bus::{
     NmtStatus, Node, ObjectStore, OriginKind, PendingNodeId, PendingValue, SdoPairHint, StoredObject,
     StoredOrigin, UdsPairHint,
 };
-pub(crate) use bus::{ProfileSigns, SkippedTimes};
+pub(crate) use bus::{BusStream, ProfileSigns, SkippedTimes, StreamRegularity, StreamService};
 pub use buses::Buses;
 pub use decoder::BusDecoder;
 pub use limits::{

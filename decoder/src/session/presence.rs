@@ -15,6 +15,7 @@ pub(in crate::session) fn mark_alive(id: NodeId, frame: &Frame, cx: &mut Machine
         let is_guarded = node.guarding.last_reply.is_some();
         let monitored_by = if is_guarded { MonitoringMethod::Guarding } else { MonitoringMethod::Heartbeat };
         let kind = EventKind::NodeBack(build_silence(node, gap, monitored_by));
+        node.heartbeat.missing_since = None;
         node.refresh_attention();
         cx.emit_event(frame, id, false, kind);
     }
@@ -44,6 +45,25 @@ pub(in crate::session) fn emit_node_lost(
     cx.emit_event(frame, id, false, EventKind::NodeLost(silence));
 }
 
+/// Reports at `frame` that the heartbeat of a node is missing at the monotonic time `now` while its PDOs continue, or that
+/// it is back.
+pub(in crate::session) fn emit_heartbeat_gap(
+    id: NodeId,
+    is_missing: bool,
+    now: i64,
+    frame: &Frame,
+    cx: &mut MachineContext<'_>,
+) {
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
+    let since = if is_missing { node.heartbeat.last } else { node.heartbeat.missing_since };
+    node.heartbeat.missing_since = since.filter(|_| is_missing);
+    let gap = since.map_or(0, |since| now.saturating_sub(since));
+    let silence = build_silence(node, gap, MonitoringMethod::Heartbeat);
+    let silence = NodeSilence { others_continue: true, ..silence };
+    let kind = if is_missing { EventKind::NodeLost(silence) } else { EventKind::NodeBack(silence) };
+    cx.emit_event(frame, id, false, kind);
+}
+
 fn build_silence(node: &Node, gap: i64, monitored_by: MonitoringMethod) -> NodeSilence {
     NodeSilence {
         last_frame: node.last_frame,
@@ -51,5 +71,6 @@ fn build_silence(node: &Node, gap: i64, monitored_by: MonitoringMethod) -> NodeS
         last_emcy: node.errors.last,
         gap,
         monitored_by,
+        others_continue: false,
     }
 }

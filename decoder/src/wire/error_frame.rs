@@ -33,6 +33,17 @@ pub struct ErrorFrameFields {
 }
 
 impl ErrorFrameFields {
+    /// Whether the capturing interface lost received frames.
+    pub fn is_receive_overflow(&self) -> bool {
+        self.classes & Self::CONTROLLER != 0 && self.controller & Self::RECEIVE_OVERFLOW != 0
+    }
+
+    /// Whether it reports nothing but lost frames of the capturing interface: no error on the bus.
+    pub fn is_only_receive_overflow(&self) -> bool {
+        let classes = self.classes & !Self::COUNTERS;
+        classes == Self::CONTROLLER && self.controller == Self::RECEIVE_OVERFLOW
+    }
+
     /// Class bit of lost arbitration.
     pub const LOST_ARBITRATION: u32 = 0x002;
     /// Class bit of `controller`.
@@ -45,6 +56,8 @@ impl ErrorFrameFields {
     pub const BUS_OFF: u32 = 0x040;
     /// Class bit of valid error counters.
     pub const COUNTERS: u32 = 0x200;
+    /// Bit of `controller`: the receive buffer of the capturing interface overflowed (`CAN_ERR_CRTL_RX_OVERFLOW`).
+    pub const RECEIVE_OVERFLOW: u8 = 0x01;
 
     /// Controller bits of an error-passive controller, by receive and by transmit errors.
     const PASSIVE: u8 = 0x10 | 0x20;

@@ -112,6 +112,7 @@ fn nodes() -> Vec<EventKind> {
         last_emcy: Some(0x8130),
         gap: 3_000_000_000,
         monitored_by: MonitoringMethod::Heartbeat,
+        others_continue: false,
     };
     let mut object_change = ObjectChange {
         object: ObjectAddress::new(0x1017, 0),
@@ -144,7 +145,12 @@ fn nodes() -> Vec<EventKind> {
         EventKind::GuardRequest,
         EventKind::GuardReply { state: None, code: 9, toggle: true, toggle_error: true },
         EventKind::NodeLost(silence),
-        EventKind::NodeBack(NodeSilence { last_state: None, last_emcy: None, ..silence }),
+        EventKind::NodeBack(NodeSilence {
+            last_state: None,
+            last_emcy: None,
+            others_continue: true,
+            ..silence
+        }),
         EventKind::NodeIdChange { from: Some(1), to: 2, by: NodeIdSource::Lss },
         EventKind::NodeIdChange { from: None, to: 2, by: NodeIdSource::Lss },
         known,

@@ -49,6 +49,7 @@ def open(path, *, incomplete=False, **options):
     protocol    "auto", "canopen", "j1939" or "none"
     join, separate, part_gap    how files are joined to one capture
     time        "absolute" or "delta", for ambiguous times of candump text
+    columns     columns of text captures, such as "time:ms id len data"
     time_unit   "s", "ms", "us" or "ns", for times in CSV
     sdo_timeout seconds after which an SDO transfer counts as unanswered
     select, ignore              rules to check with, or without

@@ -22,6 +22,7 @@ class _Options(TypedDict, total=False):
     separate: bool
     part_gap: float | None
     time: str | None
+    columns: str | None
     time_unit: str | None
     sdo_timeout: float | None
     select: str | Sequence[str] | None

@@ -43,16 +43,16 @@ pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     parser: |_| Box::new(LineParser::new(ElmSession::default())),
 };
 
-/// A prompt or a command of the adapter, and a frame; the frames alone have no sign of the program.
+/// A command of the adapter, and a frame or a request; the frames alone have no sign of the program.
 fn detect_session(head: &[u8]) -> bool {
     let mut session = ElmSession::default();
     let (mut has_sign, mut has_frame) = (false, false);
     is_proven(head, |line| {
         match session.classify(line) {
-            ElmLine::Frame(..) => has_frame = true,
+            ElmLine::Frame(..) | ElmLine::Request(..) => has_frame = true,
             ElmLine::Command => has_sign = true,
             ElmLine::Response => has_sign |= is_banner(line),
-            ElmLine::Request(..) | ElmLine::Loss | ElmLine::Bytes => {}
+            ElmLine::Loss | ElmLine::Bytes => {}
             ElmLine::Other => return LineClass::Misfit,
         }
         if has_sign && has_frame { LineClass::Proof } else { LineClass::Related }
@@ -174,14 +174,7 @@ impl ElmSession {
     /// Executes a command that begins with AT or ST.
     fn take_command(&mut self, text: &[u8]) -> bool {
         let word: Vec<u8> = text.iter().filter(|byte| **byte != b' ').map(u8::to_ascii_uppercase).collect();
-        let Some(command) = word.strip_prefix(b"AT").or(word.strip_prefix(b"ST")) else { return false };
-        // `ST` and `AT` begin words too; commands are short.
-        if command.len() > LONGEST_COMMAND || !command.iter().all(u8::is_ascii_graphic) {
-            return false;
-        }
-        if RESPONSE_WORDS.iter().any(|known| begins_with(text, known)) {
-            return false;
-        }
+        let Some(command) = command_of(&word) else { return false };
         match command {
             [b'S', b'H', digits @ ..] => self.set_header(digits),
             b"CAF0" => self.has_formatting = false,
@@ -226,8 +219,38 @@ impl ElmSession {
     }
 }
 
-/// Longest command with its parameter.
-const LONGEST_COMMAND: usize = 24;
+/// Commands of the ELM327 after AT; hex digits may follow.
+const ELM_COMMANDS: &[&[u8]] = &[
+    b"@", b"AL", b"AMC", b"AMT", b"AR", b"AT", b"BD", b"BI", b"BRD", b"BRT", b"CAF", b"CEA", b"CER", b"CF",
+    b"CFC", b"CM", b"CP", b"CRA", b"CS", b"CSM", b"CTM", b"CV", b"D", b"DM", b"DP", b"DPN", b"E", b"FC",
+    b"FCSD", b"FCSH", b"FCSM", b"FE", b"FI", b"FT", b"H", b"I", b"IB", b"IFR", b"IGN", b"IIA", b"JE", b"JHF",
+    b"JS", b"JTM", b"KW", b"L", b"LP", b"M", b"MA", b"MP", b"MR", b"MT", b"NL", b"PB", b"PC", b"PP", b"PPS",
+    b"R", b"RA", b"RD", b"RTR", b"RV", b"S", b"SD", b"SH", b"SI", b"SP", b"SPA", b"SR", b"SS", b"ST", b"SW",
+    b"TA", b"TP", b"TPA", b"V", b"WM", b"WS", b"Z",
+];
+
+/// Commands of STN adapters after ST (OBD Solutions, "STN1100 family reference manual"); parameters may follow after digits.
+const STN_COMMANDS: &[&[u8]] = &[
+    b"I", b"DI", b"SN", b"M", b"MA", b"P", b"PTO", b"PC", b"PR", b"PX", b"FA", b"FAC", b"FAP", b"FB", b"FBA",
+    b"FP", b"FFCA", b"CSWM", b"CMM", b"CAFCP", b"BR", b"SLCS", b"VR", b"WBR",
+];
+
+/// The command after AT or ST, if it is known: its letters, then digits.
+fn command_of(word: &[u8]) -> Option<&[u8]> {
+    let is_known = |names: &[&[u8]], command: &[u8]| {
+        names.iter().any(|name| {
+            let digits = command.strip_prefix(*name);
+            digits.is_some_and(|digits| {
+                digits.iter().all(|byte| byte.is_ascii_hexdigit() || matches!(byte, b',' | b':'))
+            })
+        })
+    };
+    if let Some(command) = word.strip_prefix(b"AT") {
+        return is_known(ELM_COMMANDS, command).then_some(command);
+    }
+    let command = word.strip_prefix(b"ST")?;
+    is_known(STN_COMMANDS, command).then_some(command)
+}
 
 /// The line without marks of the prompt and spaces at its start.
 fn without_prompt(line: &[u8]) -> &[u8] {
@@ -438,6 +461,8 @@ mod tests {
             "> 7E8 06 41 00 BE 3E A8 13\n> ATMA\n",
             ">ATH1\nOK\n",
             "ATTENTION PLEASE READ THIS TEXT FIRST\n7E8 06\n",
+            "ATTENTION\n>0100\n",
+            "Status:\n>0100\n7E8 06 41 00\n",
             "",
         ] {
             assert!(!detect_session(other.as_bytes()), "{other}");

@@ -13,6 +13,7 @@ mod ctt;
 mod elm327;
 mod excerpt;
 mod gvret;
+pub(super) mod inferred;
 mod isotpdump;
 mod lawicel;
 pub(super) mod mcap;
@@ -55,6 +56,7 @@ pub const FORMATS: &[CaptureFormat] = &[
     ctt::FORMAT,
     candump::FORMAT,
     excerpt::FORMAT,
+    inferred::FORMAT,
 ];
 
 /// All formats that can be written.
@@ -71,16 +73,26 @@ pub const WRITABLE: &[WritableFormat] = &[
 /// The format that matches these first bytes. `is_whole` means that no data follows. In text only complete
 /// lines are checked: the start of a line may match another format.
 ///
-/// An excerpt has no sign of its own, so it is accepted only after all of its first bytes are known: the same
-/// bytes decide for any size of the pieces in which a capture arrives.
+/// An excerpt and text with inferred columns have no sign of their own, so they are accepted only after all of their first
+/// bytes are known: the same bytes decide for any size of the pieces in which a capture arrives.
 pub fn detect_format(head: &[u8], is_whole: bool) -> Option<&'static CaptureFormat> {
     let lines = if is_whole { head } else { complete_lines(head) };
-    let found = FORMATS.iter().find(|format| {
-        format.name != excerpt::FORMAT.name && (format.detect)(if format.is_text { lines } else { head })
-    });
+    let found = FORMATS
+        .iter()
+        .find(|format| !is_last_resort(format) && (format.detect)(if format.is_text { lines } else { head }));
     found.or_else(|| {
-        let window =
-            excerpt::decisive_lines(head, is_whole).filter(|window| (excerpt::FORMAT.detect)(window))?;
-        FORMATS.iter().find(|format| !window.is_empty() && format.name == excerpt::FORMAT.name)
+        let window = excerpt::decisive_lines(head, is_whole).filter(|window| !window.is_empty())?;
+        FORMATS.iter().find(|format| is_last_resort(format) && (format.detect)(window))
     })
+}
+
+/// The format for columns that the user states: a binary format that matches the first bytes, otherwise text.
+pub(super) fn stated_format(head: &[u8]) -> Option<&'static CaptureFormat> {
+    let binary = FORMATS.iter().find(|format| !format.is_text && (format.detect)(head));
+    binary.or_else(|| FORMATS.iter().find(|format| format.name == inferred::FORMAT.name && !head.is_empty()))
+}
+
+/// Whether a format has no sign of its own.
+fn is_last_resort(format: &CaptureFormat) -> bool {
+    format.name == excerpt::FORMAT.name || format.name == inferred::FORMAT.name
 }

@@ -115,6 +115,27 @@ impl SkippedLines {
     }
 }
 
+/// Whether a line only states that lines were left out: `…`, `...`, `[snip]`.
+pub(in crate::capture) fn is_ellipsis(line: &[u8]) -> bool {
+    let line = line.trim_ascii();
+    if line.len() > 16 {
+        return false;
+    }
+    let inner = |mark: &[u8]| line == mark || (line.len() > mark.len() && has_brackets(line, mark));
+    inner("…".as_bytes())
+        || inner(b"...")
+        || inner(b"....")
+        || [&b"snip"[..], b"cut", b"omitted"].iter().any(|word| has_brackets(line, word))
+}
+
+/// Whether a line is `word` in brackets.
+fn has_brackets(line: &[u8], word: &[u8]) -> bool {
+    let ([b'[', inner @ .., b']'] | [b'(', inner @ .., b')'] | [b'<', inner @ .., b'>']) = line else {
+        return false;
+    };
+    inner.trim_ascii().eq_ignore_ascii_case(word)
+}
+
 /// Start of a line for use in a message: escaped, at most 60 bytes.
 pub(in crate::capture) fn line_excerpt(line: &[u8]) -> String {
     const SHOWN: usize = 60;
@@ -148,6 +169,16 @@ mod tests {
     fn line_ends_and_byte_order_mark_are_taken_off() {
         assert_eq!(all(b"\xEF\xBB\xBFone\r\ntwo\n\nlast"), ["one", "two", "", "last"]);
         assert_eq!(all(b"one\rtwo\r\rlast\r"), ["one", "two", "", "last"]);
+    }
+
+    #[test]
+    fn marks_of_lines_left_out() {
+        for line in ["…", " ... ", "....", "[...]", "(…)", "<snip>", "[Cut]"] {
+            assert!(is_ellipsis(line.as_bytes()), "{line}");
+        }
+        for line in ["", ".", "..", "snip", "... 5", "can0 701#05", "[12]"] {
+            assert!(!is_ellipsis(line.as_bytes()), "{line}");
+        }
     }
 
     #[test]

@@ -100,6 +100,9 @@ pub(super) fn node_silence(silence: &NodeSilence, fields: &mut dyn FieldConsumer
     );
     fields.add_field("gap", FieldValue::Seconds(silence.gap));
     fields.add_field("monitored_by", FieldValue::Text(silence.monitored_by.name()));
+    if silence.others_continue {
+        fields.add_field("others_continue", FieldValue::Bool(true));
+    }
 }
 
 pub(super) fn visit_emcy(emergency: &Emergency, device: &DeviceProfile, fields: &mut dyn FieldConsumer) {

@@ -175,10 +175,13 @@ impl RuleEngine {
             }
         }
         let is_timed = self.quality.is_timed();
+        let mut notes = self.quality.limit_texts();
+        if is_timed {
+            notes.extend(self.ledger.lower_explained(buses));
+        }
         for bus in buses {
             self.emit_news(bus, is_timed, out);
         }
-        let mut notes = self.quality.limit_texts();
         notes.extend(buses.iter().flat_map(|bus| profile_notes(bus, buses.len() == 1)));
         let error_frames = self.quality.error_frames;
         CaptureFindings { error_frames, ..self.ledger.into_findings(is_timed, notes) }
@@ -194,6 +197,9 @@ impl RuleEngine {
         let mut ledger = self.ledger.clone();
         for bus in buses {
             ledger.close_all(bus);
+        }
+        if self.quality.is_timed() {
+            ledger.lower_explained(buses);
         }
         let error_frames = self.quality.error_frames;
         CaptureFindings { error_frames, ..ledger.into_findings(self.quality.is_timed(), Vec::new()) }

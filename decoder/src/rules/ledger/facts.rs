@@ -48,7 +48,7 @@ impl LedgerFacts {
                 (EventKind::SdoTransfer(transfer), FactEvent::Write) => {
                     known.write_text(transfer).map(|text| (event.node, text))
                 }
-                (EventKind::CanError(_), FactEvent::CanError) => {
+                (EventKind::CanError(error), FactEvent::CanError) if !error.is_only_receive_overflow() => {
                     Some((None, "error frames on the bus".to_owned()))
                 }
                 _ => None,

@@ -1,11 +1,13 @@
 //! Findings of a capture during the check: groups, verdict counts and causes.
 
+mod absent_nodes;
 pub(super) mod causes;
 mod explained;
 mod fact_row;
 mod facts;
 mod judged;
 mod manual;
+mod recording;
 mod taken;
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
@@ -15,6 +17,7 @@ use foldhash::fast::FixedState;
 
 use self::causes::{CauseEffect, CauseExplanation};
 use self::facts::LedgerFacts;
+use self::recording::ReportedLosses;
 use super::conformance::{CaseStanding, ConformanceRun};
 use super::policy::RulePolicy;
 use crate::event::{Event, FindingNews, FrameRange, Kind};
@@ -159,6 +162,7 @@ pub(super) struct FindingLedger {
     unexercised: Vec<(u16, String)>,
     /// Buses that proved not to be CANopen.
     doubted: Vec<BusIndex>,
+    reported_losses: ReportedLosses,
 }
 
 impl FindingLedger {
@@ -182,6 +186,7 @@ impl FindingLedger {
             news: Vec::new(),
             unexercised: Vec::new(),
             doubted: Vec::new(),
+            reported_losses: ReportedLosses::default(),
         }
     }
 
@@ -229,6 +234,7 @@ impl FindingLedger {
 
     /// Records a command, a write or an error frame that may explain findings.
     pub(super) fn observe_event(&mut self, event: &Event, bus: &Bus, now: i64) {
+        self.reported_losses.note_event(event);
         self.facts.observe_event(event, bus, now);
     }
 

@@ -12,6 +12,7 @@ mod objects;
 mod open_transfers;
 mod protocols;
 mod state;
+mod streams;
 mod time;
 
 pub(in crate::session) use groups::SenderGroup;
@@ -32,5 +33,6 @@ pub use objects::{ObjectStore, OriginKind, PendingValue, StoredObject, StoredOri
 pub(in crate::session) use objects::{cob_identifier, nonzero_identifier, predefined_identifier};
 pub use protocols::BusProtocols;
 pub use state::Bus;
-pub(crate) use time::{AmbiguousGap, SkippedTimes};
+pub(crate) use streams::{BusStream, StreamService};
+pub(crate) use time::{AmbiguousGap, SkippedTimes, StreamRegularity};
 pub(in crate::session) use time::{Cadence, FrameMoment};

@@ -1,5 +1,7 @@
 //! EMCY: errors raised and cleared.
 
+use std::collections::VecDeque;
+
 use super::boot::{boot_cause, on_restart};
 use super::nmt::presume_state;
 use crate::event::{ByteOrderSource, EmcyAction, Emergency, EventKind, EvictedState, StateCause};
@@ -8,6 +10,7 @@ use crate::profile::device::{BootSign, ClearMeaning, ErrorCodeOrder, NmtName};
 use crate::profile::{DeviceProfile, emcy_codes};
 use crate::session::bus::{DetectedByteOrder, Node};
 use crate::session::context::MachineContext;
+use crate::session::detection::ProtocolStatus;
 use crate::session::device::on_emcy_code;
 use crate::session::machine::ProtocolMachine;
 use crate::session::presence::mark_alive;
@@ -18,9 +21,67 @@ use crate::wire::canopen::{NmtState, ObjectAddress};
 /// Life guard or heartbeat error (CiA 301 §7.2.7.1, table 26), for devices without a code of their own.
 const LIFE_GUARD_ERROR: u16 = 0x8130;
 
+/// Frames on identifiers of EMCY that are held until CANopen is proven.
+const HELD_FRAMES: usize = 16;
+
+/// Time in ns after which such a frame is not held any more: several heartbeats.
+const HELD_TIME: i64 = 10_000_000_000;
+
 /// EMCY messages of all nodes; active errors and the detected byte order are in the node.
-#[derive(Debug, Clone)]
-pub(in crate::session) struct EmcyMachine;
+#[derive(Debug, Clone, Default)]
+pub(in crate::session) struct EmcyMachine {
+    /// Frames that may be EMCY and were emitted undecoded, because nothing proved CANopen yet; oldest first.
+    held: VecDeque<(NodeId, Frame)>,
+}
+
+impl EmcyMachine {
+    /// Whether frames wait for the proof of CANopen.
+    #[inline]
+    pub(in crate::session) fn holds_frames(&self) -> bool {
+        !self.held.is_empty()
+    }
+
+    /// Decodes the held frames in their order, once, if CANopen is proven, by `frame` (`is_proof`) or before; as if the proof
+    /// had preceded them.
+    #[cold]
+    pub(in crate::session) fn on_proof(
+        &mut self,
+        is_proof: bool,
+        frame: &Frame,
+        cx: &mut MachineContext<'_>,
+    ) {
+        if is_proof && !cx.bus.protocols.canopen.is_confirmed() {
+            cx.bus.protocols.canopen.add_evidence();
+        }
+        if !cx.bus.protocols.canopen.is_confirmed() {
+            return;
+        }
+        for (id, held) in std::mem::take(&mut self.held) {
+            let elapsed = frame.time.zip(held.time).map_or(0, |(now, then)| now.since(then));
+            if elapsed <= HELD_TIME {
+                let (count, _) = &mut cx.bus.protocols.undecoded;
+                *count = count.saturating_sub(1);
+                self.on_frame(id, &held, cx);
+            }
+        }
+    }
+
+    /// Holds a frame of the length of an EMCY.
+    fn hold_frame(&mut self, id: NodeId, frame: &Frame, cx: &MachineContext<'_>) {
+        if frame.length == EMCY_LENGTH
+            && cx.described_message(frame).is_none()
+            && cx.bus.protocols.canopen.protocol_status() == ProtocolStatus::Presumed
+        {
+            if self.held.len() >= HELD_FRAMES {
+                self.held.pop_front();
+            }
+            self.held.push_back((id, *frame));
+        }
+    }
+}
+
+/// Bytes of an EMCY (CiA 301 §7.2.7.2).
+const EMCY_LENGTH: u8 = 8;
 
 impl ProtocolMachine for EmcyMachine {
     type Route<'a> = NodeId;
@@ -28,7 +89,7 @@ impl ProtocolMachine for EmcyMachine {
 
     fn on_frame(&mut self, id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
         if !is_admitted(id, frame, cx) {
-            return;
+            return self.hold_frame(id, frame, cx);
         }
         // CiA 301 §7.2.7.2: eight bytes; version 3 allows shorter ones.
         if frame.length == 1 {

@@ -7,7 +7,7 @@ use crate::frame::{Frame, FrameFlags};
 use crate::session::bus::{Bus, UNANSWERED};
 use crate::session::context::MachineContext;
 use crate::session::machine::{ProtocolMachine, TimedMachine};
-use crate::session::presence::{emit_node_lost, mark_alive};
+use crate::session::presence::{emit_heartbeat_gap, emit_node_lost, mark_alive};
 use crate::session::timers::DeadlineSubject;
 use crate::wire::canopen::error_control::{self, ErrorControlByte as Message};
 use crate::wire::canopen::{NmtState, ObjectAddress};
@@ -99,6 +99,13 @@ impl TimedMachine for ErrorControlMachine {
             return cx.timers.add_deadline(deadline, DeadlineSubject::Heartbeat(id));
         }
         node.heartbeat.deadline = None;
+        let last_frame = node.last_frame;
+        if cx.bus.routes.sends_pdos(id, deadline) {
+            let mut frame = Frame { number: last_frame, ..Frame::EMPTY };
+            frame.time = cx.bus.clock.stamp_of(deadline);
+            return emit_heartbeat_gap(id, true, deadline, &frame, cx);
+        }
+        let Some(node) = cx.bus.nodes.known_node_mut(id) else { return };
         // A silence of the whole bus postpones the heartbeat, but not the last frame of the node.
         let last = node.heartbeat.last.map(|last| last.min(node.last_received));
         let gap = last.map_or(0, |last| deadline.saturating_sub(last));
@@ -110,6 +117,10 @@ impl TimedMachine for ErrorControlMachine {
 }
 
 fn on_heartbeat(id: NodeId, message: Message, frame: &Frame, cx: &mut MachineContext<'_>) {
+    if cx.bus.node(id).is_some_and(|node| node.heartbeat.missing_since.is_some()) {
+        let now = cx.bus.clock.now();
+        emit_heartbeat_gap(id, false, now, frame, cx);
+    }
     mark_alive(id, frame, cx);
     let kind = EventKind::Heartbeat { state: message.state, code: message.code };
     // A defined state has an event of its own; only an undefined one is not routine.
@@ -127,14 +138,18 @@ fn on_guard_request(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
     let now = cx.bus.clock.now();
     let life_factor = cx.bus.nodes.object_number(id, ObjectAddress::new(0x100D, 0));
     let Some(node) = cx.bus.nodes.node_mut(id) else { return };
+    let last_received = node.last_received;
     let guarding = &mut node.guarding;
     let first = !std::mem::replace(&mut guarding.seen, true);
     let unanswered = std::mem::replace(&mut guarding.is_open, true);
     guarding.missed = if unanswered { guarding.missed.saturating_add(1) } else { 0 };
     let limit = life_factor.and_then(|factor| u8::try_from(factor).ok()).filter(|factor| *factor > 0);
-    let is_lost =
-        guarding.missed >= limit.unwrap_or(UNANSWERED) && guarding.last_reply.is_some() && !node.lost;
-    let gap = guarding.last_reply.map_or(0, |last| now.saturating_sub(last));
+    if !unanswered {
+        guarding.unanswered_since = Some(now);
+    }
+    let is_lost = guarding.shows_loss(limit.unwrap_or(UNANSWERED), last_received, now) && !node.lost;
+    guarding.is_reported |= is_lost;
+    let gap = guarding.last_reply.map_or(0, |last| now.saturating_sub(last.max(last_received)));
     cx.emit_event(frame, id, !first, EventKind::GuardRequest);
     if is_lost {
         emit_node_lost(id, gap, MonitoringMethod::Guarding, frame, cx);
@@ -151,6 +166,7 @@ fn on_guard_reply(id: NodeId, message: Message, frame: &Frame, cx: &mut MachineC
     let first = last.is_none();
     guarding.is_open = false;
     guarding.missed = 0;
+    (guarding.unanswered_since, guarding.is_reported) = (None, false);
     guarding.interval = if is_renewed { 0 } else { last.map_or(0, |last| now.saturating_sub(last)) };
     let before = guarding.toggle.replace(message.toggle).filter(|_| !is_renewed);
     // The first response after boot-up has toggle 0 (CiA 301 §7.2.8.3.2.1); a capture may start later.

@@ -34,6 +34,14 @@ const fn restart_type(service: NmtService) -> RestartType {
     }
 }
 
+/// Whether a frame is valid as NMT command: exactly two bytes, and a defined command to an existing node-ID.
+pub(super) fn is_valid_command(frame: &Frame) -> bool {
+    frame.length == 2
+        && frame.flags.is_classic_data()
+        && nmt::parse(frame.data())
+            .is_ok_and(|command| command.target <= 127 && state_after(command.service).is_some())
+}
+
 /// NMT commands of the master. The resulting states are in the nodes.
 #[derive(Debug, Clone)]
 pub(in crate::session) struct NmtMachine;
@@ -44,10 +52,7 @@ impl ProtocolMachine for NmtMachine {
 
     fn on_frame(&mut self, (): (), frame: &Frame, cx: &mut MachineContext<'_>) {
         let parsed = nmt::parse(frame.data());
-        // Valid: exactly two bytes, and a defined command to an existing node-ID.
-        let is_valid = frame.length == 2
-            && frame.flags.is_classic_data()
-            && parsed.is_ok_and(|command| command.target <= 127 && state_after(command.service).is_some());
+        let is_valid = is_valid_command(frame);
         if is_valid {
             cx.bus.protocols.canopen.add_evidence();
         } else {

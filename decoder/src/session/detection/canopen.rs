@@ -24,6 +24,9 @@ const UNSUPPORTED_NODES: u32 = 20;
 /// Contradictions after which CANopen is rejected.
 const CONTRADICTION_LIMIT: u32 = 3;
 
+/// Frames on SDO identifiers that are no SDO after which CANopen is rejected, without evidence.
+const FOREIGN_SDO_LIMIT: u32 = 3;
+
 /// Result of the detection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::session) enum ProtocolStatus {
@@ -44,6 +47,8 @@ pub(in crate::session) struct CanopenDetection {
     has_presumed: bool,
     evidence: u32,
     contradictions: u32,
+    /// Frames on SDO identifiers that are no SDO.
+    foreign_sdo: u32,
     unsupported: u32,
     unsupported_nodes: u128,
     /// Monotonic time of the first and the last frame counted in `unsupported`.
@@ -67,6 +72,7 @@ impl CanopenDetection {
             has_presumed: false,
             evidence: 0,
             contradictions: 0,
+            foreign_sdo: 0,
             unsupported: 0,
             unsupported_nodes: 0,
             unsupported_since: None,
@@ -136,6 +142,13 @@ impl CanopenDetection {
         many && self.syncs < ENOUGH_SYNCS
     }
 
+    /// Counts a frame on an SDO identifier that is no SDO message; it counts only until there is evidence, because a capture
+    /// may start within a transfer.
+    pub(in crate::session) fn add_foreign_sdo(&mut self) {
+        self.foreign_sdo = self.foreign_sdo.saturating_add(1);
+        self.judge_evidence();
+    }
+
     /// Stores an SDO request for comparison with its response.
     pub(in crate::session) fn note_request(&mut self, node: u8, data: &[u8]) {
         if !self.is_confirmed() {
@@ -163,6 +176,12 @@ impl CanopenDetection {
                 count_noun(count, "frame")
             )
         } else {
+            if self.foreign_sdo >= FOREIGN_SDO_LIMIT {
+                let frames = count_noun(u64::from(self.foreign_sdo), "frame");
+                return format!(
+                    "no heartbeat, NMT command or SDO response, but {frames} on SDO identifiers without a command of SDO"
+                );
+            }
             let (frames, nodes) = (self.unsupported, self.unsupported_nodes.count_ones());
             format!(
                 "no heartbeat, NMT command or SDO response, but {} on PDO and EMCY identifiers of {}",
@@ -182,7 +201,7 @@ impl CanopenDetection {
             ProtocolStatus::Rejected
         } else if self.evidence > 0 {
             ProtocolStatus::Confirmed
-        } else if self.is_unsupported() {
+        } else if self.is_unsupported() || self.foreign_sdo >= FOREIGN_SDO_LIMIT {
             ProtocolStatus::Rejected
         } else {
             ProtocolStatus::Presumed
@@ -240,6 +259,20 @@ mod tests {
             (0..syncs).for_each(|_| detection.count_sync());
             (0..=50).for_each(|count| detection.count_unsupported(5, count * 100_000_000));
             assert_eq!(detection.protocol_status(), status);
+        }
+    }
+
+    #[test]
+    fn frames_that_are_no_sdo_are_evidence_against_canopen_until_there_is_evidence() {
+        for count in 0..FOREIGN_SDO_LIMIT + 2 {
+            let mut detection = CanopenDetection::new(ProtocolChoice::Auto);
+            (0..count).for_each(|_| detection.add_foreign_sdo());
+            let is_rejected = detection.protocol_status() == ProtocolStatus::Rejected;
+            assert_eq!(is_rejected, count >= FOREIGN_SDO_LIMIT, "{count}");
+            // A capture that starts within a block transfer is CANopen as soon as a heartbeat follows.
+            detection.add_evidence();
+            (0..count).for_each(|_| detection.add_foreign_sdo());
+            assert!(detection.is_confirmed());
         }
     }
 

@@ -260,3 +260,73 @@ fn remote_frames_of_a_named_node_are_requests() {
     bus.push(&frame, &mut |event: &Event, _: &Bus| events.push(event.clone()));
     assert!(matches!(events[0].kind, EventKind::GuardRequest) && !events[0].presumed, "{events:?}");
 }
+
+/// Code and certainty of the EMCY events, and the place of the first one among all events.
+fn emergencies(events: &[Event]) -> (Vec<(Option<u16>, bool)>, Option<usize>) {
+    let code = |event: &Event| match &event.kind {
+        EventKind::Emcy(emergency) => Some((emergency.code, event.presumed)),
+        _ => None,
+    };
+    (events.iter().filter_map(code).collect(), events.iter().position(|event| code(event).is_some()))
+}
+
+const EMCY: [u8; 8] = [0x20, 0x81, 0, 6, 0x28, 0, 0, 0];
+
+/// An EMCY whose register has bit 0 clear is no evidence; the heartbeat after it is.
+#[test]
+fn an_emcy_before_the_proof_is_decoded_as_after_it() {
+    let emcy = |time: i64| (0x083, EMCY.to_vec(), time);
+    let proofs = [(0x703, vec![0x7F]), (0x704, vec![0]), (0x000, vec![1, 3])];
+    for (id, data) in proofs {
+        let proof = |time: i64| (id, data.clone(), time);
+        let foreign = (0x790, vec![1, 2], 5);
+        for before in [vec![emcy(0)], vec![emcy(0), foreign.clone()], vec![foreign.clone(), emcy(6)]] {
+            let count = before.len();
+            let mut held = of_file("");
+            let events = push(&mut held, before.into_iter().chain([proof(20)]));
+            let (found, place) = emergencies(&events);
+            let mut plain = of_file("");
+            let expected = emergencies(&push(&mut plain, [proof(20), emcy(21)])).0;
+            assert_eq!((found, expected.len()), (expected.clone(), 1), "{id:03X}");
+            // In the order of the frames: before the events of the proof.
+            let first = place.unwrap();
+            assert!(events[first + 1..].iter().any(|event| event.frames.first == count as u64 + 1));
+            assert_eq!(held.bus().protocols().unknown_frames(), u64::from(count == 2));
+            // Once: a further proof decodes nothing again.
+            assert_eq!(emergencies(&push(&mut held, [proof(30)])).0, []);
+        }
+    }
+}
+
+#[test]
+fn few_frames_are_held_and_not_for_long() {
+    let mut bus = of_file("");
+    let mut events = push(&mut bus, (0..100).map(|place| (0x083, EMCY.to_vec(), place)));
+    events.extend(push(&mut bus, [(0x703, vec![0x7F], 200)]));
+    assert_eq!(emergencies(&events).0.len(), 16);
+    let mut bus = of_file("");
+    push(&mut bus, [(0x083, EMCY.to_vec(), 0)]);
+    assert_eq!(emergencies(&push(&mut bus, [(0x703, vec![0x7F], 10_001)])).0, []);
+}
+
+/// Frames of a car on SDO identifiers: a command that is not defined, and none that is answered.
+#[test]
+fn a_car_does_not_become_canopen_by_its_identifiers() {
+    let mut bus = of_file("");
+    let frames: [(u16, [u8; 8]); 4] = [
+        (0x597, [0x85, 0, 0, 0, 0, 0, 0, 0]),
+        (0x5F1, [0x9C, 0x13, 0x72, 0x0D, 0, 0, 0x3A, 2]),
+        (0x670, [0x3C, 0x0F, 0x30, 0x11, 0xE6, 0x39, 0, 1]),
+        (0x671, [0x23, 0, 0xB3, 0xB3, 1, 0, 0x72, 0x0D]),
+    ];
+    let rounds = (0..20).flat_map(|round| frames.map(|(id, data)| (id, data.to_vec(), round * 500)));
+    let mut events = push(&mut bus, rounds);
+    bus.finish_bus(&mut |event: &Event, _: &Bus| events.push(event.clone()));
+    let is_foreign = |event: &&Event| {
+        matches!(event.kind, EventKind::SdoTransfer(_) | EventKind::Malformed { .. } | EventKind::Pdo(_))
+    };
+    assert_eq!(events.iter().filter(is_foreign).count(), 0);
+    assert!(bus.bus().protocols().is_canopen_rejected());
+    let doubt = bus.bus().protocols().detection_doubt().unwrap();
+    assert!(doubt.contains("3 frames on SDO identifiers"), "{doubt}");
+}

@@ -214,10 +214,13 @@ impl WaitingRequests {
         Some(single)
     }
 
-    /// Index of the request for a response: with equal identifier, otherwise the oldest with equal service.
+    /// Index of the request for a response: with equal identifier, otherwise the oldest with equal service and without
+    /// another identifier.
     fn find_request(&self, link: UdsLink, answer: ResponseHeader) -> Option<usize> {
         let exchanges = &self.waiting.get(&link)?.exchanges;
-        let same = |it: &WaitingRequest| it.service == answer.service;
+        // A response echoes the identifier of its request (ISO 14229-1 §11.2.3): another one answers another request.
+        let is_other = |it: &WaitingRequest| matches!((it.identifier, answer.identifier), (Some(asked), Some(echoed)) if asked != echoed);
+        let same = |it: &WaitingRequest| it.service == answer.service && !is_other(it);
         let exact = |it: &WaitingRequest| same(it) && it.identifier == answer.identifier;
         let exact = answer.identifier.and_then(|_| exchanges.iter().position(exact));
         exact.or_else(|| exchanges.iter().position(same))

@@ -7,7 +7,6 @@ use crate::event::{
     TransferIrregularity,
 };
 use crate::frame::Frame;
-use crate::profile;
 use crate::session::bus::{Bus, UdsLink};
 use crate::session::context::MachineContext;
 use crate::session::limits::OPEN_DATA_LIMIT;
@@ -48,7 +47,7 @@ impl ProtocolMachine for IsoTpMachine {
             [address, rest @ ..] if cx.bus.uds_pairs.has_address_byte(link) => (Some(*address), rest),
             data => (None, data),
         };
-        let message = self.parse_frame(link, data, frame, cx)?;
+        let message = Self::parse_frame(data, frame, cx)?;
         let taken = self.reassembly.take_frame(link, &message, address_byte, frame);
         // Flow control has the opposite direction of its message.
         let of = if matches!(message, Message::FlowControl(_)) { link.opposite_link() } else { link };
@@ -105,25 +104,8 @@ impl IsoTpMachine {
     }
 
     /// Message of a frame; a malformed one is reported.
-    fn parse_frame<'f>(
-        &mut self,
-        link: UdsLink,
-        data: &'f [u8],
-        frame: &Frame,
-        cx: &mut MachineContext<'_>,
-    ) -> Option<Message<'f>> {
+    fn parse_frame<'f>(data: &'f [u8], frame: &Frame, cx: &mut MachineContext<'_>) -> Option<Message<'f>> {
         let message = isotp::parse(data, frame.data().len());
-        if link.needs_evidence() && !self.reassembly.is_confirmed(link) {
-            match &message {
-                Ok(Message::Single { data } | Message::First { data, .. }) if is_service(data) => {
-                    self.reassembly.confirm_link(link);
-                }
-                _ => {
-                    cx.emit_undecoded(frame, None);
-                    return None;
-                }
-            }
-        }
         match message {
             Ok(Message::Unknown { .. }) => {
                 let error =
@@ -237,17 +219,5 @@ fn to_irregularity(what: IsoTpIrregularity) -> TransferIrregularity {
         expected: expected.map(u32::from),
         timer: None,
         delay: None,
-    }
-}
-
-/// Whether a message starts with a defined service identifier.
-fn is_service(data: &[u8]) -> bool {
-    const NEGATIVE: u8 = 0x7F;
-    let known = |service: u8| {
-        profile::uds_names().service_by_id(service & !0x40).is_some_and(|service| !service.is_obd())
-    };
-    match data {
-        [NEGATIVE, service, ..] | [service, ..] => known(*service),
-        [] => false,
     }
 }

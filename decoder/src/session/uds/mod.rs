@@ -11,6 +11,7 @@
 mod exchange;
 mod isotp;
 mod obd;
+mod pairs;
 mod reassembly;
 mod requests;
 #[cfg(test)]
@@ -19,4 +20,5 @@ mod transfer;
 
 pub(in crate::session) use isotp::IsoTpMachine;
 pub(in crate::session) use obd::ObdPairs;
+pub(in crate::session) use pairs::PairSearch;
 pub(in crate::session) use requests::UdsMachine;

@@ -16,8 +16,6 @@ use crate::wire::isotp::{FlowStatus, IsoTpFrame};
 struct LinkTransferState {
     /// A frame of the link was received.
     is_active: bool,
-    /// A valid UDS message was received on the link, or in the opposite direction.
-    confirmed: bool,
     /// Consecutive frames without a first frame were already reported, since the last first frame.
     stated_start: bool,
     /// Flow control without a message was already reported, since the last first frame.
@@ -62,18 +60,6 @@ pub(super) struct MessageReassembly {
 }
 
 impl MessageReassembly {
-    /// Whether a link is confirmed as ISO-TP.
-    pub(super) fn is_confirmed(&self, link: UdsLink) -> bool {
-        self.states.get(&link).is_some_and(|state| state.confirmed)
-    }
-
-    /// Confirms a link and its opposite direction as ISO-TP.
-    pub(super) fn confirm_link(&mut self, link: UdsLink) {
-        for link in [link, link.opposite_link()] {
-            self.states.entry(link).or_default().confirmed = true;
-        }
-    }
-
     /// Applies a frame of a link.
     pub(super) fn take_frame(
         &mut self,

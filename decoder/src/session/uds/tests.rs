@@ -155,16 +155,137 @@ fn an_address_before_the_payload_is_taken_off() {
 }
 
 #[test]
-fn edp_and_dp_need_a_service_that_exists() {
+fn mirrored_addresses_are_a_pair_after_one_exchange() {
     let mut scene = Scene::new("");
     let id = CanId::from_extended(0x1BC7_8820);
-    // 4D is not a service, then a consecutive frame, then 22 01 10.
+    // 4D is not a service, then a consecutive frame, then 22 01 10: no frame of one identifier proves a pair.
     scene.at(0, id, &[1, 0x4D]);
     scene.at(1, id, &[0x21, 1, 2]);
-    assert_eq!(scene.kinds(), ["frame", "frame"]);
     scene.at(2, id, &[3, 0x22, 1, 0x10]);
+    assert_eq!(scene.kinds(), ["frame"; 3]);
     scene.at(3, CanId::from_extended(0x1BC1_00F1), &[3, 0x7F, 0x22, 0x31]);
     assert_eq!(scene.outcomes(), [ExchangeOutcome::Negative]);
+    let [exchange] = scene.exchanges()[..] else { panic!("expected one exchange") };
+    assert_eq!((exchange.ends.source, exchange.ends.target), (Some(0xF1), Some(0x20)));
+    // The decoded request is not counted as unknown any more.
+    assert_eq!(scene.bus.bus().protocols.undecoded, (2, 2));
+}
+
+/// Frames of a tester that reads identifiers and starts a session, on other identifiers than the standard ones.
+fn talk(request: u32, response: u32) -> Vec<(i64, CanId, Vec<u8>)> {
+    let (request, response) = (CanId::from_extended(request), CanId::from_extended(response));
+    let frames: [(i64, CanId, &[u8]); 7] = [
+        (0, request, &[2, 0x10, 3, 0, 0, 0, 0, 0]),
+        (3, response, &[6, 0x50, 3, 0, 0x32, 1, 0xF4, 0]),
+        (10, request, &[3, 0x22, 0x18, 0x59, 0, 0, 0, 0]),
+        (14, response, &[0x10, 10, 0x62, 0x18, 0x59, 1, 2, 3]),
+        (15, request, &[0x30, 0, 0, 0, 0, 0, 0, 0]),
+        (17, response, &[0x21, 4, 5, 6, 7, 0xAA, 0xAA, 0xAA]),
+        (30, request, &[3, 0x22, 0x18, 0x60, 0, 0, 0, 0]),
+    ];
+    frames.into_iter().map(|(time, id, data)| (time, id, data.to_vec())).collect()
+}
+
+/// Exchanges of frames as text: service, outcome, and the numbers of their frames in `frames`.
+fn talked(bus_file: &str, frames: &[(i64, CanId, Vec<u8>)], own: &[CanId]) -> Vec<String> {
+    let mut scene = Scene::new(bus_file);
+    let mut numbers = vec![0];
+    for (time, id, data) in frames {
+        scene.at(*time, *id, data);
+        numbers.push(numbers.last().unwrap() + u64::from(own.contains(id)));
+    }
+    scene.finish();
+    let number = |frame: u64| numbers[usize::try_from(frame).unwrap()];
+    let events = scene.events.iter().filter_map(|event| match &event.kind {
+        EventKind::UdsExchange(exchange) => Some(format!(
+            "{:02X} {:?} {}-{}",
+            exchange.service,
+            exchange.outcome,
+            number(event.frames.first),
+            number(event.frames.last)
+        )),
+        _ => None,
+    });
+    events.collect()
+}
+
+/// A pair that its exchange proves is decoded as if the bus file named it, whatever precedes the proof and lies between.
+#[test]
+fn a_proven_pair_is_decoded_as_a_named_one() {
+    for (request, response) in [(0x17FC_007B, 0x17FE_007B), (0x6CE, 0x7CE)] {
+        let own = [CanId::from_extended(request), CanId::from_extended(response)];
+        let named = format!("[[uds]]\nrequest = \"{}\"\nresponse = \"{}\"", own[0], own[1]);
+        let frames = talk(request, response);
+        let expected = talked(&named, &frames, &own);
+        assert_eq!(expected, ["10 Positive 1-2", "22 Positive 3-6", "22 Unfinished 7-7"]);
+        assert_eq!(talked("", &frames, &own), expected);
+        // Foreign frames of the form of ISO-TP before, between and after.
+        let other = CanId::from_extended(0x1BFF_DAFF);
+        let foreign: [&[u8]; 4] = [
+            &[3, 0x10, 0x80, 0x24, 0, 2, 7, 0],
+            &[0x85, 0xA6, 0x67, 1, 0x60, 0x14, 0, 0],
+            &[2, 0xEF, 0xB1, 0x1D, 0x22, 0xEA, 5, 0],
+            &[0x21, 0x8E, 1, 0x7D, 0x3E, 0x3E, 0x3E, 0xFF],
+        ];
+        for place in 0..=frames.len() {
+            for data in foreign {
+                let mut mixed = frames.clone();
+                let time = frames.get(place).map_or(40, |frame| frame.0);
+                mixed.insert(place, (time, other, data.to_vec()));
+                assert_eq!(talked("", &mixed, &own), expected, "{data:02X?} before {place}");
+            }
+        }
+    }
+}
+
+#[test]
+fn frames_that_only_fit_prove_nothing() {
+    let mut scene = Scene::new("");
+    // One exchange without an identifier, repeated with the same data: constant messages of two senders fit by chance.
+    for round in 0..50 {
+        scene.at(round * 100, CanId::from_extended(0x17FC_007B), &[2, 0x3E, 0, 0, 0, 0, 0, 0]);
+        scene.at(round * 100 + 1, CanId::from_extended(0x17FE_007B), &[2, 0x7E, 0, 0, 0, 0, 0, 0]);
+    }
+    assert!(scene.kinds().iter().all(|kind| *kind == "frame"), "{:?}", scene.kinds());
+    // Many other identifiers do not make the search larger.
+    for number in 0..20_000_u32 {
+        let id = CanId::from_extended(0x1BC0_0000 | (number % 4_000));
+        scene.at(5_000 + i64::from(number / 10), id, &[3, 0x22, 0xF1, number.to_le_bytes()[0]]);
+    }
+    let held = scene.bus.footprint();
+    assert!(held < 1024 * 1024, "{held}");
+}
+
+#[test]
+fn mixed_addresses_have_an_address_byte() {
+    let mut scene = Scene::new("");
+    scene.at(0, CanId::from_extended(0x18CE_20F1), &[0x55, 3, 0x22, 0xF1, 0x90, 0, 0, 0]);
+    scene.at(5, CanId::from_extended(0x18CE_F120), &[0x55, 5, 0x62, 0xF1, 0x90, 0x31, 0x32, 0]);
+    assert_eq!(scene.outcomes(), [ExchangeOutcome::Positive]);
+    let [exchange] = scene.exchanges()[..] else { panic!("expected one exchange") };
+    assert_eq!(exchange.identifier, Some(0xF190));
+}
+
+#[test]
+fn identifiers_of_lss_are_those_of_a_server_where_it_answers() {
+    let mut scene = Scene::new("");
+    scene.at(0, CanId::from_standard(0x7E4), &[3, 0x22, 0xF1, 0x90, 0, 0, 0, 0]);
+    assert_eq!(scene.kinds(), ["frame"]);
+    scene.at(4, CanId::from_standard(0x7EC), &[4, 0x62, 0xF1, 0x90, 0x31, 0, 0, 0]);
+    assert_eq!(scene.outcomes(), [ExchangeOutcome::Positive]);
+}
+
+/// ISO 14229-1 §11.2.3: a response echoes the identifier of its request.
+#[test]
+fn a_response_with_another_identifier_answers_another_request() {
+    let mut scene = Scene::new("");
+    let (id, data) = there(&[3, 0x22, 0xF1, 0x87]);
+    scene.at(0, id, &data);
+    let (id, data) = back(&[5, 0x62, 0xF1, 0x88, 0x31, 0x32]);
+    scene.at(4, id, &data);
+    assert_eq!(scene.outcomes(), [ExchangeOutcome::Unsolicited]);
+    scene.finish();
+    assert_eq!(scene.outcomes(), [ExchangeOutcome::Unsolicited, ExchangeOutcome::Unfinished]);
 }
 
 #[test]

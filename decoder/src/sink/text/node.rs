@@ -125,11 +125,22 @@ pub(super) fn node_lost(silence: &NodeSilence) -> LineContent {
 }
 
 pub(super) fn node_back(silence: &NodeSilence) -> LineContent {
-    ("BACK", format!("after {} s of silence", format_seconds(silence.gap)), LineTone::Good)
+    let gap = format_seconds(silence.gap);
+    let what = if silence.others_continue {
+        format!("{} again after {gap} s", silence.monitored_by.name())
+    } else {
+        format!("after {gap} s of silence")
+    };
+    ("BACK", what, LineTone::Good)
 }
 
 fn lost_text(silence: &NodeSilence) -> String {
-    let mut what = format!("silent for {} s ({})", format_seconds(silence.gap), silence.monitored_by.name());
+    let (gap, by) = (format_seconds(silence.gap), silence.monitored_by.name());
+    let mut what = if silence.others_continue {
+        format!("{by} missing for {gap} s, PDOs continue")
+    } else {
+        format!("silent for {gap} s ({by})")
+    };
     let _ = write!(what, ", last frame {{{}}}", silence.last_frame);
     if let Some(state) = silence.last_state {
         let _ = write!(what, ", was {}", state.name());

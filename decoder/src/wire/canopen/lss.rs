@@ -95,6 +95,15 @@ pub const fn message_layout(command: u8, from_master: bool) -> LssLayout {
     }
 }
 
+/// Whether a command is defined for this sender (CiA 305 §3.8 to §3.11).
+pub const fn is_defined_command(command: u8, from_master: bool) -> bool {
+    match (command, from_master) {
+        (0x11 | 0x13 | 0x17 | 0x5A..=0x5E, _) => true,
+        (command, true) => matches!(command, 0x04 | 0x15 | 0x40..=0x43 | 0x46..=0x4C | 0x51),
+        (command, false) => matches!(command, 0x44 | 0x4F | 0x50),
+    }
+}
+
 /// Reads one message.
 ///
 /// # Errors
@@ -150,6 +159,18 @@ mod tests {
         assert_eq!(
             parse(&[0x51, 0x78, 0x56, 0x34, 0x12, 31, 1, 2], true).unwrap().content,
             LssContent::FastScan { number: 0x1234_5678, bit: 31, sub: 1, next: 2 }
+        );
+    }
+
+    #[test]
+    fn commands_are_of_the_master_or_of_slaves() {
+        let defined =
+            |from_master| (0..=255_u8).filter(move |command| is_defined_command(*command, from_master));
+        // Switch state, configuration, identification, fast scan, inquiry (CiA 305 §3.9 to §3.11).
+        assert_eq!(defined(true).count(), 1 + 4 + 4 + 7 + 1 + 5);
+        assert_eq!(
+            defined(false).collect::<Vec<_>>(),
+            [0x11, 0x13, 0x17, 0x44, 0x4F, 0x50, 0x5A, 0x5B, 0x5C, 0x5D, 0x5E]
         );
     }
 

@@ -33,6 +33,10 @@ impl Pgn {
     pub const ETP_CM: Self = Self(0xC800);
     /// Data transfer of the extended transport protocol (ISO 11783-3).
     pub const ETP_DT: Self = Self(0xC700);
+    /// ISO-TP with mixed addresses to one receiver (ISO 15765-2 §10.3.5).
+    pub const MIXED_ADDRESSING: Self = Self(0xCE00);
+    /// ISO-TP with mixed addresses to a group (ISO 15765-2 §10.3.5).
+    pub const MIXED_GROUP: Self = Self(0xCD00);
     /// Address claimed and cannot claim (J1939-81 §4.2.2).
     pub const ADDRESS_CLAIMED: Self = Self(0xEE00);
     /// Commanded address (J1939-81 §4.2.3).

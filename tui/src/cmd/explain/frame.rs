@@ -1,4 +1,4 @@
-//! Explains one frame in candump's log form: the meaning of its identifier, and its events.
+//! Explains one frame: the meaning of its identifier, and its events.
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -26,10 +26,30 @@ use super::asked::LookupScope;
 use super::{code, identifier, j1939, uds};
 use crate::run::describe::{FIRM, object::equality_text};
 
-/// Explains a frame; `None` if the text is not a frame.
+/// Explains a frame in candump's log form; `None` if the text is not a frame.
 pub(super) fn explain_frame(thing: &str, asked: &LookupScope) -> Option<String> {
-    let line = format!("can0 {thing}\n");
-    let mut reader = CaptureReader::open(line.as_bytes(), &ReadOptions::default()).ok()?;
+    explain_line(&format!("can0 {thing}\n"), &ReadOptions::default(), asked)
+}
+
+/// Explains a line of any capture, such as `601 40 41 60 00 00 00 00 00`; `None` if the text is not a frame.
+pub(super) fn explain_pasted(thing: &str, asked: &LookupScope) -> Option<String> {
+    let line = format!("{thing}\n");
+    let words: Vec<&str> = thing.split_whitespace().collect();
+    let is_hex = |word: &&str| word.bytes().all(|byte| byte.is_ascii_hexdigit());
+    let is_byte = |word: &&str| word.len() == 2 && is_hex(word);
+    // One line alone does not prove that its first number is an identifier, but the user asks about a frame.
+    let columns = match words.as_slice() {
+        [id, data @ ..] if is_hex(id) && matches!(id.len(), 3..=8) && data.iter().all(is_byte) => {
+            "id data".parse().ok()
+        }
+        _ => None,
+    };
+    explain_line(&line, &ReadOptions { columns, ..ReadOptions::default() }, asked)
+}
+
+/// Explains the frames of a line.
+fn explain_line(line: &str, options: &ReadOptions, asked: &LookupScope) -> Option<String> {
+    let mut reader = CaptureReader::open(line.as_bytes(), options).ok()?;
     let mut batch = Batch::new();
     let mut readings = Vec::new();
     while reader.read(&mut batch).ok()? {
@@ -60,8 +80,8 @@ pub(super) fn frame_defect(thing: &str) -> Option<String> {
     let (id, data) = thing.split_once('#')?;
     let quoted = |text: &str| text.escape_debug().to_string();
     let is_hex = |text: &str| text.bytes().all(|byte| byte.is_ascii_hexdigit());
-    if !is_hex(id) || !matches!(id.len(), 3 | 8) {
-        return Some(format!("identifier \"{}\"; expected 3 or 8 hex digits", quoted(id)));
+    if !is_hex(id) || !matches!(id.len(), 3..=8) {
+        return Some(format!("identifier \"{}\"; expected 3 to 8 hex digits", quoted(id)));
     }
     // After ## one digit contains the flags of CAN FD.
     let data = data.strip_prefix('#').map_or(data, |data| data.get(1..).unwrap_or_default());

@@ -29,7 +29,8 @@ const LAST_IDENTIFIER: u32 = 0x1FFF_FFFF;
 /// Error text with all accepted forms.
 const FORMS: &str = "expected a rule (node-lost; see cobscope rules), an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 1018sub1, \
                      1018h:01h), a COB-ID (185), a 29-bit identifier (18FECA80), a PGN (pgn:65226), a J1939 fault \
-                     (298985/19: SPN/FMI, or 938FE9: its three bytes in either order), a UDS response code (nrc:31) or identifier (did:F190), or a frame (701#05)";
+                     (298985/19: SPN/FMI, or 938FE9: its three bytes in either order), a UDS response code (nrc:31) or identifier (did:F190), or a frame (701#05, \
+                     or a line of any capture)";
 
 /// Examples in the help.
 const EXAMPLES: &str = examples![
@@ -44,7 +45,8 @@ const EXAMPLES: &str = examples![
 /// EMCY error code (8130), an object (1018:01, 0x1018:01, 1018h:01h, 1018sub1), a COB-ID (185), a 29-bit
 /// identifier (18FECA80), a J1939 PGN (pgn:65226, pgn:0xFECA), a J1939 fault (298985/19: SPN/FMI; 938FE9: as a
 /// number or as sent), a UDS
-/// response code (nrc:31) or identifier (did:F190), or a frame in candump's log form (701#05).
+/// response code (nrc:31) or identifier (did:F190), or a frame: in candump's log form (701#05), or a line of any capture
+/// ("601 40 41 60 00 00 00 00 00").
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub struct ExplainArgs {
@@ -89,11 +91,14 @@ pub(super) fn find_meanings(
     if let Some(rule) = rules::find_rule(&asked.catalogue, thing) {
         return Ok(rules::rule_page(&rule));
     }
-    let readings = if thing.contains('#') {
+    let mut readings = if thing.contains('#') {
         frame::explain_frame(thing, &asked).into_iter().collect()
     } else {
         explain_code(thing, &asked)
     };
+    if readings.is_empty() && thing.contains(char::is_whitespace) {
+        readings.extend(frame::explain_pasted(thing, &asked));
+    }
     if !readings.is_empty() {
         return Ok(readings.join("\n"));
     }

@@ -4,6 +4,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use cobscope_decoder::capture::ColumnList;
 use cobscope_decoder::query::Filter;
 use cobscope_decoder::why::NodeChoice;
 use cobscope_decoder::wire::NodeId;
@@ -25,6 +26,14 @@ pub struct InputArgs {
     /// Interpret ambiguous timestamps in candump text as STYLE (default: detected from the first 1,000 lines)
     #[arg(long, help_heading = READING, value_name = "STYLE")]
     pub time: Option<StampStyle>,
+    /// Read text captures as these columns, such as 'time:ms id len data' (default: inferred if the format is unknown)
+    ///
+    /// Names in the order of a line: time and delta (time since the frame before), with a unit (s, ms, 0.1ms, us, ns;
+    /// default: s) or as time of day; date; id and data, hexadecimal or decimal (id:dec, data:dec); len (a length or DLC);
+    /// bus, dir, kind, ext, rtr; skip (a column without meaning). Words such as Rx, Std or labels are not counted, unless
+    /// separators mark each cell: 'skip time:us id len data' for `17;12034;181;2;37 02`.
+    #[arg(long, help_heading = READING, value_name = "COLUMNS")]
+    pub columns: Option<ColumnList>,
     /// Read times in CSV in UNIT (default: the unit of the program; milliseconds if no bus could carry the frames in
     /// microseconds)
     #[arg(long, help_heading = READING, value_name = "UNIT")]

@@ -61,6 +61,7 @@ pub fn read_options(input: &InputArgs) -> ReadOptions {
             StampStyle::Absolute => TimeStyle::Absolute,
             StampStyle::Delta => TimeStyle::Delta,
         }),
+        columns: input.columns,
         time_unit: input.time_unit.map(|unit| match unit {
             TimeUnitOption::S => TimeUnit::Second,
             TimeUnitOption::Ms => TimeUnit::Millisecond,

@@ -15,6 +15,7 @@ use nom::sequence::{delimited, terminated};
 use nom::{IResult, Parser};
 
 use super::stamp::{decimal_value, leading_stamp};
+use crate::capture::text::lines::is_ellipsis;
 use crate::frame::{CanId, FrameFlags, MAX_DATA, is_fd_length};
 
 /// Error frame flag of SocketCAN in a 32-bit identifier.
@@ -33,6 +34,8 @@ pub(in crate::capture::formats) enum CandumpLine<'a> {
     Nothing,
     /// Text around the capture: a shell prompt, or a Markdown fence.
     Around,
+    /// A mark of lines that were left out: `...`.
+    Ellipsis,
 }
 
 /// Content of a line with a frame.
@@ -74,6 +77,9 @@ pub(in crate::capture::formats) fn parse_line(line: &[u8]) -> Result<CandumpLine
     if is_fence(line) {
         return Ok(CandumpLine::Around);
     }
+    if is_ellipsis(line) {
+        return Ok(CandumpLine::Ellipsis);
+    }
     if let Ok((_, (count, bus))) = drop_count(line) {
         return Ok(CandumpLine::Dropped { count, bus });
     }
@@ -88,10 +94,17 @@ pub(in crate::capture::formats) fn parse_line(line: &[u8]) -> Result<CandumpLine
             (false, false) => Err(LineError::NotCandump),
         };
     };
+    if !has_stamp && is_other_column(bus) {
+        return if is_prompt(line) { Ok(parse_prompt(line)) } else { Err(LineError::NotCandump) };
+    }
     let body = match log_body(rest) {
+        // `C#` in a text is a short identifier too.
+        Some(_) if !has_stamp && memchr::memchr(b'#', rest).is_some_and(|hash| hash < 3) => {
+            return Err(LineError::NotCandump);
+        }
         Some(result) => result,
         // In pasted text, quote marks and times in other forms precede the identifier.
-        None if !has_stamp && !is_name(bus) => {
+        None if !has_stamp && (!is_name(bus) || is_count(bus)) => {
             return if is_prompt(line) { Ok(parse_prompt(line)) } else { Err(LineError::NotCandump) };
         }
         None => screen_body(rest),
@@ -100,7 +113,7 @@ pub(in crate::capture::formats) fn parse_line(line: &[u8]) -> Result<CandumpLine
         Ok(body) => Ok(CandumpLine::Frame(CandumpFrameLine { stamp, is_date, bus, ..body })),
         Err(LineError::NotCandump) if !has_stamp && is_prompt(line) => Ok(parse_prompt(line)),
         Err(LineError::NotCandump) if has_stamp => {
-            Err(LineError::Broken("expected an identifier of 3 or 8 hex digits after the interface"))
+            Err(LineError::Broken("expected an identifier of 1 to 8 hex digits after the interface"))
         }
         Err(error) => Err(error),
     }
@@ -135,6 +148,20 @@ fn parse_interface(input: &[u8]) -> Parsed<'_, &[u8]> {
 fn is_name(word: &[u8]) -> bool {
     let is_decimal = word.contains(&b'.') && word.iter().all(|byte| byte.is_ascii_digit() || *byte == b'.');
     !is_decimal && word.iter().any(|byte| *byte != b'>')
+}
+
+/// Whether the word before an identifier is a column of another program: a time or a direction. As the name of a bus, it
+/// would make one bus of each line.
+fn is_other_column(word: &[u8]) -> bool {
+    let is_time = word.first().is_some_and(u8::is_ascii_digit)
+        && word.iter().any(|byte| !byte.is_ascii_digit())
+        && word.iter().all(|byte| byte.is_ascii_digit() || matches!(byte, b':' | b'.' | b','));
+    is_time || word.eq_ignore_ascii_case(b"rx") || word.eq_ignore_ascii_case(b"tx")
+}
+
+/// Whether the word is a number, such as the count of a line, not the name of an interface.
+fn is_count(word: &[u8]) -> bool {
+    word.iter().all(u8::is_ascii_digit) || word.starts_with(b"0x")
 }
 
 /// Starts of the lines in which `candump -e` explains an error frame (can-utils, lib.c).
@@ -223,15 +250,18 @@ const EMPTY: CandumpFrameLine<'static> = CandumpFrameLine {
     bytes: [0; MAX_DATA],
 };
 
-/// Parses an identifier: three digits are a base identifier, eight an extended one or an error frame.
+/// Parses an identifier of one to eight digits: up to three are a base identifier up to 7FF, others an extended one, and
+/// eight also an error frame. can-utils print three or eight digits, other programs omit leading zeros.
 fn parse_identifier(digits: &[u8]) -> Option<(CanId, FrameFlags)> {
     let number =
         digits.iter().try_fold(0_u32, |value, digit| Some(value << 4 | u32::from(hex_digit(*digit)?)))?;
     match digits.len() {
-        3 if number <= 0x7FF => Some((CanId::from_standard(u16::try_from(number).ok()?), FrameFlags(0))),
-        8 if number < ERROR_FLAG => Some((CanId::from_extended(number), FrameFlags(0))),
-        8 if number < 2 * ERROR_FLAG => Some((CanId::from_extended(number), FrameFlags::ERROR)),
-        _ => None,
+        1..=3 if number <= 0x7FF => Some((CanId::from_standard(u16::try_from(number).ok()?), FrameFlags(0))),
+        0..=2 | 9.. => None,
+        8 if (ERROR_FLAG..2 * ERROR_FLAG).contains(&number) => {
+            Some((CanId::from_extended(number), FrameFlags::ERROR))
+        }
+        _ => (number < ERROR_FLAG).then_some((CanId::from_extended(number), FrameFlags(0))),
     }
 }
 
@@ -250,9 +280,7 @@ fn log_body(input: &[u8]) -> Option<Result<CandumpFrameLine<'static>, LineError>
         return Some(Err(LineError::CanXl));
     }
     let Some((id, flags)) = parse_identifier(digits) else {
-        return Some(Err(LineError::Broken(
-            "identifier: expected 3 hex digits up to 7FF or 8 up to 3FFFFFFF",
-        )));
+        return Some(Err(LineError::Broken("identifier: expected 1 to 8 hex digits up to 3FFFFFFF")));
     };
     let (payload, tail) = split_word(rest);
     let body = CandumpFrameLine { id, flags: flags.with(parse_direction(tail)), is_log: true, ..EMPTY };

@@ -16,7 +16,7 @@ use crate::capture::{
     Batch, BusNames, CaptureError, CaptureFormat, CapturePlace, FormatCapabilities, FormatParser,
     LARGEST_RECORD, Notice, ReadOptions, WritableFormat,
 };
-use crate::frame::Frame;
+use crate::frame::{BusIndex, Frame};
 
 /// Number of lines whose timestamps determine whether times are relative.
 const DECIDING_LINES: usize = 1_000;
@@ -106,6 +106,10 @@ impl CandumpParser {
     fn parse_line(&mut self, line: &[u8], batch: &mut Batch) {
         match line::parse_line(&line::without_colors(line)) {
             Ok(CandumpLine::Nothing) => {}
+            Ok(CandumpLine::Ellipsis) => {
+                let place = CapturePlace::Line(self.lines.line_number());
+                batch.add_notice(Notice::LostFrames { place, bus: BusIndex::default(), count: None });
+            }
             Ok(CandumpLine::Around) => self.around.add_line(AROUND, self.lines.line_number()),
             Ok(CandumpLine::Dropped { count, bus }) => {
                 let bus = self.buses.index_of(bus).unwrap_or_default();

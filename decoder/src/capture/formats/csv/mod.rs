@@ -21,7 +21,10 @@ mod row;
 mod write;
 
 use clock::{CsvClock, UnitEvidence};
-use dialect::{ColumnMeaning, CsvLayout, CsvTimeFormat};
+use dialect::{ColumnMeaning, CsvLayout, CsvTimeFormat, DataCoding, decode_text};
+
+use super::inferred::words::column_name;
+use crate::capture::column_list::ColumnRole;
 
 use crate::capture::text::columns::NumberBase;
 use crate::capture::text::line_format::{
@@ -41,9 +44,46 @@ pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     title: CsvFormat::TITLE,
     is_text: true,
     is_packed: false,
-    detect: |head| first_lines(head, DETECTING_LINES).any(|line| CsvLayout::of_header(line).is_some()),
+    detect: is_csv,
     parser: |options| Box::new(CsvParser::new(options)),
 };
+
+/// Number of rows that decide whether a table has the form of ZLG's programs.
+const DECIDING_ROWS: usize = 20;
+
+/// Whether the header of a known program occurs. The names of ZLG's programs are common ones: their rows must be readable,
+/// and no other column may contain times.
+fn is_csv(head: &[u8]) -> bool {
+    let mut lines = first_lines(head, DETECTING_LINES + DECIDING_ROWS);
+    let header =
+        lines.by_ref().take(DETECTING_LINES).find_map(|line| Some((CsvLayout::of_header(line)?, line)));
+    let Some((layout, header)) = header else { return false };
+    if !layout.has_column(ColumnMeaning::Data(DataCoding::Marked)) {
+        return true;
+    }
+    // Quoted text is not a table of these programs.
+    if header.starts_with(b">") {
+        return false;
+    }
+    let names = decode_text(header, layout.is_gbk);
+    let is_time = |name: &str| {
+        column_name(name.as_bytes())
+            .is_some_and(|name| matches!(name.role, ColumnRole::Time | ColumnRole::Delta))
+    };
+    let is_known = |meaning: &ColumnMeaning| matches!(meaning, ColumnMeaning::Time(_));
+    if names.split(char::from(layout.separator)).any(is_time) && !layout.columns.iter().any(is_known) {
+        return false;
+    }
+    let (mut bus, mut clock) = (Vec::new(), CsvClock::default());
+    let mut assumptions = CaptureAssumptions::default();
+    let (mut rows, mut readable) = (0, 0);
+    for row in lines.take(DECIDING_ROWS) {
+        rows += 1;
+        let found = row::read_row(row, &layout, &mut bus, &mut clock, &mut assumptions);
+        readable += u32::from(found.is_ok() && !row.contains(&b'('));
+    }
+    readable * 10 >= rows * 9
+}
 
 /// Bytes at the start whose rows decide about the unit of the times.
 const DECIDING: usize = LARGEST_RECORD / 2;

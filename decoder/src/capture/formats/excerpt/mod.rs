@@ -21,7 +21,7 @@ use crate::capture::text::day::TimesOfDay;
 use crate::capture::text::line_format::{
     CaptureAssumptions, LineFault, LineFormat, LineParser, ONLY_BUS, ParsedLine, complete_lines,
 };
-use crate::capture::text::lines::{AROUND, SkippedLines};
+use crate::capture::text::lines::{AROUND, SkippedLines, is_ellipsis};
 use crate::capture::{Batch, BusNames, CaptureError, CaptureFormat, FormatParser, LARGEST_RECORD};
 
 pub(super) const FORMAT: CaptureFormat = CaptureFormat {
@@ -83,6 +83,8 @@ enum ExcerptLine<'a> {
     Blank,
     Around,
     Names,
+    /// A mark of rows that were left out: `...`.
+    Ellipsis,
     Text(std::borrow::Cow<'a, [u8]>),
 }
 
@@ -90,6 +92,9 @@ fn parse_line(text: &[u8]) -> ExcerptLine<'_> {
     let quoted = without_quotes(text).trim_ascii();
     if quoted.is_empty() {
         return ExcerptLine::Blank;
+    }
+    if is_ellipsis(quoted) {
+        return ExcerptLine::Ellipsis;
     }
     // A quoted row has the form of a prompt.
     if is_around(quoted) {
@@ -104,7 +109,7 @@ fn split_rows(head: &[u8]) -> impl Iterator<Item = std::borrow::Cow<'_, [u8]>> {
     let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
     head.split(|byte| matches!(byte, b'\n' | b'\r')).filter_map(|text| match parse_line(text) {
         ExcerptLine::Text(text) => Some(text),
-        ExcerptLine::Blank | ExcerptLine::Around | ExcerptLine::Names => None,
+        ExcerptLine::Blank | ExcerptLine::Around | ExcerptLine::Names | ExcerptLine::Ellipsis => None,
     })
 }
 
@@ -137,6 +142,8 @@ struct ExcerptRowState {
     times: TimesOfDay,
     around: SkippedLines,
     number: u64,
+    /// Whether rows were left out since the last frame.
+    is_gap: bool,
     bus: Vec<u8>,
 }
 
@@ -150,6 +157,10 @@ impl LineFormat for ExcerptRowState {
     ) -> Result<Option<ParsedLine<'a>>, LineFault> {
         let row = match parse_line(text) {
             ExcerptLine::Blank | ExcerptLine::Names => return Ok(None),
+            ExcerptLine::Ellipsis => {
+                self.is_gap = true;
+                return Ok(None);
+            }
             ExcerptLine::Around => {
                 self.around.add_line(AROUND, self.number);
                 return Ok(None);
@@ -164,7 +175,8 @@ impl LineFormat for ExcerptRowState {
             if is_time_of_day { time.map(|time| self.times.elapsed_since_midnight(time)) } else { time };
         self.bus.clear();
         self.bus.extend_from_slice(bus.unwrap_or(ONLY_BUS));
-        Ok(Some(ParsedLine::new(time, &self.bus, frame)))
+        let lost = std::mem::take(&mut self.is_gap);
+        Ok(Some(ParsedLine { lost, ..ParsedLine::new(time, &self.bus, frame) }))
     }
 
     fn at_line(&mut self, number: u64) {

@@ -74,7 +74,7 @@ const KINDS: &[(&str, Option<bool>, bool)] = &[
 pub(super) fn parse_candump(row: &[u8]) -> Option<ExcerptRow<'_>> {
     let (rest, _) = leading_stamp(row).ok()?;
     let stamp = row.get(..row.len().checked_sub(rest.len())?)?;
-    let whole = [stamp, b"1 ", rest].concat();
+    let whole = [stamp, b"can0 ", rest].concat();
     let Ok(candump_line::CandumpLine::Frame(found)) = candump_line::parse_line(&whole) else { return None };
     let candump_line::CandumpFrameLine { stamp: time, id, flags, length, raw_dlc, bytes, .. } = found;
     let frame = Frame { id, flags, length, raw_dlc, bytes, ..Frame::EMPTY };

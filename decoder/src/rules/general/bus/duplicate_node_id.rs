@@ -1,16 +1,17 @@
 //! Two devices with the same node-ID.
 
-use crate::event::{BootCause, Event, EventKind, FrameRange, Kind};
+use crate::event::{BootCause, Event, EventKind, FrameRange, Kind, SdoOutcome, SdoTransfer};
 use crate::rules::general::facts::confirmed_number;
 use crate::rules::rule::{declare_rule, define_tolerance};
 use crate::rules::{Rule, RuleContext, RulePolicy};
-use crate::wire::canopen::NmtState;
+use crate::wire::canopen::{NmtState, ObjectAddress};
 use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks
     /// The heartbeat state of a node alternates between two values without an NMT command. Or its heartbeat
-    /// intervals alternate between two phases of the producer time (1017), or it boots twice within 500 ms.
+    /// intervals alternate between two phases of the producer time (1017), it boots twice within 500 ms, or
+    /// two SDO responses with different values answer one request.
     /// Equal intervals are exempt, since one producer with half the time sends the same.
     ///
     /// # Why it matters
@@ -27,8 +28,8 @@ declare_rule! {
     /// # Mutation
     /// insert a second series of heartbeats with another state
     "duplicate-node-id", Error, "node-ID used by two devices",
-    kinds: [Kind::Heartbeat, Kind::NmtCommand, Kind::BootUp],
-    needs: "heartbeats or a boot-up",
+    kinds: [Kind::Heartbeat, Kind::NmtCommand, Kind::BootUp, Kind::SdoTransfer],
+    needs: "heartbeats, a boot-up or an SDO transfer",
     is_timing: true,
     word: "TWICE",
     tolerances: &[define_tolerance("changes", 6.0, "", "consecutive alternations of heartbeats before a finding")],
@@ -53,12 +54,22 @@ struct HeartbeatWatch {
 struct DuplicateNodeId {
     changes: u32,
     watches: NodeMap<HeartbeatWatch>,
+    /// Last SDO response of each node.
+    responses: NodeMap<SdoResponse>,
+}
+
+/// Value in an SDO response.
+#[derive(Default)]
+struct SdoResponse {
+    object: Option<ObjectAddress>,
+    value: Vec<u8>,
+    frame: u64,
 }
 
 fn new(policy: &RulePolicy) -> DuplicateNodeId {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
     let changes = policy.tolerance_value(&DECLARATION, "changes") as u32;
-    DuplicateNodeId { changes: changes.max(2), watches: NodeMap::default() }
+    DuplicateNodeId { changes: changes.max(2), watches: NodeMap::default(), responses: NodeMap::default() }
 }
 
 impl HeartbeatWatch {
@@ -145,11 +156,44 @@ impl DuplicateNodeId {
     }
 }
 
+impl DuplicateNodeId {
+    /// Compares the value of a response without a request of its own with that of the response before it.
+    fn on_transfer(
+        &mut self,
+        event: &Event,
+        node: NodeId,
+        transfer: &SdoTransfer,
+        context: &mut RuleContext<'_>,
+    ) {
+        let Some(last) = self.responses.entry(node) else { return };
+        let is_whole = transfer.outcome == SdoOutcome::Complete && transfer.object.is_some();
+        if transfer.is_unrequested
+            && is_whole
+            && last.object == transfer.object
+            && last.value != transfer.data
+        {
+            let (request, object) = (transfer.request, transfer.object);
+            let frames = FrameRange { first: last.frame, last: event.frames.last };
+            context.start_finding(event).with_frames(frames).report_finding(|| {
+                let object = object.map(|object| object.to_string()).unwrap_or_default();
+                format!("two different responses to one request on {request} for {object}")
+            });
+        } else if !transfer.is_unrequested {
+            let value = if is_whole { transfer.data.clone() } else { Vec::new() };
+            let object = transfer.object.filter(|_| is_whole);
+            *last = SdoResponse { object, value, frame: event.frames.last };
+        }
+    }
+}
+
 impl Rule for DuplicateNodeId {
     fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         match (&event.kind, event.node) {
             (EventKind::Heartbeat { state, .. }, Some(node)) => {
                 self.on_heartbeat(event, node, *state, context);
+            }
+            (EventKind::SdoTransfer(transfer), Some(node)) => {
+                self.on_transfer(event, node, transfer, context)
             }
             (EventKind::BootUp { cause, .. }, Some(node)) => self.on_boot(event, node, *cause, context),
             (EventKind::NmtCommand { target: 0, .. }, _) => self.watches = NodeMap::default(),

@@ -105,6 +105,7 @@ impl NodeLost {
                 heartbeat.map(|_| format!("last frame {{{last}}}")),
                 silence.last_state.map(|state| format!("last state {}", state.name())),
                 silence.last_emcy.map(|code| format!("last EMCY {code:04X}")),
+                silence.others_continue.then(|| "PDOs continue".to_owned()),
             ];
             let details: Vec<String> = details.into_iter().flatten().collect();
             let details =

@@ -2,6 +2,7 @@
 
 use crate::event::{Event, EventKind, FrameRange, Kind};
 use crate::finding::Severity;
+use crate::observation::is_controller;
 use crate::profile::device::BootSign;
 use crate::rules::rule::{declare_rule, define_tolerance};
 use crate::rules::{Rule, RuleContext, RulePolicy};
@@ -14,7 +15,8 @@ declare_rule! {
     /// After an NMT reset, a known node must send its boot-up message, or the boot sign that its manual
     /// states, within `error-ms`. A boot-up under another node-ID also counts, and so does an EMCY with an
     /// error from a device whose boot sign is an empty EMCY; a boot-up message in its place does not. It is a
-    /// note for an unknown device without an earlier boot-up.
+    /// note for an unknown device without an earlier boot-up. A reset of all nodes does not concern the controller, a
+    /// node that sends only heartbeats and continues.
     ///
     /// # Why it matters
     /// The master waits for the boot-up before it configures the node. A node that does not return is out of
@@ -40,10 +42,17 @@ declare_rule! {
 /// Maximum silence before the reset, in nanoseconds; a node that was silent for longer may be absent.
 const RECEIVED: i64 = 10_000_000_000;
 
+#[derive(Clone, Copy, Default)]
+struct PendingBoot {
+    /// Frame of the reset, and end of the waiting time.
+    frame: u64,
+    due: i64,
+    is_reset_of_all: bool,
+}
+
 struct BootUpMissing {
     limit: i64,
-    /// Frame of the reset, and end of the waiting time.
-    waiting: NodeMap<(u64, i64)>,
+    waiting: NodeMap<PendingBoot>,
     booted: NodeSet,
 }
 
@@ -67,7 +76,8 @@ impl BootUpMissing {
         }
         let due = context.now.saturating_add(self.limit);
         if let Some(waiting) = self.waiting.entry(node) {
-            *waiting = (event.frames.last, due);
+            let is_reset_of_all = matches!(event.kind, EventKind::NmtCommand { target: 0, .. });
+            *waiting = PendingBoot { frame: event.frames.last, due, is_reset_of_all };
             context.wake_at(due, node.table_place() as u64);
         }
     }
@@ -124,11 +134,15 @@ impl Rule for BootUpMissing {
 
     fn on_wake(&mut self, token: u64, context: &mut RuleContext<'_>) {
         let Some(node) = NodeId::all_ids().find(|node| node.table_place() as u64 == token) else { return };
-        let Some((frame, due)) = self.waiting.get(node).copied().filter(|(_, due)| *due <= context.now)
-        else {
+        let Some(reset) = self.waiting.get(node).copied().filter(|reset| reset.due <= context.now) else {
             return;
         };
         self.waiting.remove(node);
+        let continues = context.bus.node(node).is_some_and(|node| node.last_seen().0 > reset.frame);
+        if reset.is_reset_of_all && continues && is_controller(context.bus, node) {
+            return;
+        }
+        let PendingBoot { frame, due, .. } = reset;
         let is_known = context.bus.node(node).is_some_and(|node| node.assigned_by().is_some());
         let severity =
             if is_known || self.booted.contains(node) { Severity::Warning } else { Severity::Note };

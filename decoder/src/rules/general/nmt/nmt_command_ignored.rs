@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::event::{Event, EventKind, FrameRange, Kind, StateCause};
 use crate::finding::FindingSubject;
+use crate::observation::is_controller;
 use crate::rules::rule::{declare_rule, define_tolerance};
 use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::session::Node;
@@ -15,7 +16,8 @@ declare_rule! {
     /// # What it checks
     /// After an NMT command, two heartbeats or guarding responses must not report another state than the
     /// commanded one once `error-ms` have passed. States that the device does not support, and changes after
-    /// the state was reached, are exempt.
+    /// the state was reached, are exempt. So is the controller, a node that sends only heartbeats, from commands to all
+    /// nodes.
     ///
     /// # Why it matters
     /// NMT commands are not confirmed. The master assumes that the node runs or is stopped.
@@ -43,6 +45,7 @@ struct PendingCommand {
     frame: u64,
     /// Number of reports of another state.
     other: u32,
+    is_for_all: bool,
 }
 
 struct NmtCommandIgnored {
@@ -74,6 +77,7 @@ impl NmtCommandIgnored {
             at: context.now,
             frame: event.frames.last,
             other: 0,
+            is_for_all: matches!(event.kind, EventKind::NmtCommand { target: 0, .. }),
         });
     }
 
@@ -89,8 +93,11 @@ impl NmtCommandIgnored {
         if command.other < 2 || after < self.limit {
             return;
         }
-        let (service, frame) = (command.service.name(), command.frame);
+        let (service, frame, is_for_all) = (command.service.name(), command.frame, command.is_for_all);
         *known = None;
+        if is_for_all && is_controller(context.bus, node) {
+            return;
+        }
         let frames = FrameRange { first: frame, last: event.frames.last };
         let (after, limit) = (after / 1_000_000, self.limit / 1_000_000);
         let alarm = context

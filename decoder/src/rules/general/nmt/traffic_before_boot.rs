@@ -1,6 +1,7 @@
 //! Traffic between an NMT reset and the boot-up.
 
 use crate::event::{Event, EventKind, FrameRange, Kind};
+use crate::observation::is_controller;
 use crate::profile::device::BootSign;
 use crate::rules::rule::{declare_rule, define_tolerance};
 use crate::rules::{PdoSubset, Rule, RuleContext, RulePolicy};
@@ -10,7 +11,8 @@ use crate::wire::{NodeId, NodeMap, NodeSet};
 
 declare_rule! {
     /// # What it checks
-    /// Between an NMT reset and its boot-up message, a node must not send anything except queued frames.
+    /// Between an NMT reset and its boot-up message, a node must not send anything except queued frames. A reset of all
+    /// nodes does not concern the controller, a node that sends only heartbeats.
     ///
     /// # Why it matters
     /// The node did not execute the reset, or its application runs before the node is configured.
@@ -37,6 +39,8 @@ struct TrafficBeforeBoot {
     /// Time and frame of the latest reset.
     resets: NodeMap<(i64, u64)>,
     starting: NodeSet,
+    /// Nodes whose latest reset was one of all nodes.
+    of_all: NodeSet,
 }
 
 fn new(policy: &RulePolicy) -> TrafficBeforeBoot {
@@ -44,6 +48,7 @@ fn new(policy: &RulePolicy) -> TrafficBeforeBoot {
         queued: policy.tolerance_ns(&DECLARATION, "queued-ms"),
         resets: NodeMap::default(),
         starting: NodeSet::default(),
+        of_all: NodeSet::default(),
     }
 }
 
@@ -54,6 +59,11 @@ impl TrafficBeforeBoot {
         if let Some(reset) = self.resets.entry(node).filter(|_| has_sign) {
             *reset = (context.now, event.frames.last);
             self.starting.insert(node);
+            if event.node.is_some() {
+                self.of_all.remove(node);
+            } else {
+                self.of_all.insert(node);
+            }
         }
     }
 
@@ -65,6 +75,9 @@ impl TrafficBeforeBoot {
             return;
         }
         self.starting.remove(node);
+        if self.of_all.contains(node) && is_controller(context.bus, node) {
+            return;
+        }
         let frames = FrameRange { first: frame, last: event.frames.last };
         let (after, limit) = (after / 1_000_000, self.queued / 1_000_000);
         context.start_finding(event).with_frames(frames).report_finding(|| {

@@ -64,6 +64,11 @@ fn new(policy: &RulePolicy) -> SdoNoResponse {
     }
 }
 
+/// Whether a transfer is a store or restore command.
+fn is_store(transfer: &SdoTransfer) -> bool {
+    transfer.object.is_some_and(|object| matches!(object.index, 0x1010 | 0x1011))
+}
+
 impl SdoNoResponse {
     fn on_state(&mut self, event: &Event, node: NodeId, change: &StateChange) {
         if change.to == NmtState::Stopped && change.certainty == StateCertainty::Confirmed {
@@ -132,8 +137,8 @@ impl SdoNoResponse {
     }
 
     fn on_slow_response(&self, event: &Event, transfer: &SdoTransfer, context: &mut RuleContext<'_>) {
-        let is_store = transfer.object.is_some_and(|object| matches!(object.index, 0x1010 | 0x1011));
-        let (warning, error) = if is_store { (self.store, self.store) } else { (self.warning, self.error) };
+        let (warning, error) =
+            if is_store(transfer) { (self.store, self.store) } else { (self.warning, self.error) };
         let is_single = transfer.mode == Some(SdoMode::Expedited) || transfer.outcome == SdoOutcome::Aborted;
         let Some(duration) = transfer.duration.filter(|_| is_single && !transfer.cut_start) else { return };
         if duration <= warning {
@@ -169,7 +174,8 @@ impl Rule for SdoNoResponse {
             // The client did not continue the transfer, or did not start it.
             (SdoOutcome::Timeout, _) if transfer.awaits_client => {}
             (SdoOutcome::Timeout, _) => {
-                let silence = context.bus.sdo_silence();
+                let waited = transfer.waited.filter(|_| is_store(transfer));
+                let silence = waited.unwrap_or_else(|| context.bus.sdo_silence());
                 let requested = event.time.map(|time| time.plus(silence.saturating_neg()));
                 let alarm = context
                     .start_finding(event)

@@ -7,13 +7,14 @@ use crate::rules::general::facts::{PRODUCES, confirmed_value, transfer_number};
 use crate::rules::rule::{declare_rule, define_tolerance};
 use crate::rules::{Rule, RuleContext, RulePolicy, TransferSubset};
 use crate::session::{Bus, Node};
-use crate::wire::canopen::ObjectAddress;
+use crate::wire::canopen::{NmtState, ObjectAddress};
 
 declare_rule! {
     /// # What it checks
     /// The SYNC interval deviates from the communication cycle period (1006) of the producer, or from the
     /// usual period if 1006 is unknown. Two interleaved SYNC streams, and two nodes configured as producer
-    /// (bit 30 of 1005), are an error. Buses with another SYNC identifier are exempt.
+    /// (bit 30 of 1005), are an error. Buses with another SYNC identifier are exempt, and so is the interval in which an
+    /// NMT command ends the operation of all nodes.
     ///
     /// # Why it matters
     /// Synchronous PDOs and set points take effect at SYNC. With an irregular SYNC, axes and outputs do not
@@ -29,7 +30,7 @@ declare_rule! {
     /// # Mutation
     /// drop a SYNC; insert a second stream of SYNC
     "sync-period", Error, "SYNC period out of tolerance",
-    kinds: [Kind::Sync, Kind::SdoTransfer, Kind::BootUp],
+    kinds: [Kind::Sync, Kind::SdoTransfer, Kind::BootUp, Kind::NmtCommand],
     transfers: TransferSubset::Communication,
     needs: "SYNC at a steady interval",
     is_timing: true,
@@ -260,6 +261,10 @@ impl Rule for SyncPeriod {
                 }
             }
             EventKind::BootUp { .. } => self.is_outdated = true,
+            // A planned standstill or restart: the producer may pause.
+            EventKind::NmtCommand { to: Some(to), target: 0, .. } if *to != NmtState::Operational => {
+                self.last = None;
+            }
             _ => {}
         }
     }

@@ -167,6 +167,14 @@ impl IdentifierRoutes {
         self.slots.iter().map(|slot| (slot.service, slot.pulse))
     }
 
+    /// Whether a node sent a TPDO whose next one is not late at a monotonic time.
+    pub(in crate::session) fn sends_pdos(&self, id: NodeId, time: i64) -> bool {
+        let is_own = |service: IdentifierService| matches!(service, IdentifierService::Pdo(name, node) if name.is_sent() && node == id);
+        self.slots
+            .iter()
+            .any(|slot| is_own(slot.service) && slot.pulse.due_time().is_some_and(|due| due >= time))
+    }
+
     /// Moves the last frame of all identifiers by `delay` ns, during which all traffic stopped.
     pub(in crate::session) fn postpone_frames(&mut self, delay: i64) {
         self.slots.iter_mut().for_each(|slot| slot.pulse.postpone_frame(delay));
@@ -185,7 +193,9 @@ impl IdentifierRoutes {
     /// Service of an identifier before its first frame.
     pub(in crate::session) fn route_origin(&self, id: CanId) -> RouteOrigin {
         let known = [&self.given, &self.learnt, &self.named].into_iter().find_map(|map| map.get(&id));
-        let known = known.copied().or_else(|| UdsLink::link_of(id).map(IdentifierService::IsoTp));
+        let known = known.copied().or_else(|| {
+            UdsLink::link_of(id).filter(|link| !link.needs_evidence()).map(IdentifierService::IsoTp)
+        });
         if let Some(service) = known {
             return RouteOrigin::Learnt(service);
         }

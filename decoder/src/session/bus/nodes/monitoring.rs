@@ -18,6 +18,8 @@ pub(in crate::session) struct HeartbeatState {
     pub(in crate::session) deadline: Option<i64>,
     /// The deadline is in the timer queue.
     pub(in crate::session) queued: bool,
+    /// Monotonic time of the last heartbeat before it was reported as missing, while PDOs of the node continue.
+    pub(in crate::session) missing_since: Option<i64>,
     /// Producer time (object 0x1017) in ns; 0 = heartbeat disabled, `None` = unknown.
     pub(in crate::session) configured: Option<i64>,
 }
@@ -54,6 +56,10 @@ pub(in crate::session) struct GuardingState {
     pub(in crate::session) last_reply: Option<i64>,
     /// Time between the last two responses in ns; 0 if unknown.
     pub(in crate::session) interval: i64,
+    /// Monotonic time of the first request without response since the last response.
+    pub(in crate::session) unanswered_since: Option<i64>,
+    /// The loss of the node was reported since the last response.
+    pub(in crate::session) is_reported: bool,
     /// At least one request was sent.
     pub(in crate::session) seen: bool,
 }
@@ -65,6 +71,17 @@ impl GuardingState {
         self.is_open = false;
         self.missed = 0;
         self.interval = 0;
+        self.unanswered_since = None;
+        self.is_reported = false;
+    }
+
+    /// Whether `limit` requests without response show at `now` that the node is lost: it sent no other frame for so long
+    /// either, and its loss was not reported since the last response.
+    pub(in crate::session) fn shows_loss(&self, limit: u8, last_received: i64, now: i64) -> bool {
+        let since = self.unanswered_since.map_or(0, |since| now.saturating_sub(since));
+        let time = since.saturating_mul(limit.into()) / i64::from(self.missed.max(1));
+        let is_silent = now.saturating_sub(last_received) >= time;
+        self.missed >= limit && self.last_reply.is_some() && !self.is_reported && is_silent
     }
 
     /// Whether the life time of guarding passed between the last response and `now`: the node may have restarted

@@ -4,6 +4,7 @@ mod cadence;
 mod clock;
 mod moment;
 mod pulse;
+mod regularity;
 mod skipped_times;
 
 pub(in crate::session) use cadence::Cadence;
@@ -11,4 +12,5 @@ pub(crate) use clock::AmbiguousGap;
 pub(in crate::session) use clock::BusClock;
 pub(in crate::session) use moment::FrameMoment;
 pub(in crate::session) use pulse::IdentifierIntervals;
+pub(crate) use regularity::StreamRegularity;
 pub(crate) use skipped_times::SkippedTimes;

@@ -1,5 +1,7 @@
 //! Intervals of one identifier.
 
+use super::regularity::StreamRegularity;
+
 /// Frames after which older intervals are forgotten.
 const WINDOW: u32 = 32;
 
@@ -14,23 +16,32 @@ pub(in crate::session) struct IdentifierIntervals {
     /// Longest interval of the window before.
     before: i64,
     count: u32,
+    regularity: StreamRegularity,
 }
 
 impl IdentifierIntervals {
     /// Before the first frame.
-    pub(in crate::session) const NEW: Self = Self { last: 0, longest: 0, before: 0, count: 0 };
+    pub(in crate::session) const NEW: Self =
+        Self { last: 0, longest: 0, before: 0, count: 0, regularity: StreamRegularity::NEW };
 
     /// Registers a frame at a monotonic time.
     #[inline]
     pub(in crate::session) fn note_frame(&mut self, now: i64) {
         if self.count != 0 {
-            self.longest = self.longest.max(now.saturating_sub(self.last));
+            let interval = now.saturating_sub(self.last);
+            self.longest = self.longest.max(interval);
+            self.regularity.note_interval(interval, now);
         }
         self.last = now;
         self.count = self.count.wrapping_add(1);
         if self.count.is_multiple_of(WINDOW) {
             (self.before, self.longest) = (self.longest, 0);
         }
+    }
+
+    /// Missing elements of a periodic message.
+    pub(in crate::session) fn regularity(&self) -> StreamRegularity {
+        self.regularity
     }
 
     /// Moves the last frame by `delay` ns, during which all traffic stopped.

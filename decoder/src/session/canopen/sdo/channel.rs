@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use super::transfer::{FrameData, SdoTransferState, TransferStage};
 use crate::event::{SdoAbort, SdoDirection, SdoIrregularityKind, SdoMode, SdoOutcome};
-use crate::frame::{Frame, low_bits};
+use crate::frame::{Frame, Timestamp, low_bits};
 use crate::wire::canopen::ObjectAddress;
 use crate::wire::canopen::sdo::{InitiateData, SdoMessage, SdoSide, TransferPhase};
 
@@ -23,8 +23,40 @@ pub(super) struct ChannelState {
     pub(super) has_stray: bool,
     /// Responses without a request since the last frame of the client.
     unrequested: u32,
+    /// Exchange that the last response completed, since the last frame of the client.
+    answered: Option<AnsweredExchange>,
     /// Frames were seen before the open transfer.
     has_history: bool,
+}
+
+/// An exchange of one request and one response.
+#[derive(Debug, Clone, Copy)]
+struct AnsweredExchange {
+    object: ObjectAddress,
+    direction: SdoDirection,
+    /// Time of the response, and time from request to response, in ns.
+    at: Timestamp,
+    latency: i64,
+}
+
+impl AnsweredExchange {
+    /// Exchange of a transfer that the server ended with a response to its first request.
+    fn of_transfer(transfer: &SdoTransferState, frame: &Frame) -> Option<Self> {
+        Some(Self {
+            object: transfer.object?,
+            direction: transfer.direction?,
+            at: frame.time?,
+            latency: transfer.duration().filter(|_| transfer.frame_count == 2 && !transfer.cut_start)?,
+        })
+    }
+
+    /// Whether a further response belongs to the same request: it follows the first one sooner than a second request and
+    /// its response could, if the server responds as fast again.
+    fn is_answered_again(&self, object: ObjectAddress, direction: SdoDirection, frame: &Frame) -> bool {
+        let elapsed = frame.time.map(|time| time.since(self.at));
+        (self.object, self.direction) == (object, direction)
+            && elapsed.is_some_and(|elapsed| (0..=self.latency).contains(&elapsed))
+    }
 }
 
 /// Transfers ended by one frame: superseded ones, then that of the frame.
@@ -80,6 +112,7 @@ impl ChannelState {
         self.has_history |= self.transfer.is_some();
         if side == SdoSide::Client {
             self.unrequested = 0;
+            self.answered = None;
         }
         if let SdoMessage::Abort { object, code } = message {
             self.select_request(&message);
@@ -139,6 +172,8 @@ impl ChannelState {
         }
         if let Some(mut transfer) = self.transfer.take_if(|_| is_over) {
             transfer.complete_transfer();
+            self.answered =
+                AnsweredExchange::of_transfer(&transfer, frame).filter(|_| side == SdoSide::Server);
             self.next_request(&mut transfer);
             ended.push(transfer);
         }
@@ -369,8 +404,10 @@ impl ChannelState {
         self.unrequested = self.unrequested.saturating_add(1);
         let mut stray = SdoTransferState::new(index, Some(object), frame);
         stray.note_frame(SdoSide::Server);
-        // The first one may be the response to a request before the capture, or a late one.
-        stray.is_unrequested = self.unrequested > 1;
+        // The first one may be the response to a request before the capture, or a late one; not if it repeats the response
+        // before it.
+        let is_second = self.answered.is_some_and(|first| first.is_answered_again(object, direction, frame));
+        stray.is_unrequested = self.unrequested > 1 || is_second;
         stray.direction = Some(direction);
         stray.cut_start = true;
         stray.outcome = SdoOutcome::Complete;

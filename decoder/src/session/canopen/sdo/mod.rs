@@ -9,6 +9,8 @@ mod channel;
 mod pending;
 mod segmented;
 mod segments;
+#[cfg(test)]
+mod tests;
 mod transfer;
 mod transfers;
 
@@ -65,6 +67,9 @@ impl ProtocolMachine for SdoMachine {
         if frame.length != 8 && !frame.flags.contains(FrameFlags::REMOTE) {
             cx.emit_contradicted_name(node, frame, "SDO of 8 bytes");
         }
+        if !cx.is_settled(Some(node)) && !sdo::has_valid_command(frame.data(), side) {
+            cx.bus.protocols.canopen.add_foreign_sdo();
+        }
         let message = self.parse_frame(node, (side, channel), frame, cx)?;
         let now = cx.bus.clock.now();
         if !cx.is_settled(Some(node)) && !message.starts_transfer() && !self.transfers.is_answered(channel) {
@@ -85,8 +90,9 @@ impl ProtocolMachine for SdoMachine {
             cx.emit_event(frame, node, false, kind);
         }
         if cx.bus.clock.has_timestamps() {
-            let deadline = now.saturating_add(cx.bus.options.sdo_silence);
-            if self.transfers.set_deadline(channel, deadline) {
+            let silence = cx.bus.options.sdo_silence;
+            if self.transfers.set_deadline(channel, now, silence) {
+                let deadline = now.saturating_add(silence);
                 cx.timers.add_deadline(deadline, DeadlineSubject::SdoChannel(channel));
             }
         }
@@ -155,6 +161,10 @@ impl SdoMachine {
         };
         if let Message::Unknown { .. } = message {
             self.transfers.note_unknown_command(channel, side, frame);
+            if !cx.is_settled(Some(node)) {
+                cx.emit_undecoded(frame, None);
+                return None;
+            }
             let error = MalformedPayload { layer: "sdo", offset: 0, needed: 0, available: frame.length };
             cx.emit_malformed(frame, node, error, "unknown SDO command specifier");
             return None;
@@ -170,7 +180,9 @@ fn emit_transfer(
     frame: &Frame,
     cx: &mut MachineContext<'_>,
 ) -> Option<ObjectTransfer> {
-    if !cx.bus.protocols.is_settled(Some(server)) && transfer.cut_start && !transfer.is_answered() {
+    let is_settled = cx.bus.protocols.is_settled(Some(server));
+    let is_foreign = cx.bus.protocols.is_canopen_rejected() || transfer.cut_start;
+    if !is_settled && is_foreign && !transfer.is_answered() {
         return None;
     }
     let described = transfer_event(&cx.bus, server, &mut transfer, frame.time);
@@ -180,8 +192,11 @@ fn emit_transfer(
     event.frames = transfer.frames;
     cx.send_event(&event);
     let EventKind::SdoTransfer(described) = event.kind else { return None };
-    let is_whole =
-        described.outcome == SdoOutcome::Complete && !described.truncated && !described.is_ambiguous;
+    // A response without a request may be that of another device with the same node-ID.
+    let is_whole = described.outcome == SdoOutcome::Complete
+        && !described.truncated
+        && !described.is_ambiguous
+        && !described.is_unrequested;
     let has_value = is_whole && (!described.cut_start || transfer.value_is_whole());
     let kind = match described.direction? {
         SdoDirection::Upload => OriginKind::Upload,

@@ -6,6 +6,12 @@ use crate::frame::Frame;
 use crate::session::limits::OPEN_DATA_LIMIT;
 use crate::wire::canopen::sdo::{SdoMessage, SdoSide, TransferPhase};
 
+/// Objects whose write the server confirms after it has stored or restored parameters (CiA 301 §7.5.2.13, §7.5.2.14).
+const STORES: [u16; 2] = [0x1010, 0x1011];
+
+/// Time-outs of other transfers that such a server has.
+const STORE_SILENCES: i64 = 5;
+
 /// Result of a timer entry of a channel.
 pub(in crate::session) enum ChannelTimeout {
     /// No open transfer.
@@ -46,13 +52,15 @@ impl SdoTransfers {
         self.get(channel).map_or(TransferPhase::Commands, |channel| channel.phase_of(side, data))
     }
 
-    /// Sets the deadline of the transfers that the last frame concerns; `true` if it must go into the timer
-    /// queue.
-    pub(in crate::session) fn set_deadline(&mut self, channel: u16, deadline: i64) -> bool {
+    /// Sets the deadline of the transfers that the last frame concerns: `silence` ns after `now`, for store and restore
+    /// commands later. `true` if the time `silence` ns after `now` must go into the timer queue.
+    pub(in crate::session) fn set_deadline(&mut self, channel: u16, now: i64, silence: i64) -> bool {
         let Some(channel) = self.get_mut(channel) else { return false };
         for open in channel.transfer.iter_mut().chain(&mut channel.queue) {
             if std::mem::take(&mut open.is_touched) {
-                open.deadline = Some(deadline);
+                let is_store = open.object.is_some_and(|object| STORES.contains(&object.index));
+                let factor = if is_store { STORE_SILENCES } else { 1 };
+                open.deadline = Some(now.saturating_add(silence.saturating_mul(factor)));
             }
         }
         channel.transfer.is_some() && !std::mem::replace(&mut channel.queued, true)

@@ -45,6 +45,24 @@ const ABORT: u8 = 0x80;
 /// Bytes of a message, including the command.
 const LENGTH: usize = 8;
 
+/// Whether the command of a frame is defined for its sender, with all reserved bits 0 (CiA 301 §7.2.4.3), outside of the
+/// segments of a block. Every SDO message has eight bytes.
+pub fn has_valid_command(data: &[u8], side: SdoSide) -> bool {
+    let [command, _, _, _, _, _, _, _] = data else { return false };
+    // Initiate with data: n and e and s; n counts only in expedited data of stated size.
+    let is_initiate = |command: u8| matches!(command & 0x1F, 0..=3 | 0x07 | 0x0B | 0x0F);
+    match (command >> 5, side) {
+        (0, _) => true,
+        (1, SdoSide::Client) | (2, SdoSide::Server) => is_initiate(*command),
+        (1, SdoSide::Server) | (3, SdoSide::Client) => command & 0x0F == 0,
+        (2, SdoSide::Client) | (3, SdoSide::Server) | (4, _) => command & 0x1F == 0,
+        (5, SdoSide::Client) => command & 0x1B == 0 || matches!(command & 0x1F, 1..=3),
+        (5, SdoSide::Server) => command & 0x1B == 0 || matches!(command & 0x1F, 1 | 2),
+        (6, _) => command & 0x19 == 0 || command & 3 == 1,
+        _ => false,
+    }
+}
+
 /// Reads one message.
 ///
 /// # Errors
@@ -194,6 +212,23 @@ fn block_end(command: u8, rest: &[u8]) -> Parsed<'_, BlockEnd> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Commands of CiA 301 §7.2.4.3.3 to §7.2.4.3.16, as tables of its clauses.
+    #[test]
+    fn commands_have_no_reserved_bits() {
+        let valid = |side: SdoSide| -> Vec<u8> {
+            (0..=255_u8).filter(|command| has_valid_command(&[*command, 0, 0, 0, 0, 0, 0, 0], side)).collect()
+        };
+        let segments: Vec<u8> = (0..0x20).collect();
+        let block = [0xC0, 0xC1, 0xC2, 0xC4, 0xC5, 0xC6, 0xC9, 0xCD, 0xD1, 0xD5, 0xD9, 0xDD];
+        let client =
+            [0x20, 0x21, 0x22, 0x23, 0x27, 0x2B, 0x2F, 0x40, 0x60, 0x70, 0x80, 0xA0, 0xA1, 0xA2, 0xA3, 0xA4];
+        let server =
+            [0x20, 0x30, 0x40, 0x41, 0x42, 0x43, 0x47, 0x4B, 0x4F, 0x60, 0x80, 0xA0, 0xA1, 0xA2, 0xA4];
+        assert_eq!(valid(SdoSide::Client), [&segments[..], &client, &block].concat());
+        assert_eq!(valid(SdoSide::Server), [&segments[..], &server, &block].concat());
+        assert!(!has_valid_command(&[0x40, 0, 0x10, 0], SdoSide::Client));
+    }
 
     const OBJECT: ObjectAddress = ObjectAddress::new(0x1017, 0);
 

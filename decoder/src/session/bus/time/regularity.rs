@@ -1,0 +1,145 @@
+//! Regularity of a periodic message: single elements that are missing while its phase is unchanged.
+
+/// Usual intervals in a row before a gap; fewer do not show a period.
+const STEADY: u8 = 6;
+
+/// Most intervals in a gap with single missing elements; a longer gap is a silence of the producer.
+const LONGEST_GAP: u32 = 3;
+
+/// Regularity of the intervals of one identifier. Small, as there is one per identifier: intervals are in units of 1,024 ns,
+/// at most 73 minutes.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct StreamRegularity {
+    /// Usual interval; 0 before it is known.
+    usual: u32,
+    /// The last interval that differed from the usual one.
+    other: u32,
+    /// Number of usual intervals.
+    regular: u32,
+    /// Time of the last gap, also of a pending one, in units of 1.05 ms.
+    gap_time: u32,
+    gaps: u16,
+    missing: u16,
+    silences: u16,
+    /// Elements missing in the last interval, until the next interval shows that the phase is unchanged.
+    pending: u8,
+    /// Usual intervals since the last other one, at most 255.
+    streak: u8,
+}
+
+impl StreamRegularity {
+    /// Before the first interval.
+    pub(in crate::session) const NEW: Self = Self {
+        usual: 0,
+        other: 0,
+        regular: 0,
+        gap_time: 0,
+        gaps: 0,
+        missing: 0,
+        silences: 0,
+        pending: 0,
+        streak: 0,
+    };
+
+    /// Registers an interval in ns that ends at the monotonic time `now`.
+    #[inline]
+    pub(in crate::session) fn note_interval(&mut self, interval: i64, now: i64) {
+        let interval = u32::try_from(interval >> 10).unwrap_or(u32::MAX);
+        if interval.abs_diff(self.usual) <= self.usual >> 3 {
+            self.regular = self.regular.saturating_add(1);
+            self.streak = self.streak.saturating_add(1);
+        } else {
+            self.note_other(interval, now);
+        }
+    }
+
+    #[cold]
+    fn note_other(&mut self, interval: u32, now: i64) {
+        let settled = self.settled();
+        (self.gaps, self.missing, self.pending) = (settled.gaps, settled.missing, 0);
+        let is_steady = std::mem::take(&mut self.streak) >= STEADY;
+        let half = self.usual / 2;
+        let intervals = interval.saturating_add(half).checked_div(self.usual).unwrap_or(0);
+        let is_in_phase = interval.abs_diff(intervals.saturating_mul(self.usual)) <= half / 2;
+        if is_steady && (2..=LONGEST_GAP).contains(&intervals) && is_in_phase {
+            self.pending = u8::try_from(intervals - 1).unwrap_or(0);
+            self.gap_time = u32::try_from(now >> 20 & i64::from(u32::MAX)).unwrap_or(0);
+        } else if is_steady && intervals > LONGEST_GAP {
+            self.silences = self.silences.saturating_add(1);
+        } else if self.other > 0 && interval.abs_diff(self.other) <= self.other >> 3 {
+            self.usual = interval;
+        }
+        self.other = interval;
+    }
+
+    /// The present counts; a gap counts once a usual interval follows.
+    fn settled(&self) -> Self {
+        if self.pending == 0 || self.streak == 0 {
+            return *self;
+        }
+        let missing = self.missing.saturating_add(u16::from(self.pending));
+        Self { gaps: self.gaps.saturating_add(1), missing, pending: 0, ..*self }
+    }
+
+    /// Number of gaps of one or two elements with an unchanged phase.
+    pub(crate) fn gap_count(&self) -> u16 {
+        self.settled().gaps
+    }
+
+    /// Number of elements that are missing in these gaps.
+    pub(crate) fn missing_count(&self) -> u16 {
+        self.settled().missing
+    }
+
+    /// Time of the last gap in units of 1.05 ms; 0 before the first one.
+    pub(crate) fn last_gap_time(&self) -> u32 {
+        self.gap_time
+    }
+
+    /// Number of usual intervals.
+    pub(crate) fn regular_count(&self) -> u32 {
+        self.regular
+    }
+
+    /// Number of longer gaps.
+    pub(crate) fn silence_count(&self) -> u16 {
+        self.silences
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of_intervals(intervals: &[i64]) -> StreamRegularity {
+        let mut stream = StreamRegularity::NEW;
+        let mut now = 0;
+        for interval in intervals {
+            now += *interval << 20;
+            stream.note_interval(*interval << 20, now);
+        }
+        stream
+    }
+
+    fn counts(stream: &StreamRegularity) -> (u16, u16, u16) {
+        (stream.gap_count(), stream.missing_count(), stream.silence_count())
+    }
+
+    #[test]
+    fn a_gap_counts_once_the_phase_is_unchanged() {
+        let steady = [100, 101, 99, 100, 100, 102, 98, 100, 100];
+        let lost = of_intervals(&[&steady[..], &[200]].concat());
+        assert_eq!(counts(&lost), (0, 0, 0));
+        let lost = of_intervals(&[&steady[..], &[200, 100], &steady, &[301, 99]].concat());
+        assert_eq!(counts(&lost), (2, 3, 0));
+    }
+
+    #[test]
+    fn other_phases_periods_and_silences_are_no_missing_elements() {
+        let steady = [100; 9];
+        assert_eq!(counts(&of_intervals(&[&steady[..], &[250, 100]].concat())), (0, 0, 0));
+        assert_eq!(counts(&of_intervals(&[&steady[..], &[300; 9]].concat())), (0, 0, 0));
+        assert_eq!(counts(&of_intervals(&[&steady[..], &[1_500, 100]].concat())), (0, 0, 1));
+        assert_eq!(counts(&of_intervals(&[100, 100, 100, 200, 100])), (0, 0, 0));
+    }
+}
