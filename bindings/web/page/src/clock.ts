@@ -15,7 +15,8 @@ export function nextClock(clock: Clock, overview: Overview): Clock {
 /** A time in s since the first frame, as the clock shows it: `7.204`, or `2023-11-14 22:13:27.204`. */
 export function moment(time: number | null | undefined, clock: Clock, overview: Overview, digits = 3): string {
   if (clock === "seconds" || overview.zero === null || time === null || time === undefined) return seconds(time, digits);
-  const date = new Date(Math.floor((Number(overview.zero) + time) * 1000));
+  // A float of seconds since 1970 has steps of 0.2 µs.
+  const date = new Date(Math.floor(Math.round((Number(overview.zero) + time) * 1e6) / 1e3));
   if (Number.isNaN(date.getTime())) return seconds(time, digits);
   if (clock === "UTC") return date.toISOString().replace("T", " ").replace("Z", "");
   const two = (value: number) => String(value).padStart(2, "0");

@@ -31,9 +31,12 @@ export function fill(element: Element, ...children: (Child | Child[])[]): void {
   append(element, children);
 }
 
-/** Seconds since the first frame, as all outputs of cobscope show them. */
+/** Seconds since the first frame, truncated as in all outputs of cobscope: 0.9999 is 0.999. */
 export function seconds(time: number | null | undefined, digits = 3): string {
-  return time === null || time === undefined ? "–" : time.toFixed(digits);
+  if (time === null || time === undefined) return "–";
+  // A time is a whole number of ns; a float of seconds may be one digit below it.
+  const parts = Math.floor(Math.round(Math.abs(time) * 1e9) / 10 ** (9 - digits));
+  return `${time < 0 && parts > 0 ? "-" : ""}${(parts / 10 ** digits).toFixed(digits)}`;
 }
 
 /** `10,485,760`. */
