@@ -42,7 +42,7 @@ const CHANGES: [(&str, &[&str]); 8] = [
     ("bits-changed", &["node", "object"]),
     ("mode", &["node", "object"]),
     ("set-point", &["node", "object"]),
-    ("dtc", &["node", "spn", "fmi"]),
+    ("dtc", &["node", "spn", "fmi", "action"]),
     ("guard-reply", &["node"]),
     ("sync", &["counter"]),
     ("bus-silent", &[]),

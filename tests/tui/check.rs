@@ -90,7 +90,7 @@ fn a_node_that_sends_without_its_heartbeat_is_not_silent() {
     // Heartbeats of 1 s: {216} at 13.2 s, {267} at 16.2 s; TPDO2 {253} between.
     let output = check(&["--node", "1=wandfluh-md2", "fixtures/devices/md2.log"]);
     assert!(output.stdout.contains(
-        "no heartbeat after {216} (last frame {253}, last state operational, last EMCY 8100) for 2.3 s"
+        "no heartbeat after {216} (last frame {253}, last state operational, last EMCY 8100, PDOs continue) for 3.0 s"
     ));
 }
 

@@ -138,7 +138,7 @@ fn anything_else_says_what_is_understood() {
     let output = run(&["explain", "pump"], "");
     assert_eq!(output.code, 2);
     assert!(output.stderr.contains("found \"pump\"; expected") && output.stderr.contains("1018sub1"));
-    assert_eq!(run(&["explain", "12345#00"], "").code, 2);
+    assert_eq!(run(&["explain", "12345#0"], "").code, 2);
 }
 
 #[test]

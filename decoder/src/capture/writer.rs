@@ -369,6 +369,10 @@ mod tests {
                 "=1+1",
                 "a,b\"c",
                 "\x1b[2J",
+                "1,",
+                "1.5",
+                "12:30:01.5",
+                "Rx",
                 "\n1.0 1 123 Rx d 0\n",
             ] {
                 for frame in [frame, Frame { time: None, ..frame }] {

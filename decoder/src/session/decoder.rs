@@ -19,7 +19,7 @@ use super::machine::{ProtocolMachine, TimedMachine};
 use super::observer::Observer;
 use super::options::SessionOptions;
 use super::timers::DeadlineSubject;
-use super::uds::{IsoTpMachine, ObdPairs, PairSearch, UdsMachine, names_end};
+use super::uds::{IsoTpMachine, ObdPairs, PairSearch, UdsMachine, has_known_end};
 use crate::event::{Event, EventKind, EventProtocol, EvictedState, FrameRange};
 use crate::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
 use crate::wire::canopen::lss;
@@ -222,7 +222,7 @@ impl BusDecoder {
         out: &mut dyn Observer,
     ) -> bool {
         let cx = &mut self.shared.lend_context(out);
-        if let Some(link) = UdsLink::link_of(frame.id).filter(|link| names_end(*link, cx)) {
+        if let Some(link) = UdsLink::link_of(frame.id).filter(|link| has_known_end(*link, cx)) {
             cx.bus.routes.assign_link(frame.id, link);
             self.on_isotp(link, frame, out);
             return true;

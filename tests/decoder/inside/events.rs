@@ -112,7 +112,7 @@ fn nodes() -> Vec<EventKind> {
         last_emcy: Some(0x8130),
         gap: 3_000_000_000,
         monitored_by: MonitoringMethod::Heartbeat,
-        others_continue: false,
+        others_continue: true,
     };
     let mut object_change = ObjectChange {
         object: ObjectAddress::new(0x1017, 0),

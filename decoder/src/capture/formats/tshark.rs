@@ -35,6 +35,7 @@ const SECOND: i64 = 1_000_000_000;
 const LARGEST_PACKET: usize = 72;
 
 const WITHOUT_BYTES: &str = "of packets without their bytes (tshark -x prints them)";
+const CUT: &str = "of packets without all their bytes";
 const WITHOUT_TIMES: &str = "packet bytes without details: frames have no times (tshark -V -x prints them)";
 
 pub(super) const FORMAT: CaptureFormat = CaptureFormat {
@@ -141,7 +142,7 @@ impl TsharkText {
             self.is_emitted &= self.has_details;
             self.bytes.clear();
             if is_cut {
-                return Err(BYTES);
+                self.skipped.add_line(CUT, self.line.saturating_sub(1));
             }
         }
         if self.is_emitted {
@@ -151,7 +152,10 @@ impl TsharkText {
             return Err(BYTES);
         }
         for word in ColumnWords::new(pairs) {
-            let byte = NumberBase::Hex.parse_byte(word).filter(|_| word.len() == 2).ok_or(BYTES)?;
+            let Some(byte) = NumberBase::Hex.parse_byte(word).filter(|_| word.len() == 2) else {
+                self.bytes.clear();
+                return Err(BYTES);
+            };
             self.bytes.push(byte);
         }
         let Some(mut packet) = self.packet_bytes() else {

@@ -163,8 +163,12 @@ impl PairSearch {
     }
 }
 
-/// Whether the user named the device at one end of a link.
-pub(in crate::session) fn names_end(link: UdsLink, cx: &MachineContext<'_>) -> bool {
+/// Whether the user named the device at one end of a link, or its receiver is a known client, whose server may have
+/// changed its address.
+pub(in crate::session) fn has_known_end(link: UdsLink, cx: &MachineContext<'_>) -> bool {
+    if cx.bus.routes.has_receiver(link) {
+        return true;
+    }
     let ends = [link.server_address(), link.opposite_link().server_address()];
     ends.into_iter().flatten().any(|address| {
         let named = &cx.bus.protocols.named;

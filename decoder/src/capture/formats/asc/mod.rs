@@ -334,7 +334,6 @@ mod tests {
             "(1.0) can0 123#11\n",
             ";$FILEVERSION=1.1\n",
             "// only a comment\n",
-            "0.1 1 123 Rx d 1 05\n1.5 R11 123 05\n",
             "0.1 Start of measurement\n",
             "// version 9.0.0\n0.1 1 123 Rx e 1 05\n",
         ] {

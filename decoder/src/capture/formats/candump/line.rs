@@ -152,8 +152,9 @@ fn is_name(word: &[u8]) -> bool {
 
 /// Whether the word before an identifier is a column of another program: a time or a direction. As the name of a bus, it
 /// would make one bus of each line.
-fn is_other_column(word: &[u8]) -> bool {
+pub(super) fn is_other_column(word: &[u8]) -> bool {
     let is_time = word.first().is_some_and(u8::is_ascii_digit)
+        && word.last().is_some_and(u8::is_ascii_digit)
         && word.iter().any(|byte| !byte.is_ascii_digit())
         && word.iter().all(|byte| byte.is_ascii_digit() || matches!(byte, b':' | b'.' | b','));
     is_time || word.eq_ignore_ascii_case(b"rx") || word.eq_ignore_ascii_case(b"tx")

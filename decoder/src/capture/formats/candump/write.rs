@@ -2,6 +2,7 @@
 
 use std::io::{self, Write};
 
+use super::line::is_other_column;
 use crate::ascii::{push_code, push_digits, push_nine};
 use crate::capture::Notice;
 use crate::capture::text::print::{CachedText, push_data};
@@ -71,10 +72,10 @@ impl<W: Write> CandumpWriter<W> {
     }
 }
 
-/// Appends a name as one word that cannot be mistaken for a timestamp or for the mark of a line without a
-/// frame.
+/// Appends a name as one word that cannot be mistaken for a timestamp, a direction, or the mark of a line without
+/// a frame.
 fn push_name(line: &mut Vec<u8>, name: &str) {
-    if name.starts_with(['(', '#', '*', ';']) || name.is_empty() {
+    if name.starts_with(['(', '#', '*', ';']) || name.is_empty() || is_other_column(name.as_bytes()) {
         line.push(b'_');
     }
     line.extend(name.bytes().map(|byte| if byte.is_ascii_graphic() { byte } else { b'_' }));

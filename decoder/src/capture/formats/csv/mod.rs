@@ -51,7 +51,7 @@ pub(super) const FORMAT: CaptureFormat = CaptureFormat {
 /// Number of rows that decide whether a table has the form of ZLG's programs.
 const DECIDING_ROWS: usize = 20;
 
-/// Whether the header of a known program occurs. The names of ZLG's programs are common ones: their rows must be readable,
+/// Whether the header of a known program occurs. The names of ZLG's programs are common ones: one of their rows must be readable,
 /// and no other column may contain times.
 fn is_csv(head: &[u8]) -> bool {
     let mut lines = first_lines(head, DETECTING_LINES + DECIDING_ROWS);
@@ -76,13 +76,9 @@ fn is_csv(head: &[u8]) -> bool {
     }
     let (mut bus, mut clock) = (Vec::new(), CsvClock::default());
     let mut assumptions = CaptureAssumptions::default();
-    let (mut rows, mut readable) = (0, 0);
-    for row in lines.take(DECIDING_ROWS) {
-        rows += 1;
-        let found = row::read_row(row, &layout, &mut bus, &mut clock, &mut assumptions);
-        readable += u32::from(found.is_ok() && !row.contains(&b'('));
-    }
-    readable * 10 >= rows * 9
+    lines.take(DECIDING_ROWS).any(|row| {
+        row::read_row(row, &layout, &mut bus, &mut clock, &mut assumptions).is_ok() && !row.contains(&b'(')
+    })
 }
 
 /// Bytes at the start whose rows decide about the unit of the times.

@@ -274,6 +274,17 @@ impl IdentifierRoutes {
         Arc::make_mut(&mut self.named).entry(id).or_insert(IdentifierService::IsoTp(link));
     }
 
+    /// Whether the receiver of a link sends on another one with addresses of the same scheme.
+    pub(in crate::session) fn has_receiver(&self, link: UdsLink) -> bool {
+        let UdsLink::Addressed { scheme, target, .. } = link else { return false };
+        self.named.values().any(|service| match service {
+            IdentifierService::IsoTp(UdsLink::Addressed { scheme: other, source, .. }) => {
+                (*other, *source) == (scheme, target)
+            }
+            _ => false,
+        })
+    }
+
     /// Assigns `id` to a UDS link that the traffic revealed; services from the user and from messages remain.
     pub(in crate::session) fn assign_link(&mut self, id: CanId, link: UdsLink) {
         if !self.learnt.contains_key(&id) && !self.named.contains_key(&id) {
