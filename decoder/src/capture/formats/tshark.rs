@@ -57,6 +57,7 @@ fn has_details(head: &[u8]) -> bool {
 fn has_packets(head: &[u8]) -> bool {
     let mut text = TsharkText::default();
     is_proven(head, |line| match text.take_bytes(line) {
+        _ if text.has_cut_packet => LineClass::Misfit,
         Ok(Some(frame)) if text.is_exact(&frame) => LineClass::Proof,
         Ok(None) => LineClass::Related,
         Ok(Some(_)) | Err(_) => LineClass::Misfit,
@@ -95,6 +96,8 @@ struct TsharkText {
     /// Size of the link layer header before the frame.
     header: usize,
     is_emitted: bool,
+    /// Whether a packet ended without all its bytes.
+    has_cut_packet: bool,
     /// Whether details of a packet occurred.
     has_details: bool,
     /// Line of the current packet, if its details are of CAN.
@@ -142,6 +145,7 @@ impl TsharkText {
             self.is_emitted &= self.has_details;
             self.bytes.clear();
             if is_cut {
+                self.has_cut_packet = true;
                 self.skipped.add_line(CUT, self.line.saturating_sub(1));
             }
         }

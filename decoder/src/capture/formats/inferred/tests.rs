@@ -144,9 +144,10 @@ fn frames_on_several_lines_end_with_the_capture() {
 #[test]
 fn remote_and_error_frames_have_words() {
     let content = read_capture(
-        b"0.1 Rx 181 2 data 37 02\n0.2 Rx 701 1 remote\n0.3 Rx 182 1 data 05\n0.4 error\n0.5 Tx 183 1 data 06\n",
+        b"0.1 Rx 181 2 data 37 02\n0.2 Rx 182 1 data 05\n0.3 Rx 701 1 remote\n0.4 Rx 184 3 data 05 02 07\n\
+          0.5 error\n0.6 Tx 183 1 data 06\n0.7 Tx 185 1 data 06\n",
     );
     let flags: Vec<u8> = content.frames.iter().map(|frame| frame.flags.0).collect();
     // Received 40, remote 01, error 02, transmitted 20.
-    assert_eq!(flags, [0x40, 0x41, 0x40, 0x02, 0x20], "{:?}", content.items);
+    assert_eq!(flags, [0x40, 0x40, 0x41, 0x40, 0x02, 0x20, 0x20], "{:?}", content.items);
 }

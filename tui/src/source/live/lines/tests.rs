@@ -97,12 +97,12 @@ fn a_pipe_gives_each_line_when_it_is_complete_and_ends_with_its_writer() {
     assert_eq!((found[1].id, found[1].bus), (CanId::Standard(0x18A), BusIndex(1)));
     nothing(&mut source);
     writer
-        .write_all(b"00001.000000) can1 80#\n(1700000002.000000) can0 080#\n(1700000003.000000) can0 081#")
+        .write_all(b"00001.000000) can1 8G#\n(1700000002.000000) can0 080#\n(1700000003.000000) can0 081#")
         .unwrap();
     let arrivals = receive(&mut source, 2);
     assert_eq!(frames(&arrivals).len(), 1);
     let [notice] = &notices(&arrivals)[..] else { panic!("{arrivals:?}") };
-    assert!(notice.starts_with("line 3: identifier: expected 3 hex digits"), "{notice}");
+    assert!(notice.starts_with("line 3: expected an identifier of 1 to 8 hex digits"), "{notice}");
     assert_eq!(source.max_lag(), Duration::from_secs(1));
     // The rest of a pipe is a line, with or without a line end.
     drop(writer);
