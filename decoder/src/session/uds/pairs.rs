@@ -163,10 +163,10 @@ impl PairSearch {
     }
 }
 
-/// Whether the user named the device at one end of a link, or its receiver is a known client, whose server may have
-/// changed its address.
+/// Whether the user named the device at one end of a link, or one end sends on a known link: the other end is a further
+/// server, or one that changed its address.
 pub(in crate::session) fn has_known_end(link: UdsLink, cx: &MachineContext<'_>) -> bool {
-    if cx.bus.routes.has_receiver(link) {
+    if cx.bus.routes.has_sender_of(link) {
         return true;
     }
     let ends = [link.server_address(), link.opposite_link().server_address()];

@@ -274,12 +274,12 @@ impl IdentifierRoutes {
         Arc::make_mut(&mut self.named).entry(id).or_insert(IdentifierService::IsoTp(link));
     }
 
-    /// Whether the receiver of a link sends on another one with addresses of the same scheme.
-    pub(in crate::session) fn has_receiver(&self, link: UdsLink) -> bool {
-        let UdsLink::Addressed { scheme, target, .. } = link else { return false };
-        self.named.values().any(|service| match service {
-            IdentifierService::IsoTp(UdsLink::Addressed { scheme: other, source, .. }) => {
-                (*other, *source) == (scheme, target)
+    /// Whether an end of a link sends on another one with addresses of the same scheme.
+    pub(in crate::session) fn has_sender_of(&self, link: UdsLink) -> bool {
+        let UdsLink::Addressed { scheme, source, target, .. } = link else { return false };
+        self.named.values().any(|service| match *service {
+            IdentifierService::IsoTp(UdsLink::Addressed { scheme: other, source: sender, .. }) => {
+                other == scheme && (sender == target || sender == source)
             }
             _ => false,
         })
