@@ -45,6 +45,24 @@ fn error_frames_end_with_the_last_one() {
 }
 
 #[test]
+fn a_silence_does_not_move_error_frames_before_it() {
+    // Twelve error frames from 2.95 to 3.83 s; three periodic PDOs, silent from 6 to 16 s.
+    let mut all: Vec<(u64, &str)> =
+        (0..12).map(|number| (2_950 + 80 * number, "20000088#0000000000000000")).collect();
+    for at in (1_000..6_000).chain(16_000..21_000).step_by(10) {
+        all.extend(["185#0000", "186#0000", "187#0000"].map(|frame| (at, frame)));
+    }
+    all.sort_unstable();
+    let mut text = String::new();
+    for (at, frame) in all {
+        writeln!(text, "({}.{:03}000) can0 {frame}", 1_700_000_000 + at / 1_000, at % 1_000).unwrap();
+    }
+    let (findings, ..) = judge_capture(text.as_bytes()).unwrap();
+    let group = findings.groups.iter().find(|group| &*group.rule == "bus-health").unwrap();
+    assert_eq!(group.last_occurrence().time.unwrap().0, 1_700_000_003_830_000_000, "{}", group.text);
+}
+
+#[test]
 fn no_finding_is_outside_of_its_capture_or_longer() {
     let mut judged = 0;
     for path in captures_below("fixtures").iter().step_by(step(3)) {

@@ -262,7 +262,7 @@ const fn presumed_text(protocol: EventProtocol) -> &'static str {
         EventProtocol::Canopen => "presumed CANopen",
         EventProtocol::J1939 => "presumed J1939",
         EventProtocol::Uds => "presumed UDS",
-        EventProtocol::Can | EventProtocol::Capture => "presumed",
+        _ => "presumed",
     }
 }
 

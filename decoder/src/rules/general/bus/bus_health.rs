@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::event::{Event, EventKind, FrameRange, Kind};
 use crate::finding::{FindingSubject, Severity};
+use crate::frame::Timestamp;
 use crate::rules::rule::{declare_rule, define_tolerance};
 use crate::rules::{BusSecond, Rule, RuleContext, RulePolicy};
 use crate::wire::error_frame::ErrorFrameFields;
@@ -74,7 +75,7 @@ struct BusHealth {
     /// Maximum number of error frames within a second since the last verdict.
     worst: ErrorBurst,
     /// Time and frame of the last error frame: a verdict at a later time would prolong the disturbance.
-    last: Option<(i64, u64)>,
+    last: Option<(Option<Timestamp>, u64)>,
 }
 
 /// Error frames within a second.
@@ -82,8 +83,8 @@ struct BusHealth {
 struct ErrorBurst {
     count: usize,
     frames: FrameRange,
-    /// Time of the last one in ns.
-    end: i64,
+    /// Timestamp of the last one.
+    end: Option<Timestamp>,
 }
 
 fn new(policy: &RulePolicy) -> BusHealth {
@@ -131,9 +132,9 @@ impl BusHealth {
     }
 
     /// Adds an error frame to the sliding second.
-    fn add_error_frame(&mut self, frame: u64, context: &RuleContext<'_>) {
-        let now = context.now;
-        self.last = Some((now, frame));
+    fn add_error_frame(&mut self, event: &Event, context: &RuleContext<'_>) {
+        let (now, frame) = (context.now, event.frames.last);
+        self.last = Some((event.time, frame));
         if !context.has_time {
             return;
         }
@@ -145,27 +146,28 @@ impl BusHealth {
         self.recent.push_back((now, frame));
         let count = self.recent.len();
         if let Some((_, first)) = self.recent.front().filter(|_| count > self.worst.count) {
-            self.worst = ErrorBurst { count, frames: FrameRange { first: *first, last: frame }, end: now };
+            self.worst =
+                ErrorBurst { count, frames: FrameRange { first: *first, last: frame }, end: event.time };
         }
     }
 
     /// Judges the sliding seconds that ended since the last verdict.
     fn judge_errors(&mut self, second: &BusSecond, context: &mut RuleContext<'_>) {
         let ErrorBurst { count, frames, end } = std::mem::take(&mut self.worst);
-        let last = self.last.map_or(context.now, |(time, _)| time);
+        let last = self.last.and_then(|(time, _)| time);
         #[expect(clippy::cast_precision_loss, reason = "frames of a second")]
         let (errors, all) = (count as f64, second.errors as f64);
         let about = FindingSubject::Name(Arc::clone(&self.errors));
         if second.count >= ONLY_ERRORS && second.errors == second.count {
             let alarm = context
-                .fail_at(last, None, second.frames)
+                .fail_at_timestamp(last, None, second.frames)
                 .with_subject(about)
                 .with_measure(all)
                 .mark_certain();
             alarm.report_finding(|| format!("{all} error frames/s and no other frames (wrong bit rate?)"));
         } else if errors > self.in_second {
             self.recent.clear();
-            let alarm = context.fail_at(end, None, frames).with_subject(about);
+            let alarm = context.fail_at_timestamp(end, None, frames).with_subject(about);
             let limit = self.in_second;
             let alarm = alarm.with_severity(Severity::Warning).with_measure(errors).mark_certain();
             alarm.report_finding(|| format!("{errors} error frames/s (limit {limit}/s)"));
@@ -206,7 +208,7 @@ impl Rule for BusHealth {
         if let EventKind::CanError(error) = event.kind {
             self.on_controller_error(event, error, context);
             if error.classes & DISTURBED != 0 {
-                self.add_error_frame(event.frames.last, context);
+                self.add_error_frame(event, context);
             }
         }
     }
@@ -237,9 +239,12 @@ impl Rule for BusHealth {
             return context.count_pass();
         }
         let about = FindingSubject::Name(Arc::clone(&self.errors));
-        let (time, frame) = self.last.unwrap_or((context.now, context.bus.last_frame()));
-        let frames = FrameRange::one(frame);
-        let alarm = context.fail_at(time, None, frames).with_subject(about).with_severity(Severity::Warning);
+        let (time, frame) =
+            self.last.unwrap_or((context.timestamp_of(context.now), context.bus.last_frame()));
+        let alarm = context
+            .fail_at_timestamp(time, None, FrameRange::one(frame))
+            .with_subject(about)
+            .with_severity(Severity::Warning);
         let limit = self.share;
         alarm
             .mark_certain()
