@@ -19,7 +19,7 @@ use super::machine::{ProtocolMachine, TimedMachine};
 use super::observer::Observer;
 use super::options::SessionOptions;
 use super::timers::DeadlineSubject;
-use super::uds::{IsoTpMachine, ObdPairs, PairSearch, UdsMachine};
+use super::uds::{IsoTpMachine, ObdPairs, PairSearch, UdsMachine, names_end};
 use crate::event::{Event, EventKind, EventProtocol, EvictedState, FrameRange};
 use crate::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
 use crate::wire::canopen::lss;
@@ -202,7 +202,7 @@ impl BusDecoder {
         }
     }
 
-    /// Whether a frame may belong to a pair of identifiers of UDS that is not decided yet.
+    /// Whether a frame may belong to an undecided pair of identifiers of UDS.
     #[inline]
     fn is_pair_undecided(&self, service: IdentifierService, frame: &Frame) -> bool {
         matches!(frame.id, CanId::Extended(_))
@@ -222,6 +222,11 @@ impl BusDecoder {
         out: &mut dyn Observer,
     ) -> bool {
         let cx = &mut self.shared.lend_context(out);
+        if let Some(link) = UdsLink::link_of(frame.id).filter(|link| names_end(*link, cx)) {
+            cx.bus.routes.assign_link(frame.id, link);
+            self.on_isotp(link, frame, out);
+            return true;
+        }
         let is_undecoded = service == IdentifierService::Unclassified
             || cx.bus.protocols.j1939.is_rejected()
             || frame.flags.contains(FrameFlags::FD);

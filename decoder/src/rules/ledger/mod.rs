@@ -8,6 +8,7 @@ mod facts;
 mod judged;
 mod manual;
 mod recording;
+mod reported_losses;
 mod taken;
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
@@ -17,7 +18,7 @@ use foldhash::fast::FixedState;
 
 use self::causes::{CauseEffect, CauseExplanation};
 use self::facts::LedgerFacts;
-use self::recording::ReportedLosses;
+use self::reported_losses::ReportedLosses;
 use super::conformance::{CaseStanding, ConformanceRun};
 use super::policy::RulePolicy;
 use crate::event::{Event, FindingNews, FrameRange, Kind};

@@ -1,9 +1,8 @@
 //! Findings that frames missing from the recording explain.
 
 use super::FindingLedger;
-use crate::event::{Event, EventKind};
-use crate::finding::{Occurrence, Severity};
-use crate::frame::{BusIndex, Timestamp};
+use crate::finding::Severity;
+use crate::frame::BusIndex;
 use crate::observation::RecordingLoss;
 use crate::session::{Bus, BusStream, Buses, StreamRegularity, StreamService};
 use crate::wire::NodeId;
@@ -13,12 +12,6 @@ const NOT_CAPTURED: &str = "single frames missing from the capture may be the ca
 
 /// Reason for the lower severity near a report of lost frames.
 const REPORTED_LOSS: &str = "lost frames in the capture may be the cause";
-
-/// Max time between a finding and a report of lost frames, in ns.
-const NEAR: u64 = 2_000_000_000;
-
-/// Max number of reports that are kept.
-const REPORTED_LOSSES: usize = 1_024;
 
 /// Rules whose findings one missing frame causes: a periodic message of this service, or any frame.
 const MISSING_FRAMES: [(&str, Option<StreamService>); 18] = [
@@ -101,28 +94,6 @@ impl FindingLedger {
                 group.downgraded.get_or_insert_with(|| REPORTED_LOSS.to_owned());
             }
         }
-    }
-}
-
-/// Reports of the recorder that it lost frames.
-#[derive(Debug, Clone, Default)]
-pub(super) struct ReportedLosses(Vec<(BusIndex, Timestamp)>);
-
-impl ReportedLosses {
-    /// Registers an event that may be such a report.
-    pub(super) fn note_event(&mut self, event: &Event) {
-        if let (EventKind::LostFrames { .. }, Some(time)) = (&event.kind, event.time)
-            && self.0.len() < REPORTED_LOSSES
-        {
-            self.0.push((event.bus, time));
-        }
-    }
-
-    fn is_near(&self, bus: BusIndex, at: &Occurrence) -> bool {
-        let is_close = |time: Timestamp| {
-            self.0.iter().any(|(losing, loss)| *losing == bus && loss.0.abs_diff(time.0) <= NEAR)
-        };
-        at.time.is_some_and(is_close)
     }
 }
 

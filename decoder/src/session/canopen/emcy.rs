@@ -1,7 +1,5 @@
 //! EMCY: errors raised and cleared.
 
-use std::collections::VecDeque;
-
 use super::boot::{boot_cause, on_restart};
 use super::nmt::presume_state;
 use crate::event::{ByteOrderSource, EmcyAction, Emergency, EventKind, EvictedState, StateCause};
@@ -31,14 +29,18 @@ const HELD_TIME: i64 = 10_000_000_000;
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct EmcyMachine {
     /// Frames that may be EMCY and were emitted undecoded, because nothing proved CANopen yet; oldest first.
-    held: VecDeque<(NodeId, Frame)>,
+    held: Option<Box<HeldEmergencies>>,
 }
+
+/// Frames with their nodes, oldest first; apart from the machine, because few buses have some.
+#[derive(Debug, Clone, Default)]
+struct HeldEmergencies(Vec<(NodeId, Frame)>);
 
 impl EmcyMachine {
     /// Whether frames wait for the proof of CANopen.
     #[inline]
     pub(in crate::session) fn holds_frames(&self) -> bool {
-        !self.held.is_empty()
+        self.held.is_some()
     }
 
     /// Decodes the held frames in their order, once, if CANopen is proven, by `frame` (`is_proof`) or before; as if the proof
@@ -56,7 +58,7 @@ impl EmcyMachine {
         if !cx.bus.protocols.canopen.is_confirmed() {
             return;
         }
-        for (id, held) in std::mem::take(&mut self.held) {
+        for (id, held) in self.held.take().map_or_else(Vec::new, |held| held.0) {
             let elapsed = frame.time.zip(held.time).map_or(0, |(now, then)| now.since(then));
             if elapsed <= HELD_TIME {
                 let (count, _) = &mut cx.bus.protocols.undecoded;
@@ -72,10 +74,11 @@ impl EmcyMachine {
             && cx.described_message(frame).is_none()
             && cx.bus.protocols.canopen.protocol_status() == ProtocolStatus::Presumed
         {
-            if self.held.len() >= HELD_FRAMES {
-                self.held.pop_front();
+            let held = &mut self.held.get_or_insert_default().0;
+            if held.len() >= HELD_FRAMES {
+                held.remove(0);
             }
-            self.held.push_back((id, *frame));
+            held.push((id, *frame));
         }
     }
 }

@@ -46,7 +46,7 @@ impl SyncMachine {
         let (counting, is_news) = match (self.counting, now == before) {
             (_, false) if now == expected => (CounterEvidence::Counting { has_stopped: false }, false),
             (CounterEvidence::Counting { has_stopped: false }, true) => {
-                (CounterEvidence::Counting { has_stopped: true }, true)
+                (CounterEvidence::Counting { has_stopped: true }, now != 1)
             }
             (_, true) => (CounterEvidence::Constant, false),
             (CounterEvidence::Counting { .. }, false) => {
@@ -129,6 +129,8 @@ mod tests {
         assert_eq!(all[3], (Some(3), Some(4)));
         assert_eq!(all[4..6], [(None, None); 2]);
         assert_eq!(all[6..], [(Some(4), None), (Some(5), None)]);
+        // A producer that starts again counts from 1.
+        assert!(counted(&[1, 2, 1, 1, 2]).iter().all(|(_, expected)| expected.is_none()));
     }
 
     /// Whatever precedes the counting: from the second counted value on, gaps are the same.

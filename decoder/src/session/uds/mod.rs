@@ -20,5 +20,5 @@ mod transfer;
 
 pub(in crate::session) use isotp::IsoTpMachine;
 pub(in crate::session) use obd::ObdPairs;
-pub(in crate::session) use pairs::PairSearch;
+pub(in crate::session) use pairs::{PairSearch, names_end};
 pub(in crate::session) use requests::UdsMachine;

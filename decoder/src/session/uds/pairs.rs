@@ -14,6 +14,7 @@ use crate::profile;
 use crate::session::bus::UdsLink;
 use crate::session::context::MachineContext;
 use crate::session::options::ProtocolChoice;
+use crate::wire::NodeId;
 use crate::wire::canopen::emcy::EmcyByteOrder;
 use crate::wire::isotp::{self, IsoTpFrame};
 use crate::wire::j1939::{J1939Id, Pgn};
@@ -64,7 +65,7 @@ pub(in crate::session) struct ProvenPair {
 }
 
 impl PairSearch {
-    /// Evaluates a data frame of an identifier that is not decided; `is_counted` if it becomes an undecoded frame.
+    /// Evaluates a data frame of an undecided identifier; `is_counted` if it becomes an undecoded frame.
     /// Returns the pair that it proves; its identifiers belong to ISO-TP from now on.
     #[cold]
     pub(in crate::session) fn take_frame(
@@ -160,6 +161,15 @@ impl PairSearch {
     pub(in crate::session) fn memory_size(&self) -> usize {
         self.held.capacity() * size_of::<HeldFrame>() + self.suspects.capacity() * size_of::<SuspectedPair>()
     }
+}
+
+/// Whether the user named the device at one end of a link.
+pub(in crate::session) fn names_end(link: UdsLink, cx: &MachineContext<'_>) -> bool {
+    let ends = [link.server_address(), link.opposite_link().server_address()];
+    ends.into_iter().flatten().any(|address| {
+        let named = &cx.bus.protocols.named;
+        named.contains(NodeId::Canopen(address)) || named.contains(NodeId::J1939(address))
+    })
 }
 
 /// Makes two identifiers a pair; returns the link of the requests.
