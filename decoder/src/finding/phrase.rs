@@ -39,7 +39,7 @@ pub fn subject_phrase(group: &FindingGroup) -> String {
 /// time`.
 pub fn finding_sentence(group: &FindingGroup) -> String {
     let mut text = subject_phrase(group);
-    if let Some(duration) = group.duration() {
+    if let Some(duration) = group.duration().filter(|duration| *duration > 0) {
         text.push_str(" for ");
         text.push_str(&format_duration(duration));
     }

@@ -10,6 +10,9 @@ use crate::frame::{Frame, Timestamp};
 /// Longest backward step that is not a change of the clock: frames of several adapters overtake each other, in ns.
 const JITTER: i64 = 1_000_000_000;
 
+/// Longest step of a clock in ns, 100 years: an earlier timestamp follows a damaged one.
+const LONGEST: i64 = 100 * 31_557_600 * 1_000_000_000;
+
 /// Maximum number of steps whose frames are known.
 const MOST_STEPS: usize = 1_000;
 
@@ -46,17 +49,21 @@ impl RecorderClock {
         is_steady
     }
 
-    /// Takes a frame.
-    pub(super) fn take_frame(&mut self, frame: &Frame) {
-        let Some(Timestamp(time)) = frame.time else { return };
+    /// Takes a frame; whether the clock was set before it, so that no time across it is known.
+    pub(super) fn take_frame(&mut self, frame: &Frame) -> bool {
+        let Some(Timestamp(time)) = frame.time else { return false };
         let latest = *self.latest.get_or_insert(time);
+        let steps = self.steps.len();
         if self.offset != 0 && time >= latest {
             // The clock was set forward again.
             self.set_offset(frame.number, 0);
-        } else if time.saturating_add(self.offset) < latest.saturating_sub(JITTER) {
+        } else if time.saturating_add(self.offset) < latest.saturating_sub(JITTER)
+            && latest.saturating_sub(time) <= LONGEST
+        {
             self.set_offset(frame.number, latest.saturating_sub(time));
         }
         self.latest = Some(latest.max(time.saturating_add(self.offset)));
+        self.steps.len() > steps
     }
 
     fn set_offset(&mut self, frame: u64, offset: i64) {
@@ -68,11 +75,15 @@ impl RecorderClock {
 
     /// Corrected time of a frame.
     pub(super) fn corrected(&self, frame: u64, time: Timestamp) -> Timestamp {
+        let step = self.steps_until(frame).checked_sub(1).and_then(|at| self.steps.get(at));
+        step.map_or(time, |(_, offset)| time.plus(*offset))
+    }
+
+    /// Number of steps up to a frame.
+    pub(super) fn steps_until(&self, frame: u64) -> usize {
         // An event without a frame follows the last one.
         let frame = if frame == 0 { u64::MAX } else { frame };
-        let at = self.steps.partition_point(|(first, _)| *first <= frame);
-        let step = at.checked_sub(1).and_then(|at| self.steps.get(at));
-        step.map_or(time, |(_, offset)| time.plus(*offset))
+        self.steps.partition_point(|(first, _)| *first <= frame)
     }
 }
 
@@ -95,7 +106,9 @@ mod tests {
     fn corrected(milliseconds: &[i64]) -> Vec<i64> {
         let frames = frames(milliseconds);
         let mut clock = RecorderClock::default();
-        frames.iter().for_each(|frame| clock.take_frame(frame));
+        for frame in &frames {
+            clock.take_frame(frame);
+        }
         frames.iter().map(|frame| clock.corrected(frame.number, frame.time.unwrap()).0 / MS).collect()
     }
 

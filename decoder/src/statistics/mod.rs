@@ -54,28 +54,23 @@ pub struct Statistics {
     /// Statistics per bus, in order of appearance.
     pub buses: Vec<BusStatistics>,
     clock: RecorderClock,
+    /// Steps of the clock up to the last event; events may follow many frames later.
+    steps: usize,
 }
 
 impl Statistics {
     /// Counts a frame; call it before the events of the frame.
     pub fn count_frame(&mut self, frame: &Frame) {
-        self.clock.take_frame(frame);
-        if self.clock.is_steady() {
-            self.count_corrected(frame);
-        } else {
-            self.count_corrected(&self.corrected_frame(frame));
+        if self.clock.take_frame(frame) {
+            self.buses.iter_mut().for_each(BusStatistics::interrupt_identifiers);
         }
-    }
-
-    /// Counts a frame with the time without steps of the clock.
-    fn count_corrected(&mut self, frame: &Frame) {
-        self.quality.count_frame(frame);
-        self.bus_entry(frame.bus.0).count_frame(frame);
-    }
-
-    fn corrected_frame(&self, frame: &Frame) -> Frame {
+        if self.clock.is_steady() {
+            self.quality.count_frame(frame);
+            return self.bus_entry(frame.bus.0).count_frame(frame);
+        }
         let time = frame.time.map(|time| self.clock.corrected(frame.number, time));
-        Frame { time, ..*frame }
+        self.quality.count_frame_at(frame, time);
+        self.bus_entry(frame.bus.0).count_frame(&Frame { time, ..*frame });
     }
 
     /// Counts frames before the events of the first one.
@@ -96,6 +91,10 @@ impl Statistics {
         self.quality.count_event(event);
         if self.clock.is_steady() {
             return self.bus_entry(event.bus.0).count_event(event);
+        }
+        let steps = self.clock.steps_until(event.frames.last);
+        if std::mem::replace(&mut self.steps, steps) != steps {
+            self.buses.iter_mut().for_each(BusStatistics::interrupt_messages);
         }
         let time = event.time.map(|time| self.clock.corrected(event.frames.last, time));
         self.bus_entry(event.bus.0).count_event(&Event { time, ..event.clone() });
