@@ -9,6 +9,12 @@ pub fn format_tenths(tenths: u128) -> String {
     if tenths < 1_000 { format!("{}.{}", tenths / 10, tenths % 10) } else { (tenths / 10).to_string() }
 }
 
+/// Bus load of `bits` within `window` ns at a bit rate in bit/s, in percent: `3.4 %`. Its text names the window.
+pub fn format_load(bits: u128, window: u128, rate: u32) -> String {
+    let most = window.saturating_mul(u128::from(rate)).max(1);
+    format!("{} %", format_tenths(bits.saturating_mul(1_000 * 1_000_000_000) / most))
+}
+
 /// Bits as `590 bit` or `48 kbit`.
 pub fn format_bits(count: u128) -> String {
     if count < 10_000 { format!("{count} bit") } else { format!("{} kbit", count / 1000) }
@@ -24,6 +30,11 @@ pub fn format_millis(nanoseconds: i64) -> String {
     }
 }
 
+/// A time from the first frame: `7.204 s`; truncated as in the time column, so that an event has one time everywhere.
+pub fn format_time(nanoseconds: i64) -> String {
+    format!("{} s", format_seconds(nanoseconds))
+}
+
 /// Nanoseconds as seconds with three decimal places, truncated.
 pub fn format_seconds(nanoseconds: i64) -> String {
     seconds_to(nanoseconds, 3)
@@ -35,7 +46,10 @@ pub fn seconds_to(nanoseconds: i64, decimals: u32) -> String {
     let (per_second, digits) = (1_000_000_000 / unit, decimals.min(9) as usize);
     let parts = nanoseconds.unsigned_abs() / unit;
     let sign = if nanoseconds < 0 && parts > 0 { "-" } else { "" };
-    format!("{sign}{}.{:0digits$}", parts / per_second, parts % per_second)
+    match digits {
+        0 => format!("{sign}{parts}"),
+        _ => format!("{sign}{}.{:0digits$}", parts / per_second, parts % per_second),
+    }
 }
 
 /// Nanoseconds as seconds with one decimal place below 1000 s.
@@ -77,6 +91,11 @@ mod tests {
     #[test]
     fn figures_have_significant_digits_only() {
         assert_eq!([format_tenths(295), format_tenths(10_990)], ["29.5", "1099"]);
+        // 8,500 of 250,000 bits within 1 s, and of 500,000 within 2 s.
+        let second = 1_000_000_000;
+        assert_eq!(format_load(8_500, second, 250_000), "3.4 %");
+        assert_eq!(format_load(8_500, 2 * second, 250_000), "1.7 %");
+        assert_eq!(format_load(1, 0, 250_000), format_load(1, 0, 0));
         assert_eq!([format_bits(9_999), format_bits(48_500)], ["9999 bit", "48 kbit"]);
         assert_eq!([format_millis(99_745_900), format_millis(100_049_000)], ["99.745", "100.0"]);
         assert_eq!(
@@ -84,6 +103,9 @@ mod tests {
             ["7.204", "-0.050", "0.000"]
         );
         assert_eq!([seconds_to(7_206_000_999, 6), seconds_to(-1_500_000_000, 1)], ["7.206000", "-1.5"]);
+        assert_eq!([seconds_to(1_999_999_999, 0), seconds_to(-1, 3)], ["1", "0.000"]);
+        assert_eq!(seconds_to(i64::MIN, 9), "-9223372036.854775808");
+        assert_eq!([format_time(999_900_000), format_time(-1_999_900_000)], ["0.999 s", "-1.999 s"]);
         assert_eq!(
             [format_bytes(999), format_bytes(12_345), format_bytes(1_640_000_000)],
             ["999 B", "12.3 kB", "1.6 GB"]

@@ -74,5 +74,6 @@ mod stories;
 #[path = "../support/mod.rs"]
 mod support;
 mod tidy;
+mod times;
 mod uds;
 mod variations;

@@ -25,7 +25,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("wire", &["words", "frame"]),
     ("profile", &["words", "marked_line", "frame", "wire"]),
     ("event", &["words", "frame", "wire", "profile"]),
-    ("finding", &["words", "frame", "wire", "profile", "event"]),
+    ("finding", &["words", "figures", "frame", "wire", "profile", "event"]),
     ("bus_file", &["words", "frame", "wire", "profile"]),
     ("standard_tables", &["frame", "wire", "profile"]),
     ("session", &["words", "frame", "wire", "profile", "event", "bus_file", "standard_tables"]),
@@ -50,10 +50,11 @@ const LAYERS: &[(&str, &[&str])] = &[
             "statistics",
         ],
     ),
-    ("diagnosis", &["words", "frame", "wire", "profile", "event", "finding"]),
+    ("diagnosis", &["words", "figures", "frame", "wire", "profile", "event", "finding"]),
     (
         "sink",
         &[
+            "figures",
             "diagnosis",
             "escape",
             "words",
@@ -74,6 +75,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     (
         "comparison",
         &[
+            "figures",
             "diagnosis",
             "finding",
             "escape",
@@ -179,6 +181,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     (
         "report",
         &[
+            "figures",
             "escape",
             "words",
             "frame",

@@ -45,7 +45,11 @@ fn a_bit_rate_makes_the_load() {
     let path = file("rate.toml", "[bus.can0]\nbitrate = 10000\n");
     let lines = (0..300).map(|n| format!("({}.{:02}0000) can0 555#\n", 1_700_000_000 + n / 100, n % 100));
     let output = run(&["stats", "--bus", path.to_str().unwrap(), "-"], &lines.collect::<String>());
-    assert!(output.stdout.contains("load 48.1 % of 10 kbit/s, worst second 48.0 %"), "{}", output.stdout);
+    assert!(
+        output.stdout.contains("mean load 48.1 % of 10 kbit/s, worst second 48.0 %"),
+        "{}",
+        output.stdout
+    );
 }
 
 #[test]

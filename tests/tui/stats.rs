@@ -83,7 +83,7 @@ fn load_needs_a_bit_rate() {
     // 1,000 frames per second of 0x555 without data, 48 bits each: 48 kbit/s are 19 % of 250.
     let lines = every_millisecond(3_000, "555#");
     let text = run(&["stats", "--bitrate", "250k", "-"], &lines).stdout;
-    assert!(text.contains("load 19.2 % of 250 kbit/s, worst second 19.2 %"), "{text}");
+    assert!(text.contains("mean load 19.2 % of 250 kbit/s, worst second 19.2 %"), "{text}");
     assert_eq!(run(&["stats", "--bitrate", "fast", "-"], "").code, 2);
 }
 

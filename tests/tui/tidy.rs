@@ -89,8 +89,7 @@ const WEB_LAYERS: &[(&str, &[&str])] = &[
     ("survey", &["counts", "files"]),
     ("seek", &["capture", "files", "survey"]),
     ("overview", &["capture", "survey"]),
-    ("detail", &["files"]),
-    ("rows", &["capture", "counts", "matcher", "seek", "survey"]),
+    ("rows", &["capture", "counts", "files", "matcher", "seek", "survey"]),
     ("filter", &["counts", "files", "matcher", "rows"]),
     ("search", &["files", "matcher"]),
     ("plot", &["files", "request"]),
@@ -102,7 +101,7 @@ const WEB_LAYERS: &[(&str, &[&str])] = &[
     (
         "session",
         &[
-            "capture", "counts", "cut", "detail", "export", "files", "filter", "jobs", "matcher", "opening",
+            "capture", "counts", "cut", "export", "files", "filter", "jobs", "matcher", "opening",
             "overview", "plot", "report", "request", "rows", "search", "seek", "state", "survey",
         ],
     ),

@@ -568,7 +568,7 @@ fn an_effect_before_its_cause_has_its_own_label() {
     let page = text(&["fixtures/rules/operational-lost.log"], "");
     assert!(page.contains("\n  before       -30 ms  operational → pre-operational"), "{page}");
     let page = text(&["fixtures/diagnosis/bus-off.log"], "");
-    assert!(page.contains("\n  before       -367 ms  1/01  no heartbeat after {149}"), "{page}");
+    assert!(page.contains("\n  before       -208 ms  1/01  no heartbeat after {149}"), "{page}");
     let line = answer(&["fixtures/diagnosis/bus-off.log"], "")["stories"][0]["lines"][1].clone();
     assert_eq!(line["label"], "effect");
 }

@@ -15,7 +15,6 @@ mod abi;
 mod capture;
 mod counts;
 mod cut;
-mod detail;
 mod export;
 pub mod files;
 mod filter;

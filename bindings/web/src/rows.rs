@@ -2,14 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use cobscope_decoder::answers::events::EventRow;
+use cobscope_decoder::answers::events::{EventDetail, EventRow};
 use cobscope_decoder::capture::CaptureError;
 use cobscope_decoder::finding::{CaptureFindings, Severity};
 use cobscope_decoder::frame::Timestamp;
-use cobscope_decoder::replay::{EventPosition, PlacedEvent, ReplayRow};
+use cobscope_decoder::replay::{CaptureWalk, EventPosition, PlacedEvent, ReplayRow};
 
 use crate::capture::CaptureSet;
 use crate::counts::BlockRowCounts;
+use crate::files::ContentSource;
 use crate::matcher::EventMatcher;
 use crate::seek::RecentCheckpoints;
 use crate::survey::CaptureSurvey;
@@ -118,4 +119,27 @@ impl RowList<'_> {
         }
         Ok(place.min(self.counts.total().saturating_sub(1)))
     }
+}
+
+/// The event at a position as `decode -f jsonl` prints it, with its payload; `walk` is before its frame.
+///
+/// # Errors
+/// If the capture can no longer be read.
+pub fn event_detail(
+    mut walk: CaptureWalk<ContentSource>,
+    at: EventPosition,
+    zero: Option<Timestamp>,
+) -> Result<Option<EventDetail>, CaptureError> {
+    let mut found = None;
+    while found.is_none() && walk.world.frames() <= at.frame {
+        let mut see = |placed: PlacedEvent<'_>| {
+            if placed.spot == at {
+                found = Some(EventDetail::new(&placed, zero));
+            }
+        };
+        if !walk.step_item(&mut see)? {
+            break;
+        }
+    }
+    Ok(found)
 }

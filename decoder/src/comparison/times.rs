@@ -1,12 +1,11 @@
 //! Times as text.
 
+use crate::figures::seconds_to;
 use crate::statistics::format_span;
 
-/// A time from the first frame: `55.0 s`.
+/// A time from the first frame: `55.0 s`; times of two captures are compared in tenths.
 pub(crate) fn format_seconds(nanoseconds: i64) -> String {
-    let tenths = nanoseconds.unsigned_abs().saturating_add(50_000_000) / 100_000_000;
-    let sign = if nanoseconds < 0 && tenths > 0 { "-" } else { "" };
-    format!("{sign}{}.{} s", tenths / 10, tenths % 10)
+    format!("{} s", seconds_to(nanoseconds, 1))
 }
 
 /// A duration with three digits: `24 ms`.

@@ -6,7 +6,8 @@ use super::evidence::{disproved_causes, unknown_points};
 use super::incident::IncidentFinding;
 use super::plot::StoryPlot;
 use super::ranking::load_ranking;
-use crate::finding::phrase::{fact_text, format_duration, format_interval, format_seconds, subject_phrase};
+use crate::figures::format_time;
+use crate::finding::phrase::{fact_text, format_duration, format_interval, subject_phrase};
 use crate::finding::{Advice, CaptureFindings, FactCause, FindingGroup, Occurrence};
 use crate::frame::Timestamp;
 use crate::wire::NodeId;
@@ -195,7 +196,7 @@ impl DiagnosisPage<'_> {
 
     /// `7.204 s`.
     fn moment_text(&self, at: Occurrence) -> Option<String> {
-        Some(format_seconds(at.time?.since(self.zero?)))
+        Some(format_time(at.time?.since(self.zero?)))
     }
 
     /// `at 7.204 s`, `7.204 to 10.430 s, 12 times`, `from 7.204 s to the end`.

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::{FactCause, FindingCause, FindingGroup, Occurrence};
+use crate::figures::format_time;
 use crate::frame::Timestamp;
 use crate::wire::NodeId;
 
@@ -38,7 +39,7 @@ pub fn subject_phrase(group: &FindingGroup) -> String {
 /// time`.
 pub fn finding_sentence(group: &FindingGroup) -> String {
     let mut text = subject_phrase(group);
-    if let Some(duration) = group.duration() {
+    if let Some(duration) = group.duration().filter(|duration| *duration > 0) {
         text.push_str(" for ");
         text.push_str(&format_duration(duration));
     }
@@ -79,16 +80,9 @@ pub fn format_moment(at: Occurrence, zero: Option<Timestamp>) -> String {
         (first, last) => format!("{{{first}-{last}}}"),
     };
     match at.time.zip(zero) {
-        Some((time, zero)) => format!("{} {frames}", format_seconds(time.since(zero))),
+        Some((time, zero)) => format!("{} {frames}", format_time(time.since(zero))),
         None => frames,
     }
-}
-
-/// `1.300 s`.
-pub(crate) fn format_seconds(nanoseconds: i64) -> String {
-    let milliseconds = nanoseconds.unsigned_abs() / 1_000_000;
-    let sign = if nanoseconds < 0 && milliseconds > 0 { "-" } else { "" };
-    format!("{sign}{}.{:03} s", milliseconds / 1_000, milliseconds % 1_000)
 }
 
 /// Lines below a finding: time, worst occurrence, reason for a lowered severity, section of the manual.

@@ -1,8 +1,9 @@
 //! Claims: stories with node, time and sources.
 
-use super::clock::{format_date, format_seconds};
+use super::clock::format_date;
 use super::model::{ClaimLine, ReportClaim, RuleSource};
 use crate::diagnosis::Story;
+use crate::figures::format_time;
 use crate::finding::{CaptureFindings, FindingGroup};
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::{AssignedBy, Bus, Buses, Node};
@@ -91,7 +92,7 @@ fn story_period(story: &Story, zero: Option<Timestamp>) -> String {
             frame => format!("frame {frame}; the capture has no timestamps"),
         };
     };
-    let mut text = format!("{} after the first frame", format_seconds(began.since(zero)));
+    let mut text = format!("{} after the first frame", format_time(began.since(zero)));
     if began.has_date() {
         text.push_str(", ");
         text.push_str(&format_date(began));
@@ -101,7 +102,7 @@ fn story_period(story: &Story, zero: Option<Timestamp>) -> String {
         Some((ended, lasted)) if lasted > 0 => {
             text = format!(
                 "{text}; last seen {} ({} later)",
-                format_seconds(ended.since(zero)),
+                format_time(ended.since(zero)),
                 format_span(lasted)
             );
         }

@@ -6,13 +6,6 @@ use super::model::CaptureFacts;
 use crate::frame::Timestamp;
 use crate::statistics::{CaptureQuality, format_span};
 
-/// `7.204 s`.
-pub(super) fn format_seconds(nanoseconds: i64) -> String {
-    let sign = if nanoseconds < 0 { "-" } else { "" };
-    let milliseconds = nanoseconds.unsigned_abs() / 1_000_000;
-    format!("{sign}{}.{:03} s", milliseconds / 1_000, milliseconds % 1_000)
-}
-
 /// `2023-11-14 22:13:27.204 UTC`.
 pub(super) fn format_date(time: Timestamp) -> String {
     jiff::Timestamp::from_nanosecond(i128::from(time.0)).map_or_else(
@@ -58,9 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_have_units_and_zones() {
-        assert_eq!(format_seconds(7_204_999_999), "7.204 s");
-        assert_eq!(format_seconds(-500_000_000), "-0.500 s");
+    fn dates_have_a_zone() {
         assert_eq!(format_date(Timestamp(1_700_000_007_204_000_000)), "2023-11-14 22:13:27.204 UTC");
     }
 }

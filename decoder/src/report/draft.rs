@@ -3,7 +3,7 @@
 use super::assumptions::{self, ReportBasis};
 use super::citations::{Citations, number_lines};
 use super::claims::{SHOWN_CLAIMS, assigned_by, build_claim, describe_node, sources_of, story_groups};
-use super::clock::{self, format_seconds};
+use super::clock;
 use super::curves::ClaimCurves;
 use super::excerpt::CommentedExcerpt;
 use super::model::{
@@ -16,6 +16,7 @@ use crate::answers::stories::text;
 use crate::capture::BusNames;
 use crate::diagnosis::{Diagnosis, Story};
 use crate::event::Event;
+use crate::figures::format_time;
 use crate::finding::{CaptureFindings, FindingSubject};
 use crate::frame::{BusIndex, Frame, FrameFlags, Timestamp};
 use crate::reading::{FrameDemand, ReadingPart};
@@ -289,7 +290,7 @@ fn first_facts(ground: &ReportGround<'_>) -> CaptureReport {
         name: ground.capture.to_owned(),
         format: ground.format.to_owned(),
         frames: quality.frames,
-        duration: quality.duration().map(format_seconds),
+        duration: quality.duration().map(format_time),
         failure: ground.failure.map(str::to_owned),
     };
     let shown: Vec<_> = ground.claimed_stories().collect();
@@ -361,7 +362,7 @@ fn evidence_frame(frame: &Frame, bus: &str, zero: Option<Timestamp>) -> Evidence
         () => "",
     };
     let bytes: Vec<_> = frame.data().iter().map(|byte| format!("{byte:02X}")).collect();
-    let time = frame.time.zip(zero).map(|(time, zero)| format_seconds(time.since(zero)));
+    let time = frame.time.zip(zero).map(|(time, zero)| format_time(time.since(zero)));
     EvidenceFrame {
         number: frame.number,
         time: time.unwrap_or_default(),

@@ -85,6 +85,19 @@ impl BusStatistics {
         self.load.add_many(pending);
     }
 
+    /// Starts new series of frames: the clock of the recorder was set.
+    pub(super) fn interrupt_identifiers(&mut self) {
+        for (_, id) in &mut self.ids {
+            id.intervals.interrupt_series();
+        }
+    }
+
+    /// Starts new series of messages: the clock of the recorder was set.
+    pub(super) fn interrupt_messages(&mut self) {
+        self.master.sync.interrupt_series();
+        self.nodes.iter_mut().for_each(NodeStatistics::interrupt_series);
+    }
+
     /// Counts a frame of its identifier; bits of the frame, 0 if they are unknown.
     #[inline]
     fn count_identifier(&mut self, frame: &Frame) -> u32 {

@@ -3,6 +3,7 @@
 mod beginning;
 mod bits;
 mod bus;
+mod clock;
 mod codes;
 mod distribution;
 mod first_frame;
@@ -43,6 +44,7 @@ pub use span::format_span;
 use crate::event::Event;
 use crate::frame::Frame;
 use crate::session::{Bus, Buses, MessagePreview};
+use clock::RecorderClock;
 
 /// Statistics of one capture.
 #[derive(Debug, Clone, Default)]
@@ -51,17 +53,31 @@ pub struct Statistics {
     pub quality: CaptureQuality,
     /// Statistics per bus, in order of appearance.
     pub buses: Vec<BusStatistics>,
+    clock: RecorderClock,
+    /// Steps of the clock up to the last event; events may follow many frames later.
+    steps: usize,
 }
 
 impl Statistics {
     /// Counts a frame; call it before the events of the frame.
     pub fn count_frame(&mut self, frame: &Frame) {
-        self.quality.count_frame(frame);
-        self.bus_entry(frame.bus.0).count_frame(frame);
+        if self.clock.take_frame(frame) {
+            self.buses.iter_mut().for_each(BusStatistics::interrupt_identifiers);
+        }
+        if self.clock.is_steady() {
+            self.quality.count_frame(frame);
+            return self.bus_entry(frame.bus.0).count_frame(frame);
+        }
+        let time = frame.time.map(|time| self.clock.corrected(frame.number, time));
+        self.quality.count_frame_at(frame, time);
+        self.bus_entry(frame.bus.0).count_frame(&Frame { time, ..*frame });
     }
 
     /// Counts frames before the events of the first one.
     pub fn count_frames(&mut self, frames: &[Frame]) {
+        if !self.clock.take_steady(frames) {
+            return frames.iter().for_each(|frame| self.count_frame(frame));
+        }
         self.quality.add_frames(frames);
         for of_bus in frames.chunk_by(|frame, next| frame.bus == next.bus) {
             if let Some(first) = of_bus.first() {
@@ -73,13 +89,26 @@ impl Statistics {
     /// Counts an event.
     pub fn count_event(&mut self, event: &Event) {
         self.quality.count_event(event);
-        self.bus_entry(event.bus.0).count_event(event);
+        if self.clock.is_steady() {
+            return self.bus_entry(event.bus.0).count_event(event);
+        }
+        let steps = self.clock.steps_until(event.frames.last);
+        if std::mem::replace(&mut self.steps, steps) != steps {
+            self.buses.iter_mut().for_each(BusStatistics::interrupt_messages);
+        }
+        let time = event.time.map(|time| self.clock.corrected(event.frames.last, time));
+        self.bus_entry(event.bus.0).count_event(&Event { time, ..event.clone() });
     }
 
     /// Counts a PDO or J1939 message without an event; see [`Observer::skip_event`](crate::session::Observer::skip_event).
     #[inline]
     pub fn skip_event(&mut self, preview: &MessagePreview, bus: &Bus) {
         if let Some((pdo, node)) = bus.identifiers().pdo_at(preview.identifier) {
+            let preview = if self.clock.is_steady() {
+                preview
+            } else {
+                &MessagePreview { time: self.clock.corrected(preview.frame, preview.time), ..*preview }
+            };
             self.bus_entry(bus.index().0).skip_pdo((pdo, node), preview);
         }
     }

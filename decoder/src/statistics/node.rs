@@ -140,6 +140,14 @@ impl NodeStatistics {
         }
     }
 
+    /// Starts new series of intervals: the clock of the recorder was set.
+    pub(super) fn interrupt_series(&mut self) {
+        // No heartbeat is later than this one, but the node has sent one.
+        self.last_heartbeat = self.last_heartbeat.map(|_| i64::MAX);
+        self.heartbeat.interrupt_series();
+        self.guard_requests.interrupt_series();
+    }
+
     fn count_heartbeat(&mut self, time: Option<i64>) {
         let Some(time) = time else { return };
         if let Some(last) = self.last_heartbeat.replace(time).filter(|last| *last <= time) {

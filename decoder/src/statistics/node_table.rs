@@ -51,6 +51,10 @@ impl NodeTable {
         rows.into_iter()
     }
 
+    pub(super) fn iter_mut(&mut self) -> impl Iterator<Item = &mut NodeStatistics> {
+        self.rows.iter_mut().map(|(_, statistics)| statistics)
+    }
+
     /// Removes the nodes for which `keeps` is false.
     pub(super) fn retain_nodes(&mut self, mut keeps: impl FnMut(NodeId, &NodeStatistics) -> bool) {
         let rows = std::mem::take(self).rows;

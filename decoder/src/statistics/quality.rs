@@ -79,6 +79,18 @@ impl CaptureQuality {
         }
     }
 
+    /// Counts a frame at a corrected time; its timestamp has the granularity.
+    pub(super) fn count_frame_at(&mut self, frame: &Frame, time: Option<Timestamp>) {
+        self.frames += 1;
+        if frame.flags.contains(FrameFlags::ERROR) {
+            self.error_frame(frame);
+        }
+        if let Some((Timestamp(stamp), Timestamp(time))) = frame.time.zip(time) {
+            self.extend_to(time);
+            self.stamps.add_timestamp(stamp, frame);
+        }
+    }
+
     /// Latest timestamp in ns, once a later one changes nothing else.
     pub(crate) fn latest_final(&self) -> Option<i64> {
         self.last.filter(|_| self.stamps.count >= JUDGED)
@@ -125,9 +137,13 @@ impl CaptureQuality {
 
     #[inline(never)]
     fn take_timestamp(&mut self, time: i64, frame: &Frame) {
+        self.extend_to(time);
+        self.stamps.add_timestamp(time, frame);
+    }
+
+    fn extend_to(&mut self, time: i64) {
         self.first = Some(self.first.map_or(time, |first| first.min(time)));
         self.last = Some(self.last.map_or(time, |last| last.max(time)));
-        self.stamps.add_timestamp(time, frame);
     }
 
     /// Counts an event.

@@ -1,7 +1,7 @@
 //! Drawing of the screen.
 //!
 //! ```text
-//! can0 250k  load 34 %  errframes 0 …  FINDINGS 2 err 3 warn          t 412.306 s     header
+//! can0 250k  load 3.4 % (1 s)  errframes 0 …  FINDINGS 2 err 3 warn          t 412.306 s     header
 //! 0 Why  1 Nodes  2 Events  3 Frames …                                                 panes
 //! 2 errors 3 warnings: 32/20 EMCY 8305 spool position error, 7.204 s  ] finding  0 why diagnosis
 //! load ▁▂█ ▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▃▂▂▂▂▂▂▂▂▂▂▂▂▂▂▃▂▂▂▂▄▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▂▃▂  0 to       strip

@@ -48,7 +48,7 @@ pub const COMMON: &[LegendEntry] = &[
     plain_entry("…", "text cut at this width"),
     plain_entry("▲ ▼", "sorted by this column, ascending or descending"),
     plain_entry("can0 250k", "bus with its bit rate in kbit/s"),
-    plain_entry("load 34 %", "bus load in the second before the cursor"),
+    plain_entry("load 3.4 % (1 s)", "bus load in the second before the cursor"),
     plain_entry("load ▁▂█", "strip of time: load relative to its maximum"),
     plain_entry("find ··Ew", "strip of time: the most important mark of each column"),
     plain_entry("E w n", "in the strip: error, warning, note"),

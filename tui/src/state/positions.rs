@@ -2,6 +2,7 @@
 
 use std::cmp::Ordering;
 
+use cobscope_decoder::figures::format_time;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::EventPosition;
 
@@ -55,7 +56,7 @@ impl UiState {
             }
         };
         let time =
-            self.seconds_of(times.map(|(_, last)| last)).map_or(String::new(), |t| format!(", {t:.3} s"));
+            times.map_or(String::new(), |(first, last)| format!(", {}", format_time(last.since(first))));
         let text = match side {
             Ordering::Less => format!("no such {what}: the capture starts here"),
             Ordering::Equal => return None,

@@ -5,10 +5,13 @@
 //! SYNC 411 every 10.000 ms (9.812 to 14.200, worst from 3.211 s), jitter ±4.200 ms
 //! ```
 
-use crate::figures::{format_bits, format_millis, format_seconds, format_tenths};
+use crate::figures::{format_bits, format_load, format_millis, format_seconds, format_tenths};
 use crate::session::Bus;
 use crate::statistics::{BusStatistics, CaptureQuality, IntervalStatistics, format_span};
 use crate::words::count_noun;
+
+/// One second in ns.
+const SECOND: u128 = 1_000_000_000;
 
 /// Protocols that the traffic of a bus confirms.
 pub fn protocol_names(bus: &Bus) -> Vec<&'static str> {
@@ -113,9 +116,9 @@ pub fn rate_texts(
     );
     let second = match rate {
         Some(rate) => {
-            let percent = |bits: u128| format_tenths(bits * 1000 / u128::from(rate.max(1)));
-            let (mean, worst) = (percent(mean), percent(u128::from(load.worst_bits().0)));
-            format!("load {mean} % of {} kbit/s, worst second {worst} %", rate / 1000)
+            let mean = format_load(u128::from(load.bits), u128::from(duration.unsigned_abs()), rate);
+            let worst = format_load(u128::from(load.worst_bits().0), SECOND, rate);
+            format!("mean load {mean} of {} kbit/s, worst second {worst}", rate / 1000)
         }
         None => format!("load in % unknown without the bit rate; {hint}"),
     };

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use crate::diagnosis::{LineLabel, story_count};
 use crate::escape::escape;
 use crate::event::{EffectiveState, Event, SetPoint, StateCertainty};
+use crate::figures::{format_seconds, format_time, seconds_to};
 use crate::frame::{BusIndex, Timestamp};
 use crate::session::{Bus, Buses, GateState, GateStatus, Node};
 use crate::sink::EventSink as _;
@@ -128,7 +129,7 @@ impl WhyPage<'_> {
     /// `371.204 s`, or `frame 12` in a capture without timestamps.
     fn moment_time(&self, moment: &WhyMoment) -> String {
         match moment.time.zip(self.setting.first) {
-            Some((time, first)) => format!("{} s", format_seconds(time.since(first))),
+            Some((time, first)) => format_time(time.since(first)),
             None => format!("frame {}", moment.frame),
         }
     }
@@ -377,11 +378,11 @@ impl WhyPage<'_> {
         }
         for ControllerReaction { bus, node, time } in &report.reactions {
             let name = self.node_text(*bus, *node);
-            let part = |part| time.times.percentile(part).map_or_else(String::new, format_milliseconds);
+            let part = |part| time.times.percentile(part).map_or_else(String::new, milliseconds_text);
             let (at, frame) = time.longest_at;
             let at = self.setting.first.map_or(0, |first| at.saturating_sub(first.0));
             let (median, most) = (part(50), part(99));
-            let max = format_milliseconds(time.times.longest());
+            let max = milliseconds_text(time.times.longest());
             self.write_line(
                 1,
                 &format!(
@@ -462,16 +463,7 @@ fn value_text(point: &SetPoint) -> String {
     format!("{channel}{} {}{doubt}", point.signal, point.to.text)
 }
 
-/// `67.948 ms`.
-fn format_milliseconds(nanoseconds: i64) -> String {
-    #[expect(clippy::cast_precision_loss, reason = "only for display")]
-    let milliseconds = nanoseconds as f64 / 1e6;
-    format!("{milliseconds:.3} ms")
-}
-
-/// Seconds with three decimal places, truncated.
-fn format_seconds(nanoseconds: i64) -> String {
-    let sign = if nanoseconds < 0 { "-" } else { "" };
-    let milliseconds = nanoseconds.unsigned_abs() / 1_000_000;
-    format!("{sign}{}.{:03}", milliseconds / 1_000, milliseconds % 1_000)
+/// A reaction time: `67.948 ms`.
+fn milliseconds_text(nanoseconds: i64) -> String {
+    format!("{} ms", seconds_to(nanoseconds.saturating_mul(1_000), 3))
 }

@@ -101,6 +101,16 @@ impl<'a> RuleContext<'a> {
         frames: FrameRange,
     ) -> FindingAlarm<'b, 'a> {
         let time = self.timestamp_of(at);
+        self.fail_at_timestamp(time, node, frames)
+    }
+
+    /// Starts a finding at a timestamp of the capture, which silences since then do not move.
+    pub(crate) fn fail_at_timestamp<'b>(
+        &'b mut self,
+        time: Option<Timestamp>,
+        node: Option<NodeId>,
+        frames: FrameRange,
+    ) -> FindingAlarm<'b, 'a> {
         let is_presumed = !self.bus.protocols().is_settled(node);
         FindingAlarm::new(self, node, build_occurrence(time, frames), is_presumed)
     }

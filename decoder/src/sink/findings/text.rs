@@ -11,7 +11,8 @@ use super::{conformance, coverage};
 use crate::diagnosis::incident::{AbsorbedFindings, IncidentFinding, absorbed_findings, group_incidents};
 use crate::diagnosis::{Diagnosis, DiagnosisContext, story_count};
 use crate::escape::escape;
-use crate::finding::phrase::{finding_sentence, format_seconds, node_phrase, subject_phrase};
+use crate::figures::format_time;
+use crate::finding::phrase::{finding_sentence, node_phrase, subject_phrase};
 use crate::finding::{FindingGroup, RuleOutcome, Severity, SuppressionUse};
 use crate::sink::table::{CellAlignment, TextTable};
 use crate::words::count_noun;
@@ -98,8 +99,10 @@ impl FindingsPage<'_> {
     /// One capture; omitted if there is nothing to report.
     fn push_capture(&mut self, judged: &CaptureResult, common: &[&str]) {
         let start = self.out.len();
-        let duration = judged.first.zip(judged.last).map(|(first, last)| format_seconds(last.since(first)));
-        let duration = duration.map_or_else(String::new, |duration| format!(", {duration}"));
+        let duration = judged.first.zip(judged.last).map(|(first, last)| last.since(first));
+        // A clock that was set back may end before its first frame; the quality states it.
+        let duration = duration.filter(|duration| *duration >= 0);
+        let duration = duration.map_or_else(String::new, |duration| format!(", {}", format_time(duration)));
         let frames = usize::try_from(judged.frames).unwrap_or(usize::MAX);
         self.push_line(BOLD, &format!("== {} ({}{duration})", judged.capture, count_noun(frames, "frame")));
         let after_heading = self.out.len();

@@ -3,9 +3,10 @@
 use std::fmt::Write as _;
 
 use super::LineTone;
-use super::parts::{LineContent, format_bytes, format_seconds};
+use super::parts::{LineContent, format_bytes};
 use super::pdo::push_signals;
 use crate::event::{EvictedState, UndecodedFrame};
+use crate::figures::format_seconds;
 use crate::frame::{FrameFlags, LinkState};
 use crate::query::record::{can_error_text, time_of_day};
 use crate::wire::MalformedPayload;

@@ -3,11 +3,12 @@
 use std::fmt::Write as _;
 
 use super::LineTone;
-use super::parts::{LineContent, format_bytes, format_millis, format_seconds};
+use super::parts::{LineContent, format_bytes, format_millis};
 use crate::event::{
     BitsChanged, ChangeOrigin, DeviceCause, DeviceState, EffectiveState, ModeChange, NodeIdentified,
     ObjectChange, ProcedureEvent, ProcedurePhase, SetPoint, SourceConflict,
 };
+use crate::figures::format_seconds;
 use crate::profile::DecodedValue;
 use crate::profile::device::ProcedureStatus;
 use crate::wire::NodeId;

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::LineTone;
 use super::changes::group_name;
-use super::parts::{EventWords, format_bytes, format_millis, format_seconds, node_label, node_short};
+use super::parts::{EventWords, format_bytes, format_millis, node_label, node_short};
 use super::pdo::push_signals;
 use super::transfer::TransferWords;
 use crate::event::{
@@ -12,6 +12,7 @@ use crate::event::{
     J1939Acknowledgement, J1939Message, J1939Request, J1939Transfer, MessageGap, SdoOutcome,
     TransferIrregularity, TransportMode,
 };
+use crate::figures::format_seconds;
 use crate::profile;
 use crate::query::record::event_device as device_of;
 use crate::session::Bus;

@@ -3,10 +3,11 @@
 use std::fmt::Write as _;
 
 use super::LineTone;
-use super::parts::{EventWords, LineContent, format_millis, format_seconds, node_short};
+use super::parts::{EventWords, LineContent, format_millis, node_short};
 use crate::event::{
     BootCause, NodeIdSource, NodeSilence, PowerSign, StateCause, StateCertainty, StateChange,
 };
+use crate::figures::format_seconds;
 use crate::profile;
 use crate::session::Bus;
 use crate::wire::NodeId;

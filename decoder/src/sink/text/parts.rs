@@ -128,11 +128,6 @@ pub(super) fn push_millis(nanoseconds: i64, out: &mut Vec<u8>) {
     push_decimal(out, tenths % 10);
 }
 
-pub(super) fn format_seconds(nanoseconds: i64) -> String {
-    let millis = nanoseconds.unsigned_abs() / 1_000_000;
-    format!("{}.{:03}", millis / 1_000, millis % 1_000)
-}
-
 /// Appends the columns between the time and the text of an event, with control characters escaped.
 pub(super) fn push_columns(bus: &Bus, who: &[u8], kind: &str, color: &str, line: &mut Vec<u8>) {
     line.extend_from_slice(b"  ");

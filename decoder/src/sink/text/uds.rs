@@ -3,9 +3,10 @@
 use std::fmt::Write as _;
 
 use super::LineTone;
-use super::parts::{EventWords, format_bytes, format_millis, format_seconds};
+use super::parts::{EventWords, format_bytes, format_millis};
 use super::transfer::TransferWords;
 use crate::event::{Event, ExchangeOutcome, IsoTpTransfer, MessageOutcome, UdsEndpoints, UdsExchange};
+use crate::figures::format_seconds;
 use crate::profile::{DecodedValue, DeviceProfile, UdsService, ValueIn, WriteEffect, uds_names};
 use crate::query::record::event_device as device_of;
 use crate::session::Bus;

@@ -5,6 +5,7 @@
 //! 1 error so far: 32/20 EMCY 8305 spool position error, 7.204 s                 } story  0 why
 //! ```
 
+use cobscope_decoder::figures::format_time;
 use cobscope_decoder::finding::{RuleOutcome, Severity};
 use cobscope_decoder::sink::escape;
 use cobscope_decoder::words::count_noun;
@@ -64,8 +65,8 @@ fn diagnosis_words(core: &UiState, survey: &SurveyResults) -> (String, String, T
     let so_far = if survey.is_complete { "" } else { " so far" };
     let title = without_frames(&story.title);
     let text = format!("{}{so_far}: {}", counts.join(" "), escape(title).replace("  ", " "));
-    let time = core.seconds_of(story.began.time);
-    let end = time.map_or_else(|| " ".to_owned(), |time| format!(", {time:.3} s"));
+    let time = story.began.time.zip(core.first_time()).map(|(time, first)| time.since(first));
+    let end = time.map_or_else(|| " ".to_owned(), |time| format!(", {}", format_time(time)));
     let role = if story.severity == Severity::Error { TextRole::Bad } else { TextRole::Caution };
     (text, end, role)
 }

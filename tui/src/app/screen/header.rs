@@ -1,5 +1,6 @@
 //! Header line: buses, defects of the capture, findings, time.
 
+use cobscope_decoder::figures::format_load;
 use cobscope_decoder::frame::LinkState;
 use cobscope_decoder::profile::device::Severity;
 use cobscope_decoder::sink::escape;
@@ -135,7 +136,7 @@ fn push_troubles(core: &UiState, live: &LiveBusState, parts: &mut Vec<(String, T
     }
 }
 
-/// `can0 250k load 34 %`; frames per second if the bit rate is unknown.
+/// `can0 250k load 3.4 % (1 s)`, in the second before the cursor; frames per second if the bit rate is unknown.
 fn bus_texts(core: &UiState) -> Vec<String> {
     let Some(world) = core.bus_state() else { return vec!["reading …".into()] };
     if let Some(live) = core.timeline.live()
@@ -152,8 +153,8 @@ fn bus_texts(core: &UiState) -> Vec<String> {
         let step = load.zip(time).map(|(load, time)| load.load_before(time, SECOND));
         match (bus.bit_rate(), step) {
             (Some(rate), Some(step)) => {
-                let share = step.bits.saturating_mul(100) / u64::from(rate).max(1);
-                format!("{name} {}k load {share} %", rate / 1_000)
+                let load = format_load(step.bits.into(), u128::from(SECOND.unsigned_abs()), rate);
+                format!("{name} {}k load {load} (1 s)", rate / 1_000)
             }
             (Some(rate), None) => format!("{name} {}k", rate / 1_000),
             (None, Some(step)) => format!("{name} {}/s", step.frames),

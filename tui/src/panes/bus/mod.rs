@@ -32,7 +32,7 @@ use crate::timeline::SurveyResults;
 use crate::widgets::bars::Bars;
 use crate::widgets::draw;
 use cobscope_decoder::answers::statistics::phrases::protocols_text;
-use cobscope_decoder::figures::{format_bits, format_millis, format_seconds};
+use cobscope_decoder::figures::{format_bits, format_load, format_millis, format_seconds};
 
 /// Width of the scale.
 const SCALE: u16 = 12;
@@ -208,7 +208,7 @@ impl BusPane {
             return;
         };
         let load = match rate {
-            Some(rate) => format!("{:.1} %", load_percent(content.bits, rate)),
+            Some(rate) => format_load(content.bits.into(), SECOND, rate),
             None => format!("{}/s", format_bits(u128::from(content.bits))),
         };
         let mut spans = vec![
@@ -262,7 +262,10 @@ fn moment_text(core: &UiState, time: i64) -> String {
     format!("{} s", format_seconds(Timestamp(time).since(core.first_time().unwrap_or_default())))
 }
 
-#[expect(clippy::cast_precision_loss, reason = "shown with a few digits")]
+/// One second in ns, the window of the bits of a column.
+const SECOND: u128 = 1_000_000_000;
+
+#[expect(clippy::cast_precision_loss, reason = "the height of a bar")]
 fn load_percent(bits: u64, rate: u32) -> f64 {
     bits as f64 * 100.0 / f64::from(rate.max(1))
 }

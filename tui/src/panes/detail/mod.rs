@@ -22,6 +22,7 @@ mod payload;
 mod services;
 mod text;
 
+use cobscope_decoder::event::EventProtocol;
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::EventPosition;
 use ratatui::buffer::Buffer;
@@ -250,9 +251,19 @@ fn title_text_lines(core: &UiState, reported: &DetailContent<'_>) -> Vec<Line<'s
     }
     place.push(row.bus.clone());
     place.extend(Some(reported.payload.title.clone()).filter(|title| !title.is_empty()));
-    place.extend(row.event.presumed.then(|| "presumed CANopen".to_owned()));
+    place.extend(row.event.presumed.then(|| presumed_text(row.event.protocol).to_owned()));
     let text = format!("{} {} {}", row.who, row.kind, row.what).trim_start().to_owned();
     vec![quiet(&place), Line::styled(text, core.theme.role_style(role_of(row.tone)))]
+}
+
+/// Protocol of an event that no evidence confirms so far.
+const fn presumed_text(protocol: EventProtocol) -> &'static str {
+    match protocol {
+        EventProtocol::Canopen => "presumed CANopen",
+        EventProtocol::J1939 => "presumed J1939",
+        EventProtocol::Uds => "presumed UDS",
+        _ => "presumed",
+    }
 }
 
 /// Date and time of a timestamp from 1973 on; earlier ones count from the start of the capture.

@@ -1,6 +1,7 @@
 //! One row of the table: its texts and its grade.
 
 use cobscope_decoder::event::EffectiveState;
+use cobscope_decoder::figures::seconds_to;
 use cobscope_decoder::frame::{BusIndex, CanId};
 use cobscope_decoder::wire::NodeId;
 
@@ -133,8 +134,7 @@ impl NodeRow {
 
 /// Nanoseconds as seconds with one decimal: `0.4`, `10.2`.
 pub fn format_seconds(nanoseconds: i64) -> String {
-    let tenths = nanoseconds.max(0) / 100_000_000;
-    format!("{}.{}", tenths / 10, tenths % 10)
+    seconds_to(nanoseconds.max(0), 1)
 }
 
 /// A limit in seconds with one or two decimals: `1.0`, `0.25`.

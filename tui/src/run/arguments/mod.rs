@@ -1,22 +1,20 @@
 //! Options that several subcommands have, their parsers, and texts of their help.
 
-mod duration;
 mod formats;
 mod input;
-mod size;
+mod quantities;
 
 use std::ffi::OsString;
 
 use clap::{Args, Command};
 
-pub use duration::{parse_duration, parse_side};
 pub use formats::{Color, FailOn, ReportFormat};
 pub use input::{
     EdsArg, InputArgs, NODE_HELP, NodeArg, NodeOption, ProtocolOption, SelectArgs, StampStyle,
     TimeUnitOption, node_choices, parse_count, parse_date,
 };
 pub(crate) use input::{filter_grammar, filter_help, finding_filter_help, from_help};
-pub use size::{parse_size, part_bytes};
+pub use quantities::{parse_duration, parse_side, parse_size, part_bytes};
 
 /// Exit statuses, as in the README.
 pub const EXIT_STATUS: &str = "\

@@ -2,7 +2,9 @@
 
 use std::borrow::Cow;
 
-use super::scale::{format_seconds, time_decimals};
+use cobscope_decoder::figures::seconds_to;
+
+use super::scale::time_decimals;
 use super::trace;
 use super::window::TimeWindow;
 use crate::bucket::SampleBucket;
@@ -144,6 +146,6 @@ impl<'a> TimePlot<'a> {
 
     /// A time in seconds with the resolution of the window.
     pub(super) fn time_text(&self, time: i64) -> String {
-        format_seconds(time, time_decimals(self.window.span() / 200).min(6))
+        seconds_to(time, time_decimals(self.window.span() / 200).min(6))
     }
 }

@@ -8,11 +8,12 @@
 //!     1.0   1.5 s
 //! ```
 
+use cobscope_decoder::figures::seconds_to;
 use ratatui::buffer::Buffer;
 
 use super::content::TimePlot;
 use super::places::{PlotAreas, PlotSection, UnitAxis};
-use super::scale::{format_seconds, time_decimals, time_step};
+use super::scale::{time_decimals, time_step};
 use crate::theme::{Glyph, LineCharacters, TextRole};
 use crate::widgets::draw;
 
@@ -107,7 +108,7 @@ fn draw_times(plot: &TimePlot<'_>, places: &PlotAreas, buf: &mut Buffer) {
         let Some(at) = u16::try_from(at).ok().filter(|at| *at < area.width) else { continue };
         let x = area.x + at;
         draw::put_text(buf, x, y, 1, tick_mark, border);
-        let label = format_seconds(time, decimals);
+        let label = seconds_to(time, decimals);
         let width = draw::text_width(&label);
         let start = x.saturating_sub(width / 2).max(area.x - places.left_width);
         if start >= free && start + width < unit {

@@ -120,7 +120,7 @@ pub fn time_step(least: u64) -> u64 {
 }
 
 /// Number of decimals that distinguishes times `step` ns apart.
-pub fn time_decimals(step: u64) -> usize {
+pub fn time_decimals(step: u64) -> u32 {
     let mut decimals = 0;
     let mut unit = SECOND;
     while unit > step.max(1) {
@@ -128,18 +128,6 @@ pub fn time_decimals(step: u64) -> usize {
         decimals += 1;
     }
     decimals
-}
-
-/// Nanoseconds as seconds.
-pub fn format_seconds(nanoseconds: i64, decimals: usize) -> String {
-    let unit = 10_u64.pow(9 - u32::try_from(decimals.min(9)).unwrap_or(9));
-    let rounded = nanoseconds.unsigned_abs().saturating_add(unit / 2) / unit;
-    let whole = SECOND / unit;
-    let sign = if nanoseconds < 0 && rounded > 0 { "-" } else { "" };
-    match decimals.min(9) {
-        0 => format!("{sign}{rounded}"),
-        decimals => format!("{sign}{}.{:0decimals$}", rounded / whole, rounded % whole),
-    }
 }
 
 #[cfg(test)]
@@ -220,10 +208,5 @@ mod tests {
             [1, 10, 1_000_000, 500_000_000, SECOND, 5 * SECOND].map(time_decimals),
             [9, 8, 3, 1, 0, 0]
         );
-        assert_eq!(format_seconds(1_234_567_890, 3), "1.235");
-        assert_eq!(format_seconds(-1_234_567_890, 0), "-1");
-        assert_eq!(format_seconds(-1, 3), "0.000");
-        assert_eq!(format_seconds(999_999_999, 2), "1.00");
-        assert_eq!(format_seconds(i64::MIN, 9), "-9223372036.854775808");
     }
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::event::{Event, EventKind, FrameRange, Kind};
 use crate::finding::{FindingSubject, Severity};
+use crate::frame::Timestamp;
 use crate::rules::rule::{declare_rule, define_tolerance};
 use crate::rules::{BusSecond, Rule, RuleContext, RulePolicy};
 use crate::wire::error_frame::ErrorFrameFields;
@@ -71,8 +72,19 @@ struct BusHealth {
     off: Arc<str>,
     /// Time and frame of the error frames of the last second.
     recent: VecDeque<(i64, u64)>,
-    /// Maximum number of error frames within a second since the last verdict, and their frames.
-    worst: (usize, FrameRange),
+    /// Maximum number of error frames within a second since the last verdict.
+    worst: ErrorBurst,
+    /// Time and frame of the last error frame: a verdict at a later time would prolong the disturbance.
+    last: Option<(Option<Timestamp>, u64)>,
+}
+
+/// Error frames within a second.
+#[derive(Default)]
+struct ErrorBurst {
+    count: usize,
+    frames: FrameRange,
+    /// Timestamp of the last one.
+    end: Option<Timestamp>,
 }
 
 fn new(policy: &RulePolicy) -> BusHealth {
@@ -86,7 +98,8 @@ fn new(policy: &RulePolicy) -> BusHealth {
         passive: "error passive".into(),
         off: "bus-off".into(),
         recent: VecDeque::new(),
-        worst: (0, FrameRange::default()),
+        worst: ErrorBurst::default(),
+        last: None,
     }
 }
 
@@ -119,11 +132,12 @@ impl BusHealth {
     }
 
     /// Adds an error frame to the sliding second.
-    fn add_error_frame(&mut self, frame: u64, context: &RuleContext<'_>) {
+    fn add_error_frame(&mut self, event: &Event, context: &RuleContext<'_>) {
+        let (now, frame) = (context.now, event.frames.last);
+        self.last = Some((event.time, frame));
         if !context.has_time {
             return;
         }
-        let now = context.now;
         while self.recent.len() >= KEPT
             || self.recent.front().is_some_and(|(time, _)| now.saturating_sub(*time) >= SECOND)
         {
@@ -131,27 +145,29 @@ impl BusHealth {
         }
         self.recent.push_back((now, frame));
         let count = self.recent.len();
-        if let Some((_, first)) = self.recent.front().filter(|_| count > self.worst.0) {
-            self.worst = (count, FrameRange { first: *first, last: frame });
+        if let Some((_, first)) = self.recent.front().filter(|_| count > self.worst.count) {
+            self.worst =
+                ErrorBurst { count, frames: FrameRange { first: *first, last: frame }, end: event.time };
         }
     }
 
     /// Judges the sliding seconds that ended since the last verdict.
     fn judge_errors(&mut self, second: &BusSecond, context: &mut RuleContext<'_>) {
-        let (count, frames) = std::mem::take(&mut self.worst);
+        let ErrorBurst { count, frames, end } = std::mem::take(&mut self.worst);
+        let last = self.last.and_then(|(time, _)| time);
         #[expect(clippy::cast_precision_loss, reason = "frames of a second")]
         let (errors, all) = (count as f64, second.errors as f64);
         let about = FindingSubject::Name(Arc::clone(&self.errors));
         if second.count >= ONLY_ERRORS && second.errors == second.count {
             let alarm = context
-                .fail_at(context.now, None, second.frames)
+                .fail_at_timestamp(last, None, second.frames)
                 .with_subject(about)
                 .with_measure(all)
                 .mark_certain();
             alarm.report_finding(|| format!("{all} error frames/s and no other frames (wrong bit rate?)"));
         } else if errors > self.in_second {
             self.recent.clear();
-            let alarm = context.fail_at(context.now, None, frames).with_subject(about);
+            let alarm = context.fail_at_timestamp(end, None, frames).with_subject(about);
             let limit = self.in_second;
             let alarm = alarm.with_severity(Severity::Warning).with_measure(errors).mark_certain();
             alarm.report_finding(|| format!("{errors} error frames/s (limit {limit}/s)"));
@@ -192,7 +208,7 @@ impl Rule for BusHealth {
         if let EventKind::CanError(error) = event.kind {
             self.on_controller_error(event, error, context);
             if error.classes & DISTURBED != 0 {
-                self.add_error_frame(event.frames.last, context);
+                self.add_error_frame(event, context);
             }
         }
     }
@@ -210,7 +226,7 @@ impl Rule for BusHealth {
 
     fn on_end(&mut self, context: &mut RuleContext<'_>) {
         // Errors after the last complete second.
-        if context.meter.has_varied && self.worst.0 > 0 {
+        if context.meter.has_varied && self.worst.count > 0 {
             self.judge_errors(&BusSecond::default(), context);
         }
         let (errors, frames) = (context.meter.errors, context.meter.frames);
@@ -223,9 +239,12 @@ impl Rule for BusHealth {
             return context.count_pass();
         }
         let about = FindingSubject::Name(Arc::clone(&self.errors));
-        let last = FrameRange::one(context.bus.last_frame());
-        let alarm =
-            context.fail_at(context.now, None, last).with_subject(about).with_severity(Severity::Warning);
+        let (time, frame) =
+            self.last.unwrap_or((context.timestamp_of(context.now), context.bus.last_frame()));
+        let alarm = context
+            .fail_at_timestamp(time, None, FrameRange::one(frame))
+            .with_subject(about)
+            .with_severity(Severity::Warning);
         let limit = self.share;
         alarm
             .mark_certain()
