@@ -59,7 +59,7 @@ fn read(text: &[u8]) -> Result<(Vec<Frame>, Vec<Notice>), String> {
 }
 
 fn essence(frame: &Frame) -> String {
-    let data: String = frame.data().iter().map(|byte| format!("{byte:02X}")).collect();
+    let data = frame.data().iter().fold(String::new(), |text, byte| format!("{text}{byte:02X}"));
     format!("{}#{data}", frame.id)
 }
 

@@ -49,7 +49,7 @@ struct Sent {
     id: CanId,
     data: Vec<u8>,
     is_remote: bool,
-    is_sent: bool,
+    is_transmitted: bool,
     bus: u8,
 }
 
@@ -150,6 +150,7 @@ impl Drawn {
     }
 }
 
+#[expect(clippy::too_many_lines, reason = "one draw after the other")]
 fn draw_layout(draw: &mut Draw) -> Drawn {
     let shape =
         draw.pick(&[Shape::Words, Shape::Words, Shape::Table, Shape::Table, Shape::Labels, Shape::Lines]);
@@ -350,7 +351,7 @@ fn draw_frames(draw: &mut Draw, drawn: &Drawn) -> Vec<Sent> {
                 data: (0..size).map(|_| u8::try_from(draw.below(256)).unwrap()).collect(),
                 is_remote: false,
                 // `R` alone may be a direction or a remote frame.
-                is_sent: if number < 2 { number == 0 } else { draw.percent(30) },
+                is_transmitted: if number < 2 { number == 0 } else { draw.percent(30) },
                 bus: u8::try_from(1 + draw.below(2)).unwrap(),
             }
         })
@@ -433,7 +434,9 @@ fn field(drawn: &Drawn, column: Column, frame: &Sent, before: i64, number: usize
         Column::Time => time_text(rounded(frame.time, drawn.time), before, drawn.time),
         Column::Bus if drawn.shape == Shape::Words => format!("can{}", frame.bus),
         Column::Bus => frame.bus.to_string(),
-        Column::Direction => (if frame.is_sent { drawn.direction.1 } else { drawn.direction.0 }).into(),
+        Column::Direction => {
+            (if frame.is_transmitted { drawn.direction.1 } else { drawn.direction.0 }).into()
+        }
         Column::Kind => (if matches!(frame.id, CanId::Extended(_)) { "Ext" } else { "Std" }).into(),
         Column::Name => ["Motor_Status", "Lift", "Pump_2x", "Steering"][frame.data.len() % 4].into(),
         Column::Id => cased(id_text(frame.id, drawn.id)),
@@ -498,7 +501,9 @@ fn write_capture(draw: &mut Draw, drawn: &Drawn, frames: &[Sent]) -> String {
             })
             .collect();
         if drawn.shape == Shape::Lines {
-            values.iter().for_each(|value| line(value));
+            for value in &values {
+                line(value);
+            }
         } else {
             line(&values.join(drawn.separator));
         }
@@ -542,7 +547,7 @@ fn difference(drawn: &Drawn, sent: &[Sent], frames: &[Frame], buses: &[String]) 
             first = 0;
         }
         let directions = found.flags.0 & (FrameFlags::TRANSMITTED.0 | FrameFlags::RECEIVED.0);
-        let direction = match (drawn.has(Column::Direction), sent.is_sent) {
+        let direction = match (drawn.has(Column::Direction), sent.is_transmitted) {
             (false, _) => 0,
             (true, true) => FrameFlags::TRANSMITTED.0,
             (true, false) => FrameFlags::RECEIVED.0,

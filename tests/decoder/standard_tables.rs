@@ -123,7 +123,7 @@ fn message_line(event: &Event) -> Option<String> {
 }
 
 fn hex(data: &[u8]) -> String {
-    data.iter().map(|byte| format!("{byte:02X}")).collect()
+    data.iter().fold(String::new(), |text, byte| format!("{text}{byte:02X}"))
 }
 
 fn signal_json(signal: &DecodedSignal<'_>) -> Value {

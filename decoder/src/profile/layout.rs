@@ -3,7 +3,7 @@
 //! A layout is immutable; a new configuration creates a new one. An event that holds layout and payload can
 //! therefore be decoded later without the object store.
 
-use std::fmt;
+use std::fmt::{self, Write as _};
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 use std::sync::Arc;
@@ -415,7 +415,10 @@ impl SignalField {
             (_, Some(NumberFormat::DecimalPairs)) => {
                 // FF: not available.
                 let digits = bytes.iter().take_while(|byte| **byte <= 99);
-                DecodedValue::Text(digits.map(|byte| format!("{byte:02}")).collect())
+                DecodedValue::Text(digits.fold(String::new(), |mut text, byte| {
+                    let _ = write!(text, "{byte:02}");
+                    text
+                }))
             }
             (DataType::VisibleString, _) => DecodedValue::Text(padded_text(bytes)),
             (data_type, _) => data_type.decode(bytes),

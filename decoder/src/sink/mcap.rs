@@ -150,20 +150,18 @@ impl<W: Write + Send> McapSink<W> {
         let schema = json_schema(&name, carried.layout, &keys);
         let labels = keys.iter().map(|_| values::LabelCache::default()).collect();
         let layout = Arc::clone(carried.layout);
-        let place = match self.topics.get(&(carried.group, schema.clone())).copied() {
-            Some(place) => {
-                if let Some(known) = self.groups.get_mut(place) {
-                    (known.layout, known.labels) = (layout, labels);
-                }
-                place
+        let known = self.topics.get(&(carried.group, schema.clone())).copied();
+        let place = if let Some(place) = known {
+            if let Some(group) = self.groups.get_mut(place) {
+                (group.layout, group.labels) = (layout, labels);
             }
-            None => {
-                let topic = self.file.json_topic(&format!("/{name}"), &name.replace('/', "."), &schema)?;
-                let place = self.groups.len();
-                self.groups.push(ValueGroup { topic, layout, keys, labels });
-                self.topics.insert((carried.group, schema), place);
-                place
-            }
+            place
+        } else {
+            let topic = self.file.json_topic(&format!("/{name}"), &name.replace('/', "."), &schema)?;
+            let place = self.groups.len();
+            self.groups.push(ValueGroup { topic, layout, keys, labels });
+            self.topics.insert((carried.group, schema), place);
+            place
         };
         self.present.insert(carried.group, place);
         Ok(place)

@@ -67,7 +67,7 @@ impl App {
                 Some(Action::Up) => *scroll = scroll.saturating_sub(1),
                 Some(Action::PageDown) => *scroll += usize::from(self.panes.area.height / 2),
                 Some(Action::PageUp) => {
-                    *scroll = scroll.saturating_sub(usize::from(self.panes.area.height / 2))
+                    *scroll = scroll.saturating_sub(usize::from(self.panes.area.height / 2));
                 }
                 _ => self.mode = InputMode::Panes,
             },
@@ -210,25 +210,17 @@ impl App {
             Action::Copy => self.copy_line(),
             Action::Theme => next_theme(&mut self.core),
             Action::Clear => self.clear_pane(),
+            _ => self.move_or_pass(action),
+        }
+    }
+
+    /// Performs an action of the history, else passes it to the focused pane.
+    fn move_or_pass(&mut self, action: Action) {
+        match action {
             Action::Undo => self.step_history(true),
             Action::Redo => self.step_history(false),
             Action::Back => self.go_back(),
-            Action::Up
-            | Action::Down
-            | Action::Left
-            | Action::Right
-            | Action::PageUp
-            | Action::PageDown
-            | Action::Top
-            | Action::Bottom
-            | Action::Open
-            | Action::Toggle
-            | Action::Sort
-            | Action::Highlight
-            | Action::Plot
-            | Action::ZoomIn
-            | Action::ZoomOut
-            | Action::SetCursor => self.pass_action(action),
+            _ => self.pass_action(action),
         }
     }
 

@@ -66,6 +66,16 @@ impl<P> ReadCapture<P> {
     }
 }
 
+/// State of a capture after its last read frame.
+struct CaptureEnd {
+    has_frames: bool,
+    failure: Option<anyhow::Error>,
+    /// The first unreadable line.
+    unreadable: Option<String>,
+    /// Number of incomplete ends.
+    cut_off: u64,
+}
+
 /// Position and reason of the first unreadable line or record of a batch.
 fn first_unreadable(notices: &[(usize, Notice)], frames: &SeriesFrames) -> Option<String> {
     let is_unreadable = |(_, notice): &&(usize, Notice)| matches!(notice, Notice::Unreadable { .. });
@@ -165,6 +175,19 @@ impl<'a> CaptureJob<'a> {
             frames.update_progress();
         }
         frames.finish_progress();
+        let end = CaptureEnd { has_frames, failure, unreadable, cut_off };
+        self.finish_reading(reading, &frames, end)
+    }
+
+    /// Ends a reading, and returns what it says.
+    fn finish_reading<P: ReadingPart>(
+        &self,
+        mut reading: Reading<P>,
+        frames: &SeriesFrames,
+        end: CaptureEnd,
+    ) -> anyhow::Result<ReadCapture<P>> {
+        let CaptureEnd { has_frames, failure, unreadable, cut_off } = end;
+        let name = self.series.name();
         reading.close(frames.buses());
         // After an incomplete read not all buses are known.
         let is_done = reading.is_done();

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::event::{Event, EventKind, MonitoringMethod};
 use crate::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
 use crate::session::bus::Bus;
-use crate::session::{BusDecoder, SessionOptions};
+use crate::session::{BusDecoder, Node, SessionOptions};
 use crate::wire::NodeId;
 
 const MS: i64 = 1_000_000;
@@ -39,7 +39,7 @@ fn life(mut frames: Vec<TimedFrame>) -> (Vec<Change>, bool) {
             changes.push((is_loss, silence.others_continue, silence.gap / MS, silence.monitored_by));
         });
     }
-    let is_lost = bus.bus().node(NodeId::Canopen(9)).is_some_and(|node| node.is_lost());
+    let is_lost = bus.bus().node(NodeId::Canopen(9)).is_some_and(Node::is_lost);
     (changes, is_lost)
 }
 
@@ -69,14 +69,14 @@ fn a_heartbeat_that_stops_while_pdos_continue_is_missing_and_the_node_is_not_los
         };
         let by = MonitoringMethod::Heartbeat;
         // Heartbeats 0 to 4, PDOs until the end: reported once, no return by a PDO.
-        let (changes, is_lost) = life(frames(&[0..5], 0..end));
+        let (changes, is_lost) = life(frames(std::slice::from_ref(&(0..5)), 0..end));
         assert_eq!((changes, is_lost), (vec![(true, true, 2 * period, by)], false), "{period} {pdo}");
         // The heartbeat is back with its real gap.
         let (changes, is_lost) = life(frames(&[0..5, 8..10], 0..end));
         let back = (false, true, 4 * period, by);
         assert_eq!((changes, is_lost), (vec![(true, true, 2 * period, by), back], false), "{period} {pdo}");
         // PDOs stop with the heartbeat: the node is lost.
-        let (changes, is_lost) = life(frames(&[0..5], 0..4 * period + 1));
+        let (changes, is_lost) = life(frames(std::slice::from_ref(&(0..5)), 0..4 * period + 1));
         let [(true, false, _, lost_by)] = changes[..] else { panic!("{period} {pdo}: {changes:?}") };
         assert!(is_lost && lost_by == by);
     }

@@ -164,7 +164,7 @@ impl PairSearch {
 }
 
 /// Whether the user named the device at one end of a link, or one end sends on a known link: the other end is a further
-/// server, or one that changed its address.
+/// server, or has changed its address.
 pub(in crate::session) fn has_known_end(link: UdsLink, cx: &MachineContext<'_>) -> bool {
     if cx.bus.routes.has_sender_of(link) {
         return true;

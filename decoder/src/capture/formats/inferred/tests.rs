@@ -1,5 +1,7 @@
 //! Tokens, names of columns, units and stated columns. Whole layouts are in `tests/decoder/layouts.rs`.
 
+use std::fmt::Write as _;
+
 use super::facts::infer_unit;
 use super::token::{Dialect, TokenKind, Tokens};
 use super::words::{column_name, is_bus_name};
@@ -118,12 +120,7 @@ fn stated_columns_print_as_they_are_parsed() {
 fn the_size_of_the_pieces_does_not_matter() {
     let mut text = String::from("started\n");
     for number in 0..4_000 {
-        text.push_str(&format!(
-            "{}.{:03} Rx 181 2 {:02X} 02\n",
-            number / 1_000,
-            number % 1_000,
-            number % 256
-        ));
+        let _ = writeln!(text, "{}.{:03} Rx 181 2 {:02X} 02", number / 1_000, number % 1_000, number % 256);
     }
     text.push_str("ID 5\nend of the list\n");
     let whole = read_capture(text.as_bytes());

@@ -193,7 +193,7 @@ impl Rule for DuplicateNodeId {
                 self.on_heartbeat(event, node, *state, context);
             }
             (EventKind::SdoTransfer(transfer), Some(node)) => {
-                self.on_transfer(event, node, transfer, context)
+                self.on_transfer(event, node, transfer, context);
             }
             (EventKind::BootUp { cause, .. }, Some(node)) => self.on_boot(event, node, *cause, context),
             (EventKind::NmtCommand { target: 0, .. }, _) => self.watches = NodeMap::default(),

@@ -60,7 +60,7 @@ fn other_cob_id(node: &Node, name: PdoName, subject: GatedSetPoint<'_>) -> Optio
         status: GateStatus::Closed,
         detail,
         id: Some(id),
-        check: "send the commands on the configured COB-ID, or configure the one that is sent",
+        check: "send the commands on the configured COB-ID, or configure the COB-ID of the commands",
         source: "CiA 301 §7.5.2.35",
     })
 }

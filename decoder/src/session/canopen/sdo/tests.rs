@@ -52,7 +52,7 @@ fn a_response_belongs_to_a_missing_request_if_there_was_time_for_it() {
         let (all, stored) = transfers(&frames);
         let is_second = after <= 3_000;
         assert_eq!(all[1].is_unrequested, is_second, "{after} µs");
-        assert_eq!(all[1].cut_start, true);
+        assert!(all[1].cut_start);
         assert_eq!(stored, Some(if is_second { 1 } else { 2 }), "{after} µs");
         // A request in between: each response has its own.
         let [first, second, third] = frames;

@@ -54,8 +54,8 @@ pub fn has_valid_command(data: &[u8], side: SdoSide) -> bool {
     match (command >> 5, side) {
         (0, _) => true,
         (1, SdoSide::Client) | (2, SdoSide::Server) => is_initiate(*command),
-        (1, SdoSide::Server) | (3, SdoSide::Client) => command & 0x0F == 0,
-        (2, SdoSide::Client) | (3, SdoSide::Server) | (4, _) => command & 0x1F == 0,
+        (1, SdoSide::Server) | (3, SdoSide::Client) => command.trailing_zeros() >= 4,
+        (2, SdoSide::Client) | (3, SdoSide::Server) | (4, _) => command.trailing_zeros() >= 5,
         (5, SdoSide::Client) => command & 0x1B == 0 || matches!(command & 0x1F, 1..=3),
         (5, SdoSide::Server) => command & 0x1B == 0 || matches!(command & 0x1F, 1 | 2),
         (6, _) => command & 0x19 == 0 || command & 3 == 1,
