@@ -105,7 +105,7 @@ const WEB_LAYERS: &[(&str, &[&str])] = &[
             "overview", "plot", "report", "request", "rows", "search", "seek", "state", "survey",
         ],
     ),
-    ("abi", &["files"]),
+    ("abi", &["files", "session"]),
 ];
 
 #[test]

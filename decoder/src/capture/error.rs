@@ -17,7 +17,7 @@ pub enum CaptureError {
         /// The first bytes, escaped.
         found: String,
     },
-    /// Another kind of file, or a capture in a form that is not read.
+    /// Another kind of file, or a capture in an unsupported form.
     #[error("{name}, not a capture in a known format; {remedy}")]
     Foreign {
         /// The kind of file, with its article.

@@ -5,7 +5,7 @@
 
 use super::text::line_format::first_lines;
 
-/// A kind of file that is not read as a capture.
+/// A kind of file without frames for this program.
 #[derive(Debug, PartialEq, Eq)]
 pub struct ForeignFile {
     /// The kind, with its article: `a ZIP archive`.
@@ -152,7 +152,7 @@ const TEXTS: &[TextSigns] = &[
 /// Number of lines at the start that are compared with [`TEXTS`].
 const DETECTING_LINES: usize = 60;
 
-/// Kind of a file that is not a capture, by its first bytes and the suffix of its name; `None` if it is unknown.
+/// Kind of another file, by its first bytes and the suffix of its name; `None` if it is unknown.
 pub fn foreign_file(head: &[u8], suffix: Option<&str>) -> Option<&'static ForeignFile> {
     let has = |(at, sign, _): &&(usize, &[u8], ForeignFile)| {
         head.get(*at..).is_some_and(|bytes| bytes.starts_with(sign))

@@ -71,7 +71,7 @@ impl<'a> PlacementWalk<'a> {
         Some(())
     }
 
-    /// Number of repetitions; a count that is not available is 0.
+    /// Number of repetitions; 0 if the count is unavailable.
     fn repetitions(&self, count: Option<usize>) -> u64 {
         let Some(line) = count else { return u64::MAX };
         let number = self.numbers.get(line).copied().unwrap_or(0);

@@ -62,7 +62,7 @@ fn repeated_fields_have_numbers() {
             "Age of DGNSS Corrections 2 = 0.02 s"
         ]
     );
-    // A count that is not available is none, and a payload that ends early has only the complete fields.
+    // An unavailable count is none, and a payload that ends early has only the complete fields.
     payload[42] = 0xFF;
     assert!(values(Standard::Nmea2000, 129_029, &payload).last().unwrap().starts_with("Reference Stations"));
     payload[42] = 2;

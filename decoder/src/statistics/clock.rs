@@ -7,7 +7,7 @@
 
 use crate::frame::{Frame, Timestamp};
 
-/// Longest backward step that is not a change of the clock: frames of several adapters overtake each other, in ns.
+/// Longest backward step without a change of the clock: frames of several adapters overtake each other, in ns.
 const JITTER: i64 = 1_000_000_000;
 
 /// Longest step of a clock in ns, 100 years: an earlier timestamp follows a damaged one.

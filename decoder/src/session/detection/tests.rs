@@ -309,7 +309,7 @@ fn few_frames_are_held_and_not_for_long() {
     assert_eq!(emergencies(&push(&mut bus, [(0x703, vec![0x7F], 10_001)])).0, []);
 }
 
-/// Frames of a car on SDO identifiers: a command that is not defined, and none that is answered.
+/// Frames of a car on SDO identifiers: undefined commands without a response.
 #[test]
 fn a_car_does_not_become_canopen_by_its_identifiers() {
     let mut bus = of_file("");

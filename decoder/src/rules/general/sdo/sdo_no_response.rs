@@ -13,7 +13,7 @@ declare_rule! {
     /// # What it checks
     /// An SDO request has no response, or the response to an expedited transfer is later than `warning-ms`. A
     /// client that aborts, or repeats its request after more than `warning-ms`, also had no response; without
-    /// timestamps, one that repeats its request after frames of others. Store and restore commands (1010, 1011)
+    /// timestamps, a client repeating its request after frames of others. Store and restore commands (1010, 1011)
     /// have their own limit, and stopped nodes are exempt.
     ///
     /// # Why it matters
