@@ -222,6 +222,9 @@ impl<'a> RowReader<'a> {
             bus = bus.or(words.bus.filter(|(of, _)| usize::from(*of) == LAST_SLOT));
         }
         if positions == 0 && letters == 0 && bus.is_none() {
+            if self.after.is_none() && at + count >= self.tokens.len() {
+                self.take_remote_word(at);
+            }
             return at + count;
         }
         for (index, token) in self.tokens.iter().skip(at).take(count).enumerate() {
@@ -241,6 +244,16 @@ impl<'a> RowReader<'a> {
             }
         }
         at + count
+    }
+
+    /// A line without data that ends with the word of a remote frame is one, although no column has such words: it is no
+    /// empty data frame.
+    fn take_remote_word(&mut self, at: usize) {
+        let words = self.tokens.iter().skip(at).map(|token| word_meaning(token.text(self.line)));
+        let is_remote = |meaning| matches!(meaning, Some(WordMeaning::Flags(flags)) if flags.contains(FrameFlags::REMOTE));
+        if words.into_iter().any(is_remote) {
+            self.flags = self.flags.with(FrameFlags::REMOTE);
+        }
     }
 
     fn apply_letter(&mut self, letter: u8, letters: u8) {
