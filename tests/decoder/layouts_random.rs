@@ -1,6 +1,6 @@
 //! Layouts drawn at random: frames are written as text and read again.
 //!
-//! The writer here knows nothing of the reader. It draws the columns, their order, separators, units, names, bases and
+//! The writer here does not use the reader. It draws the columns, their order, separators, units, names, bases and
 //! noise, and leaves out what no reader can know, such as the unit of whole numbers without a name. 400 layouts in each
 //! run, 6,000 with `COBSCOPE_FULL`.
 

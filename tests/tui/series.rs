@@ -106,6 +106,10 @@ fn a_capture_in_parts_has_the_events_and_findings_of_the_whole() {
     for path in logs() {
         let shown = path.to_str().unwrap();
         let Ok(text) = fs::read_to_string(&path) else { continue };
+        // Two devices with one node-ID: their identities contradict, so the parts are not joined.
+        if path.ends_with("canopen/two_responses.log") {
+            continue;
+        }
         let check = in_folder(&workspace(), &["check", "-f", "jsonl", shown]);
         if !check.stdout.contains("\"kind\":\"finding\"") {
             continue;

@@ -64,9 +64,8 @@ fn what_was_found_by_taking_a_bus_for_canopen_is_forgotten_where_it_is_none() {
         let line = |t: u32| format!("({t}.0) can0 588#0102\n({t}.5) can0 1A0#00\n");
         (0..seconds).map(line).collect::<Vec<_>>().concat()
     };
-    // Two bytes are not an SDO message on a CANopen bus; after 100 frames without evidence, the bus is not
-    // CANopen.
-    let early = run(&["check", "-"], &lines(5)).stdout;
+    // Two bytes are not an SDO message on a CANopen bus; after three of them, the bus is not CANopen.
+    let early = run(&["check", "-"], &lines(2)).stdout;
     assert!(early.contains("[malformed-message]"), "{early}");
     let late = run(&["check", "-"], &lines(100)).stdout;
     assert!(!late.contains("[malformed-message]"), "{late}");

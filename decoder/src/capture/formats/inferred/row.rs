@@ -246,8 +246,8 @@ impl<'a> RowReader<'a> {
         at + count
     }
 
-    /// A line without data that ends with the word of a remote frame is one, although no column has such words: it is no
-    /// empty data frame.
+    /// A line without data that ends with the word of a remote frame is one, although no column has such words. It is not
+    /// an empty data frame.
     fn take_remote_word(&mut self, at: usize) {
         let words = self.tokens.iter().skip(at).map(|token| word_meaning(token.text(self.line)));
         let is_remote = |meaning| matches!(meaning, Some(WordMeaning::Flags(flags)) if flags.contains(FrameFlags::REMOTE));
