@@ -24,7 +24,7 @@ const UNSUPPORTED_NODES: u32 = 20;
 /// Contradictions after which CANopen is rejected.
 const CONTRADICTION_LIMIT: u32 = 3;
 
-/// Frames on SDO identifiers that are no SDO after which CANopen is rejected, without evidence.
+/// Frames on SDO identifiers with other content after which CANopen is rejected, without evidence.
 const FOREIGN_SDO_LIMIT: u32 = 3;
 
 /// Result of the detection.
@@ -47,7 +47,7 @@ pub(in crate::session) struct CanopenDetection {
     has_presumed: bool,
     evidence: u32,
     contradictions: u32,
-    /// Frames on SDO identifiers that are no SDO.
+    /// Frames on SDO identifiers with other content.
     foreign_sdo: u32,
     unsupported: u32,
     unsupported_nodes: u128,
