@@ -105,7 +105,8 @@ fn what_can_be_read_is_read() {
         let error = outcome.error.unwrap_or_default();
         assert!(error.ends_with(end) && error.is_empty() == end.is_empty(), "{name}: {error}");
         assert!(outcome.written < 1 << 20, "{name}: {} bytes", outcome.written);
-        assert!(outcome.footprint < 512 << 10, "{name}: {} bytes", outcome.footprint);
+        // 70 buses, each with its own searches for evidence, need the most.
+        assert!(outcome.footprint < 544 << 10, "{name}: {} bytes", outcome.footprint);
     }
 }
 

@@ -434,7 +434,9 @@ fn what_could_not_be_read_is_reported() {
         assert_eq!((cut.code, cut.stderr), (3, stated), "{words:?}");
         let lines = run(&[words, &[LINES]].concat(), "").stderr;
         let stated = format!("cobscope: {LINES}: 35 lines or records unreadable (first: line ");
-        assert!(lines.starts_with(&stated) && lines.lines().count() == 1, "{lines}");
+        // One identifier of the readable lines is undecoded, which is a line of its own.
+        let reports = lines.lines().filter(|line| line.contains("unreadable")).count();
+        assert!(lines.starts_with(&stated) && reports == 1, "{lines}");
     }
 }
 

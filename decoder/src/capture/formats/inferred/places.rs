@@ -15,13 +15,13 @@ const MOST_WORDS: usize = 24;
 
 /// Words at one position of all lines.
 #[derive(Debug, Clone, Default)]
-struct PlaceWords {
+struct ColumnWordSet {
     words: Vec<(Vec<u8>, usize)>,
     total: usize,
     others: usize,
 }
 
-impl PlaceWords {
+impl ColumnWordSet {
     fn add_word(&mut self, word: &[u8]) {
         self.total += 1;
         let lower = word.to_ascii_lowercase();
@@ -73,7 +73,8 @@ impl WordPlaces {
 
 /// Positions with a meaning in the lines with data; `roles` are those of the cells or of the numbers before the data.
 pub(super) fn word_places(sample: &Sample, data: &DataPlaces, roles: &[ColumnRole]) -> WordPlaces {
-    let mut found: Vec<Vec<PlaceWords>> = vec![vec![PlaceWords::default(); WORD_POSITIONS]; MOST_COLUMNS];
+    let mut found: Vec<Vec<ColumnWordSet>> =
+        vec![vec![ColumnWordSet::default(); WORD_POSITIONS]; MOST_COLUMNS];
     let mut letters: Vec<Vec<(u8, usize)>> = vec![Vec::new(); MOST_COLUMNS];
     let has_cells = sample.dialect.cell.is_some();
     for (index, at) in &data.places {
