@@ -55,6 +55,7 @@ impl<P> ReadCapture<P> {
     }
 
     /// The capture with another part.
+    #[cfg(feature = "parquet")]
     pub fn map<Q>(self, change: impl FnOnce(P) -> Q) -> ReadCapture<Q> {
         let Self { summary, format, failure, warnings, unreadable } = self;
         ReadCapture { summary: summary.map(change), format, failure, warnings, unreadable }
