@@ -115,7 +115,7 @@ impl NmtStatus {
         )
     }
 
-    /// Monotonic time of the frame that changed the state, in ns, as in [`super::Bus::now`].
+    /// Monotonic time of the frame that changed the state, in ns, as in [`crate::session::Bus::now`].
     pub fn changed_at(&self) -> i64 {
         self.since
     }
