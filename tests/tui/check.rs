@@ -48,13 +48,13 @@ fn the_page() {
     assert_eq!(
         lines[1],
         "error    can0 5/05  no heartbeat after {10} (last state pre-operational) for 1.1 s; \
-         check supply, cable and load of the node [node-lost]"
+         check supply and cable of the node if all its messages are missing, otherwise its heartbeat time (1017) and load [node-lost]"
     );
     assert_eq!(lines[2], "         at 0.970 s {10}");
     assert_eq!(
         lines[3],
         "warning  can0 5/05  heartbeat interval 170 ms > 150 ms (1.5 × 1017:00); \
-         check supply, cable and load of the node [node-lost]"
+         check supply and cable of the node if all its messages are missing, otherwise its heartbeat time (1017) and load [node-lost]"
     );
     let readme = fs::read_to_string(workspace().join("README.md")).unwrap();
     assert!(readme.contains(&lines[..5].join("\n")));

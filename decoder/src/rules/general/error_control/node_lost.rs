@@ -21,8 +21,8 @@ declare_rule! {
     /// CiA 301 §7.2.8.2.2 (node guarding, heartbeat), §7.5.2.12, §7.5.2.20
     ///
     /// # What to look at first
-    /// Check supply, cable and load of the node. Check its last EMCY and state, whether other nodes are
-    /// silent too, and the error frames before.
+    /// Check supply and cable of the node if all its messages are missing, otherwise its heartbeat time (1017)
+    /// and load. Check its last EMCY and state, whether other nodes are silent too, and the error frames before.
     ///
     /// # Mutation
     /// drop all frames of a node in the second half
