@@ -80,6 +80,7 @@ export class Page implements App {
       document.body.classList.remove("over");
       void this.take([...(event.dataTransfer?.files ?? [])]);
     });
+    addEventListener("paste", (event) => this.paste(event));
     addEventListener("keydown", (event) => this.key(event));
     // A move that was under way may have written its own link over the address by now.
     addEventListener("hashchange", (event) => this.follow(new URL(event.newURL).hash));
@@ -97,7 +98,7 @@ export class Page implements App {
         "main",
         { class: "welcome" },
         h("h1", {}, "cobscope"),
-        h("p", { class: "lead" }, "Drop a CAN capture here. It is decoded and checked in this browser and never leaves this computer."),
+        h("p", { class: "lead" }, "Drop a CAN capture here, or paste its lines. It is decoded and checked in this browser and never leaves this computer."),
         error && h("p", { class: "banner error", role: "alert" }, error),
         h("label", { class: "choose", for: "files" }, "Choose files"),
         this.input,
@@ -139,6 +140,16 @@ export class Page implements App {
     this.input.value = "";
     document.title = "cobscope";
     this.welcome(error);
+  }
+
+  /** Text or files of the clipboard are read like dropped ones, except in a field of the page. */
+  private paste(event: ClipboardEvent): void {
+    if (event.target instanceof HTMLInputElement || event.target instanceof HTMLTextAreaElement) return;
+    const files = [...(event.clipboardData?.files ?? [])];
+    const text = event.clipboardData?.getData("text/plain") ?? "";
+    if (files.length === 0 && text.trim() === "") return;
+    event.preventDefault();
+    void this.take(files.length > 0 ? files : [new File([text], "pasted.txt")]);
   }
 
   /** Files were dropped or chosen: captures replace those that are open, others are added to them. */

@@ -264,6 +264,20 @@ test("a bus file beside the capture names its nodes", async (browser) => {
   await context.close();
 });
 
+test("pasted lines are read like a file", async (browser) => {
+  const { context, page, problems } = await open(browser, html);
+  const text = readFileSync(fixture("layouts/german-head.txt"), "utf8");
+  await page.evaluate((lines) => {
+    const clipboardData = new DataTransfer();
+    clipboardData.setData("text/plain", lines);
+    dispatchEvent(new ClipboardEvent("paste", { clipboardData }));
+  }, text);
+  await page.waitForFunction(() => document.getElementById("app").className.startsWith("open"));
+  assert((await page.title()).includes("pasted.txt"), `title: ${await page.title()}`);
+  equal(problems, [], "problems");
+  await context.close();
+});
+
 test("hostile files leave an inert page", async (browser) => {
   const markup = "<img src=x onerror=alert(1)>";
   const name = `${markup.replace("/", "")}.log`;
