@@ -58,6 +58,8 @@ struct Captures {
     pcap: PathBuf,
     pcapng: PathBuf,
     mcap: PathBuf,
+    columns: PathBuf,
+    cells: PathBuf,
     devices: PathBuf,
     engine: PathBuf,
     frames: usize,
@@ -77,7 +79,7 @@ struct Stage {
 /// Name of the stage that all others are compared with.
 const FLOOR: &str = "newline count";
 
-const STAGES: [(&str, Run); 33] = [
+const STAGES: [(&str, Run); 35] = [
     (FLOOR, |captures| count_newlines(&captures.normal)),
     ("candump, frames only", |captures| read(&captures.normal)),
     ("candump to events", |captures| decode(&captures.normal, &mut ignore)),
@@ -113,6 +115,8 @@ const STAGES: [(&str, Run); 33] = [
     ("mcap crate alone, lz4", |captures| crate_alone(captures, Some(mcap::Compression::Lz4))),
     ("mcap crate alone, zstd", |captures| crate_alone(captures, Some(mcap::Compression::Zstd))),
     ("MCAP, zstd, frames only", |captures| read(&captures.mcap)),
+    ("inferred columns, frames only", |captures| read(&captures.columns)),
+    ("inferred cells, frames only", |captures| read(&captures.cells)),
 ];
 
 fn main() -> Outcome {
@@ -192,6 +196,8 @@ fn captures(folder: &Path, frames: usize) -> io::Result<Captures> {
         frames,
         first: first(&normal_path)?,
         mcap: to_mcap(&normal_path, &folder.join("normal.mcap"))?,
+        columns: to_layout(&normal_path, &folder.join("columns.txt"), ' ')?,
+        cells: to_layout(&normal_path, &folder.join("cells.txt"), ';')?,
         normal: normal_path,
         mapped: write("mapped.log", Format::Candump, Options { mapping: true, ..normal })?,
         storm: write("storm.log", Format::Candump, Options { storm: true, ..normal })?,
@@ -210,6 +216,32 @@ fn write(path: &Path, format: Format, messages: impl Iterator<Item = Message>) -
     }
     out.flush()?;
     Ok(path.to_owned())
+}
+
+/// Writes the frames of the capture as text without a known format: with blanks between the columns, or with names and cells.
+fn to_layout(from: &Path, to: &Path, separator: char) -> io::Result<PathBuf> {
+    let mut reader =
+        CaptureReader::open(File::open(from)?, &ReadOptions::default()).map_err(io::Error::other)?;
+    let mut out = BufWriter::with_capacity(CHUNK, File::create(to)?);
+    if separator != ' ' {
+        writeln!(out, "Time [s]{separator}Dir{separator}ID{separator}Len{separator}Data")?;
+    }
+    let mut batch = Batch::new();
+    while reader.read(&mut batch).map_err(io::Error::other)? {
+        for frame in batch.frames() {
+            let time = frame.time.unwrap_or_default().0 / 1_000;
+            let (seconds, fraction) = (time / 1_000_000, time % 1_000_000);
+            write!(out, "{seconds}.{fraction:06}{separator}Rx{separator}{:X}", frame.id.number())?;
+            write!(out, "{separator}{}", frame.length)?;
+            for (index, byte) in frame.data().iter().enumerate() {
+                let before = if index == 0 { separator } else { ' ' };
+                write!(out, "{before}{byte:02X}")?;
+            }
+            writeln!(out)?;
+        }
+    }
+    out.flush()?;
+    Ok(to.to_owned())
 }
 
 /// Converts the capture to MCAP.

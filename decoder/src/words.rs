@@ -6,6 +6,12 @@
 
 use std::fmt::Display;
 
+/// Statement on a capture whose dates are local times, without a stated time zone.
+pub const UNKNOWN_ZONE: &str = "local time, zone unknown: times read as UTC; --time-zone ZONE states it";
+
+/// Statement on a capture that contains messages without the frames that carried them.
+pub const NO_FRAMES: &str = "no frames: messages of ISO-TP, their frames built again with the time of the message; transport not judged";
+
 /// A count with its noun in singular or plural: `1 error`, `2 errors`.
 pub fn count_noun<N: Copy + Display + PartialEq + From<u8>>(count: N, what: &str) -> String {
     let ending = if count == N::from(1) { "" } else { "s" };

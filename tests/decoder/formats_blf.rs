@@ -8,6 +8,7 @@ use std::process::Command;
 #[cfg(feature = "gzip")]
 use cobscope_decoder::capture::{CaptureReader, ReadOptions};
 use cobscope_decoder::frame::{Frame, FrameFlags};
+use cobscope_decoder::words::UNKNOWN_ZONE;
 
 use crate::formats_pcap::{Content, columns, corpus_file, read_file, tshark};
 use crate::support::{python, skip, workspace};
@@ -40,7 +41,7 @@ fn blf_captures_of_other_projects_have_the_frames_that_are_known() {
         assert_eq!(found, *errors, "{name}");
         let notices: Vec<String> = content.notices.iter().map(ToString::to_string).collect();
         let expected: &[&str] = match *name {
-            COMPRESSED => &["start date without time zone: times read as UTC"],
+            COMPRESSED => &[UNKNOWN_ZONE],
             _ => &[],
         };
         assert_eq!(notices, expected, "{name}");
@@ -119,7 +120,7 @@ fn blf_captures_python_can_writes_read_as_they_were_written() {
         let Some((path, theirs)) = written(*level, *container) else { return };
         let content = read_file(&path);
         let notices: Vec<String> = content.notices.iter().map(ToString::to_string).collect();
-        assert_eq!(notices, ["start date without time zone: times read as UTC"]);
+        assert_eq!(notices, [UNKNOWN_ZONE]);
         assert_eq!(content.frames.len(), theirs.len());
         for (frame, theirs) in content.frames.iter().zip(&theirs) {
             assert_eq!(&with_direction(frame, &content.buses), theirs, "frame {}", frame.number);

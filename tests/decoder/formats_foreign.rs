@@ -390,7 +390,7 @@ fn samples_with_frames_in_lines() -> Vec<(&'static str, &'static str, usize)> {
 }
 
 /// Formats with one message per line, which may have several frames.
-pub(crate) const SEVERAL_FRAMES: [&str; 2] = ["n2k-ascii", "canboat"];
+pub(crate) const SEVERAL_FRAMES: [&str; 4] = ["n2k-ascii", "canboat", "canboat-json", "uds-messages"];
 
 /// A sample with some bytes replaced.
 fn mutated() -> impl Strategy<Value = Vec<u8>> {

@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::PathBuf;
 
-use cobscope_decoder::capture::{Batch, BatchItem, CaptureReader, Notice, ReadOptions};
+use cobscope_decoder::capture::{Batch, BatchItem, CaptureReader, FORMATS, Notice, ReadOptions};
 use cobscope_decoder::frame::{Frame, FrameFlags};
 
 /// The frames of all layouts: time in ms, identifier and data, whether they are transmitted.
@@ -99,7 +99,7 @@ fn skipped_lines(notices: &[Notice]) -> usize {
     let lines = |notice: &Notice| match notice {
         Notice::Unreadable { .. } | Notice::LostFrames { .. } => 1,
         Notice::Assumption(text) => text
-            .split_once(" without a frame skipped")
+            .split_once(" skipped (first: line ")
             .and_then(|(count, _)| count.split(' ').next()?.parse().ok())
             .unwrap_or(0),
         _ => 0,
@@ -175,6 +175,63 @@ fn damaged_lines_are_counted_and_the_others_are_read() {
         let (found, _) = accounts_for(&cut.join(&b"\n"[..]), &format!("{name}, cut")).unwrap();
         assert_eq!(found[..frames.len() - 1], frames[..frames.len() - 1], "{name}: truncated");
     }
+}
+
+/// Formats whose frames have several lines, or in whose captures any text may be a comment.
+const FREE_TEXT: [&str; 4] = ["tshark", "ros-echo", "ctt", "csv"];
+
+/// Texts of all formats and programs.
+fn known_texts() -> Vec<(String, Vec<u8>)> {
+    let formats = FORMATS.iter().filter(|format| format.is_text && !FREE_TEXT.contains(&format.name));
+    let samples = formats.filter_map(|format| {
+        let all = files(&format!("fuzz/{}", format.name));
+        all.into_iter().find(|(name, _)| name == "sample").map(|(_, text)| (format.name.to_owned(), text))
+    });
+    // A frame on several lines, and excerpts of a few equal rows, which other lines make unclear.
+    let others = ["esp32-twai", "cansend-frames", "python-can-printer"];
+    let programs = files("programs").into_iter().filter(|(name, _)| !others.contains(&name.as_str()));
+    samples.chain(programs).collect()
+}
+
+#[test]
+fn a_bad_line_in_any_format_is_counted_once_and_the_others_are_read() {
+    let (mut found, mut tested) = (Vec::new(), 0);
+    for (name, text) in known_texts() {
+        let (frames, _) = read(&text).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let format = |text: &[u8]| CaptureReader::open(text, &ReadOptions::default()).unwrap().format().name;
+        let own = format(&text);
+        let end = text.iter().rposition(|byte| !matches!(byte, b'\r' | b'\n')).unwrap() + 1;
+        let line_end: &[u8] = if text.contains(&b'\n') { b"\n" } else { b"\r" };
+        for (what, line) in [
+            ("broken", &b"%&/ 11 22 33 44 zz 55 66"[..]),
+            ("1 MB", &vec![b'7'; 1_000_000][..]),
+            ("identifier of nine digits", b"0x123456789 8 11 22 33 44 55 66 77 88"),
+            ("terminal escapes", b"\x1b[31mred\x1b[0m \x07\x1b]0;title\x07 zz"),
+        ] {
+            // Repeated, so that one line is less than a tenth of an inferred layout.
+            let whole = [&text[..end], line_end].concat().repeat(12);
+            let bad = [&whole[..], line, line_end, &text[..end], line_end].concat();
+            // Times that start again are refused without a name of the format.
+            let Ok((all, before)) = read(&whole) else { continue };
+            let Ok((read_frames, after)) = read(&bad) else {
+                found.push(format!("{name}, {what}: refused"));
+                continue;
+            };
+            tested += 1;
+            let is_same = format(&bad) == own && read_frames.len() == all.len() + frames.len();
+            // The header of a further part may be text, too.
+            let (before, after) = (skipped_lines(&before), skipped_lines(&after));
+            if !is_same || !(before + 1..=before + before / 12 + 2).contains(&after) {
+                found.push(format!(
+                    "{name}, {what}: {} of {} frames, {before} lines skipped, then {after}",
+                    read_frames.len(),
+                    all.len() + frames.len()
+                ));
+            }
+        }
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+    assert!(tested >= 80, "{tested}");
 }
 
 #[test]

@@ -335,6 +335,10 @@ fn draw_frames(draw: &mut Draw, drawn: &Drawn) -> Vec<Sent> {
             (id, usize::try_from(if draw.percent(50) { 8 } else { draw.below(9) }).unwrap())
         })
         .collect();
+    // The number of bytes of CAN FD, and the frame type without bytes, need a length.
+    let has_length = drawn.has(Column::Length);
+    let is_fd = has_length && draw.percent(15);
+    let has_remote = has_length && drawn.shape != Shape::Lines && draw.percent(15);
     let mut time = 1_000_000 * i64::try_from(draw.below(50_000)).unwrap();
     let may_be_empty = drawn.has(Column::Length)
         || drawn.shape == Shape::Table
@@ -345,11 +349,12 @@ fn draw_frames(draw: &mut Draw, drawn: &Drawn) -> Vec<Sent> {
             time += i64::try_from(100_000 + draw.below(19_900_000)).unwrap();
             let (id, size) = draw.pick(&ids);
             let size = if may_be_empty { size } else { size.max(1) };
+            let size = if is_fd && draw.percent(40) { draw.pick(&FD_SIZES) } else { size };
             Sent {
                 time,
                 id,
                 data: (0..size).map(|_| u8::try_from(draw.below(256)).unwrap()).collect(),
-                is_remote: false,
+                is_remote: has_remote && (1..=8).contains(&size) && draw.percent(10),
                 // `R` alone may be a direction or a remote frame.
                 is_transmitted: if number < 2 { number == 0 } else { draw.percent(30) },
                 bus: u8::try_from(1 + draw.below(2)).unwrap(),
@@ -357,6 +362,9 @@ fn draw_frames(draw: &mut Draw, drawn: &Drawn) -> Vec<Sent> {
         })
         .collect()
 }
+
+/// Lengths of CAN FD above those of classical CAN (ISO 11898-1).
+const FD_SIZES: [usize; 7] = [12, 16, 20, 24, 32, 48, 64];
 
 /// Time as the style can express it.
 fn rounded(time: i64, style: TimeStyle) -> i64 {
@@ -446,6 +454,7 @@ fn field(drawn: &Drawn, column: Column, frame: &Sent, before: i64, number: usize
             "0x" => format!("0x{:02X}", frame.data.len()),
             _ => frame.data.len().to_string(),
         },
+        Column::Data if frame.is_remote => "RTR".into(),
         Column::Data => cased(data_text(&frame.data, drawn.data)),
         Column::Remark => ["", "first try", "ok"][number % 3].into(),
     }
@@ -535,16 +544,19 @@ fn difference(drawn: &Drawn, sent: &[Sent], frames: &[Frame], buses: &[String]) 
     if sent.len() != frames.len() {
         return Some(format!("{} frames of {}", frames.len(), sent.len()));
     }
-    let mut first = 0;
     for (index, (sent, found)) in sent.iter().zip(frames).enumerate() {
-        let is_equal = sent.id == found.id && sent.data == found.data();
+        let content = (
+            found.id,
+            usize::from(found.length),
+            found.flags.contains(FrameFlags::REMOTE),
+            found.flags.contains(FrameFlags::FD),
+        );
+        let is_equal = content == (sent.id, sent.data.len(), sent.is_remote, sent.data.len() > 8)
+            && (sent.is_remote || sent.data == found.data());
         let time = found.time.map(|time| time.0);
         let mut expected = drawn.has(Column::Time).then(|| rounded(sent.time, drawn.time));
         if matches!(drawn.time, TimeStyle::Iso | TimeStyle::DateAndClock) {
             expected = expected.map(|time| time + DAY);
-        }
-        if index == 0 {
-            first = 0;
         }
         let directions = found.flags.0 & (FrameFlags::TRANSMITTED.0 | FrameFlags::RECEIVED.0);
         let direction = match (drawn.has(Column::Direction), sent.is_transmitted) {
@@ -558,9 +570,7 @@ fn difference(drawn: &Drawn, sent: &[Sent], frames: &[Frame], buses: &[String]) 
             (true, _) => sent.bus.to_string(),
             (false, _) => "1".into(),
         };
-        let _ = first;
-        if !is_equal || time != expected || directions != direction || *bus != expected_bus || sent.is_remote
-        {
+        if !is_equal || time != expected || directions != direction || *bus != expected_bus {
             return Some(format!(
                 "frame {index}: sent {sent:?}, time {expected:?}; found {found:?} on {bus}"
             ));

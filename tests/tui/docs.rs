@@ -77,6 +77,7 @@ fn the_formats_of_captures() {
         writeln!(text, "| {} | {} | {suffix} | {lacks} |", format.name, format.title).unwrap();
     }
     text.push_str(&format_examples());
+    text.push_str(&program_texts());
     text.push_str(&inferred_layouts());
     is_current("docs/formats.md", &text);
 }
@@ -122,6 +123,46 @@ fn assert_reads(format: &str, bytes: &[u8]) {
     assert!(frames > 0, "{format}");
 }
 
+/// Frames that each file of `fixtures/programs/` contains in this order, possibly with others.
+const PROGRAM_FRAMES: [&str; 3] = ["701#05", "181#3702", "18FEF100#FFFFFF7DA00FFFFF"];
+
+/// Texts that programs, adapters and consoles print, with the format that reads them.
+fn program_texts() -> String {
+    let mut text = String::from(
+        "\n## Texts of programs and adapters\n\nThe files of `fixtures/programs/` contain the frames 701#05, 181#3702 and \
+         18FEF100#FFFFFF7DA00FFFFF as these programs print them; a test reads them. The name after the colon is that of \
+         the format.\n\n```text\n",
+    );
+    let folder = fs::read_dir(workspace().join("fixtures/programs")).unwrap();
+    let mut files: Vec<_> = folder.map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    for path in files {
+        let bytes = fs::read(&path).unwrap();
+        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        let mut reader = CaptureReader::open(&bytes[..], &ReadOptions::default()).unwrap();
+        let format = reader.format().name;
+        let (mut batch, mut found) = (Batch::new(), Vec::new());
+        while reader.read(&mut batch).unwrap() {
+            let bad = batch.notices().iter().find(|(_, notice)| matches!(notice, Notice::Unreadable { .. }));
+            assert!(bad.is_none(), "{name}: {bad:?}");
+            found.extend(batch.frames().iter().map(|frame| {
+                let data = frame.data().iter().fold(String::new(), |text, byte| format!("{text}{byte:02X}"));
+                format!("{}#{data}", frame.id)
+            }));
+        }
+        let mut rest = found.iter();
+        let has_all = PROGRAM_FRAMES.iter().all(|frame| rest.any(|other| other == frame));
+        assert!(has_all, "{name}: {found:?}");
+        writeln!(text, "{name}: {format}").unwrap();
+        for line in bytes.split(|byte| *byte == b'\n').map(shown_line).filter(|line| !line.is_empty()).take(8)
+        {
+            writeln!(text, "    {line}").unwrap();
+        }
+    }
+    text.push_str("```\n");
+    text
+}
+
 /// A line as text; a byte that is not ASCII is escaped.
 fn shown_line(line: &[u8]) -> String {
     let shown = |byte: &u8| match byte {
@@ -149,7 +190,7 @@ fn inferred_layouts() -> String {
          An identifier has one to eight digits. It is extended if a word or bit 31 marks it, if its value exceeds 7FF, or if \
          it has more than four digits and others have fewer. Whole numbers without a unit are milliseconds if two frames \
          would be closer in microseconds than a bus permits; otherwise the times are ignored. Lines without a frame are \
-         counted; `...` is a known gap. UTF-16 is refused.\n\n\
+         counted; `...` is a known gap.\n\n\
          The files of `fixtures/layouts/` have the same frames in these layouts:\n\n```text\n",
     );
     let mut files: Vec<_> = fs::read_dir(workspace().join("fixtures/layouts"))

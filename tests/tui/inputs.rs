@@ -1,4 +1,4 @@
-//! What people pass as captures: other files, parts of a series, times in another unit, frames of CAN XL.
+//! What people pass as captures: other files, parts of a series, times in another unit or zone, frames of CAN XL.
 
 use std::fs;
 use std::path::Path;
@@ -52,7 +52,11 @@ fn parts_with_a_time_in_hex_are_one_capture_and_one_names_the_others() {
         assert!(output.stdout.contains("1 capture: 0 failed"), "{}", output.stdout);
     }
     let note = "00000002-60FE415D.log: one of 3 files with consecutive names in its folder";
-    for command in ["decode", "check", "why", "stats"] {
+    let converted = run(&place, &["convert", "-f", "candump", PARTS[1], "-"]);
+    assert!(converted.stderr.contains(note), "{}", converted.stderr);
+    let many = run(&place, &["convert", "-f", "candump", PARTS[0], PARTS[1], PARTS[2], "-"]);
+    assert!(!many.stderr.contains(note), "{}", many.stderr);
+    for command in ["decode", "check", "why", "stats", "report", "objects"] {
         let one = run(&place, &[command, PARTS[1]]);
         assert!(one.stderr.contains(note), "{command}: {}", one.stderr);
         let separate = run(&place, &[command, "--separate", PARTS[1]]);
@@ -73,6 +77,52 @@ fn the_unit_of_times_is_stated_or_inferred() {
     let stated = run(&place, &["check", "--time-unit", "us", "a.csv"]);
     assert!(stated.stdout.contains("unit of the timestamps wrong?"), "{}", stated.stdout);
     assert_eq!(run(&place, &["stats", "--time-unit", "min", "a.csv"]).code, 2);
+}
+
+/// Starts in winter and in summer: 14:06:13 in Berlin is 13:06:13 and 12:06:13 UTC, in Tokyo 05:06:13 UTC.
+#[test]
+fn local_times_have_the_zone_of_the_option_or_of_the_bus() {
+    let place = folder("inputs-zone");
+    let rows = "base hex  timestamps absolute\n0.000000 1 705 Rx d 1 05\n1.000000 1 705 Rx d 1 05\n";
+    for (name, date) in
+        [("winter.asc", "Mon Jan 15 14:06:13 2024"), ("summer.asc", "Mon Jul 15 14:06:13 2024")]
+    {
+        fs::write(place.join(name), format!("date {date}\n{rows}")).unwrap();
+    }
+    let first = |words: &[&str]| {
+        let output = run(&place, &[&["convert", "-f", "candump"], words, &["-"]].concat());
+        let time = output.stdout.get(1..11).unwrap_or_default().parse().unwrap_or(0_i64);
+        (time, output.stderr)
+    };
+    // `date -u -d '2024-01-15 14:06:13' +%s`, and of July 15.
+    let (winter, summer) = (1_705_327_573, 1_721_052_373);
+    let unknown = first(&["winter.asc"]);
+    assert!(unknown.0 == winter && unknown.1.contains("local time, zone unknown"), "{unknown:?}");
+    let berlin = ["--time-zone", "Europe/Berlin"];
+    assert_eq!(first(&[&berlin[..], &["winter.asc"]].concat()), (winter - 3_600, String::new()));
+    assert_eq!(first(&[&berlin[..], &["summer.asc"]].concat()), (summer - 7_200, String::new()));
+    fs::write(place.join("m.toml"), "[bus.1]\ntime_zone = 'Asia/Tokyo'\n").unwrap();
+    assert_eq!(first(&["--bus", "m.toml", "summer.asc"]), (summer - 9 * 3_600, String::new()));
+    let both = [&["--bus", "m.toml"], &berlin[..], &["summer.asc"]].concat();
+    assert_eq!(first(&both), (summer - 7_200, String::new()));
+    let checked = run(&place, &["check", "winter.asc"]);
+    assert!(checked.stdout.contains("local time, zone unknown"), "{}", checked.stdout);
+    let checked = run(&place, &["check", "--bus", "m.toml", "winter.asc"]);
+    assert!(!(checked.stdout + &checked.stderr).contains("zone unknown"));
+    let report = run(&place, &["report", "winter.asc", "--format", "md"]);
+    assert!(report.stdout.contains("zone: local time, zone unknown"), "{}{}", report.stdout, report.stderr);
+}
+
+#[test]
+fn an_unknown_zone_is_refused() {
+    let place = folder("inputs-zone-unknown");
+    fs::write(place.join("a.log"), "(1.0) can0 705#05\n").unwrap();
+    let output = run(&place, &["check", "--time-zone", "Europe/Bärlin", "a.log"]);
+    assert!(output.code == 2 && output.stderr.contains("expected a name such as"), "{}", output.stderr);
+    fs::write(place.join("m.toml"), "[bus.can0]\ntime_zone = 'Mars'\n").unwrap();
+    let output = run(&place, &["check", "--bus", "m.toml", "a.log"]);
+    assert!(output.stderr.contains("m.toml:2:13: unknown time zone"), "{}", output.stderr);
+    assert_eq!(output.code, 4);
 }
 
 /// A header of pcap, link type 227, and one packet.

@@ -188,7 +188,7 @@ fn a_page_answers_what_when_proof_and_section() {
         "Assumptions (?)",
         "claim 1, {110 111 112 113 114 150 151 152 153 154}: 32/20  PDO  RPDO1 0F 00 00 18",
         "wiring: no error frames, and the capture does not show whether they were recorded",
-        "zone: UTC on this page",
+        "zone: UTC",
         "cobscope report fixtures/devices/pve.log",
     ];
     for part in summary {

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use cobscope_decoder::capture::{
     Batch, CaptureError, CaptureReader, MergedCapture, MergedPosition, MergedReader, Notice, ReadOptions,
+    RecorderZones,
 };
 use cobscope_decoder::frame::Timestamp;
 use cobscope_decoder::replay::{CaptureWalk, Checkpoint, ReplayState};
@@ -70,7 +71,8 @@ impl PossiblePart for NamedContent {
 }
 
 /// Options of all readers.
-pub const READ_OPTIONS: ReadOptions = ReadOptions { time_style: None, columns: None, time_unit: None };
+pub const READ_OPTIONS: ReadOptions =
+    ReadOptions { time_style: None, columns: None, time_unit: None, time_zones: RecorderZones::NONE };
 
 impl CaptureSet {
     /// Opens captures: parts of a series follow each other, the others are merged by time.

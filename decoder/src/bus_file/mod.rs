@@ -78,6 +78,11 @@ impl BusFile {
         self.settings_of(bus).find_map(|settings| settings.bit_rate)
     }
 
+    /// Time zones of the recorders of buses: bus, and name of the zone.
+    pub fn time_zones(&self) -> impl Iterator<Item = (&str, &SpannedText)> {
+        self.buses.iter().filter_map(|(bus, settings)| Some((bus.as_str(), settings.time_zone.as_ref()?)))
+    }
+
     /// Protocol that the user stated for a bus.
     pub fn protocol(&self, bus: &str) -> Option<ProtocolChoice> {
         self.settings_of(bus).find_map(|settings| settings.protocol)

@@ -63,6 +63,8 @@ struct BusTable {
     #[serde(default)]
     protocol: Option<ProtocolChoice>,
     #[serde(default)]
+    time_zone: Option<Spanned<String>>,
+    #[serde(default)]
     master: Option<String>,
     #[serde(default)]
     dbc: NameEntries,
@@ -151,6 +153,7 @@ impl AuthoredBusFile {
                     databases: bus.dbc.into(),
                     master: bus.master,
                     protocol: bus.protocol,
+                    time_zone: bus.time_zone.map(Into::into),
                     ..settings
                 },
             ))

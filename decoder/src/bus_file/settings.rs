@@ -38,6 +38,8 @@ pub struct BusSettings {
     pub nodes: Vec<NodeId>,
     /// Bit rate in bit/s.
     pub bit_rate: Option<u32>,
+    /// Time zone of the recorder, as a name of the IANA database.
+    pub time_zone: Option<SpannedText>,
     /// Name of the NMT master.
     pub master: Option<String>,
     /// User-defined node names.

@@ -138,6 +138,14 @@ const TEXTS: &[TextSigns] = &[
         file: foreign("an export of decode -f jsonl", RESULTS),
     },
     TextSigns {
+        begins: &["{\"timestamp\":"],
+        contains: &["\"pgn\":"],
+        file: foreign(
+            "JSON of canboat without the bytes of the messages",
+            "run analyzer -json with -data, or pass its input",
+        ),
+    },
+    TextSigns {
         begins: &["{\"kind\":\"summary\"", "{\"kind\":\"finding\""],
         contains: &[],
         file: foreign("an export of check -f jsonl", RESULTS),

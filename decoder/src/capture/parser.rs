@@ -4,6 +4,7 @@ use super::batch::Batch;
 use super::bus_names::BusNames;
 use super::column_list::ColumnList;
 use super::error::CaptureError;
+use super::local_time::RecorderZones;
 
 /// Default of [`FormatParser::largest_input`] in bytes: a parser must use input of this size. Longer lines and records
 /// are skipped in pieces.
@@ -45,7 +46,7 @@ impl TimeUnit {
 }
 
 /// Options for data that a capture leaves ambiguous.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct ReadOptions {
     /// Meaning of candump's relative times; `None` determines it from the first 1,000 lines.
     pub time_style: Option<TimeStyle>,
@@ -53,6 +54,8 @@ pub struct ReadOptions {
     pub columns: Option<ColumnList>,
     /// Unit of times in CSV and in layouts without a name; `None` uses that of the program, or infers it from the rate.
     pub time_unit: Option<TimeUnit>,
+    /// Time zones of recorders that store local times; an unknown one is reported, and its times are read as UTC.
+    pub time_zones: RecorderZones,
 }
 
 /// Parser of one format: bytes to frames. It owns no source, so it can be cloned.

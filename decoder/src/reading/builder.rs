@@ -135,7 +135,7 @@ impl ReadingBuilder {
             bus_file,
             ..SessionOptions::default()
         };
-        Ok(Reading::of_options(session, setup.map(Arc::new), part).with_read_options(self.read))
+        Ok(Reading::of_options(session, setup.map(Arc::new), part).with_read_options(self.read.clone()))
     }
 
     /// Devices of the bus file, then of the options: if a node is listed twice, the last entry wins.

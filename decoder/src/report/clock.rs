@@ -25,10 +25,11 @@ pub(super) fn clock_statements(capture: &CaptureFacts, quality: &CaptureQuality)
         }
         Some((first, last)) if first.has_date() => {
             all.push(format!("source: clock of the recorder, as stored in the capture ({})", capture.format));
-            all.push(
-                "zone: UTC on this page; a recorder that stored local time shifts all dates equally"
-                    .to_owned(),
-            );
+            all.push(if quality.is_zone_unknown {
+                "zone: local time, zone unknown; read as UTC, so all dates may be shifted equally".to_owned()
+            } else {
+                "zone: UTC".to_owned()
+            });
             all.push(format!("first frame {}; last frame {}", format_date(first), format_date(last)));
         }
         Some(_) => {

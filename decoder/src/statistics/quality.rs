@@ -5,7 +5,7 @@ use super::span::format_span;
 use crate::event::{Event, EventKind};
 use crate::frame::{BusIndex, Frame, FrameFlags, FrameRate, Timestamp};
 use crate::profile;
-use crate::words::count_noun;
+use crate::words::{NO_FRAMES, UNKNOWN_ZONE, count_noun};
 
 /// Number of frames used to assess the timestamps.
 const JUDGED: u64 = 1_000;
@@ -42,6 +42,10 @@ pub struct CaptureQuality {
     pub clock_sets: u64,
     /// Number of gaps without any frame, and the longest one in ns.
     pub silences: (u64, i64),
+    /// Whether the dates are local times of an unknown zone.
+    pub is_zone_unknown: bool,
+    /// Whether the frames were built again from messages.
+    pub has_no_frames: bool,
     holes: CaptureGaps,
     stamps: TimestampSource,
 }
@@ -162,6 +166,8 @@ impl CaptureQuality {
         }
         match &event.kind {
             EventKind::Unreadable { count, .. } => self.unreadable += count,
+            EventKind::Note { text } if text == NO_FRAMES => self.has_no_frames = true,
+            EventKind::Note { text } if text == UNKNOWN_ZONE => self.is_zone_unknown = true,
             EventKind::LostFrames { count } => self.lost += count.unwrap_or(1),
             EventKind::ClockStep { step: 0.. } => self.clock_sets += 1,
             EventKind::ClockStep { step } => {
@@ -195,6 +201,12 @@ impl CaptureQuality {
         if let Some(interval) = self.made_up_interval() {
             let interval = format_span(interval);
             limits.push(format!("timestamps synthetic (one every {interval}): timing rules not exercised"));
+        }
+        if self.has_no_frames {
+            limits.push("no frames: messages of a test tool, transport and load not judged".to_owned());
+        }
+        if self.is_zone_unknown {
+            limits.push("local time, zone unknown".to_owned());
         }
         limits.extend(self.stamps.rate_text().filter(|_| self.is_timed()));
         match self.lost {

@@ -1,5 +1,7 @@
 //! Selection of the frames to write.
 
+use cobscope_decoder::words::UNKNOWN_ZONE;
+
 use super::{Content, Folder, fixture, log};
 
 /// Numbers of the frames that `convert` selects in a fixture.
@@ -219,7 +221,7 @@ fn common_notes_of_several_captures_are_printed_once() {
         folder.converted(&[&format!("@{name}.log"), &format!("@{name}.asc")]);
     }
     let texts = |words: &[&str]| folder.convert(words).stderr;
-    let assumed = "start date without time zone: times read as UTC\n";
+    let assumed = format!("{UNKNOWN_ZONE}\n");
     assert_eq!(texts(&["@a.asc", "@one.pcapng"]), format!("cobscope: @a.asc: {assumed}"));
     assert_eq!(
         texts(&["--separate", "@a.asc", "@b.asc", "@c.asc", "@all.pcapng"]),

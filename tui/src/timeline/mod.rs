@@ -141,7 +141,7 @@ impl Timeline {
     /// # Errors
     /// A thread cannot be started.
     pub fn reopen_with(&mut self, options: SessionOptions) -> anyhow::Result<()> {
-        let shared = SharedResults::new(self.shared.lanes.clone(), options, self.shared.read_options);
+        let shared = SharedResults::new(self.shared.lanes.clone(), options, self.shared.read_options.clone());
         let next = Self::start_threads(
             shared,
             Arc::clone(&self.rules),

@@ -51,6 +51,7 @@ def open(path, *, incomplete=False, **options):
     time        "absolute" or "delta", for ambiguous times of candump text
     columns     columns of text captures, such as "time:ms id len data"
     time_unit   "s", "ms", "us" or "ns", for times in CSV
+    time_zone   time zone of a recorder that stores local times, such as "Europe/Berlin"
     sdo_timeout seconds after which an SDO transfer counts as unanswered
     select, ignore              rules to check with, or without
     today       date for suppressions that expire, such as "2026-01-31"

@@ -9,7 +9,7 @@ _LISTS = ("dbc", "profiles", "only", "select", "ignore")
 #: Options without a value.
 _FLAGS = ("join", "separate")
 _OTHERS = (
-    "bus", "protocol", "part_gap", "time", "time_unit", "columns", "sdo_timeout", "today", "fail_on", "threads", "baseline", "at_event", "from", "to",
+    "bus", "protocol", "part_gap", "time", "time_unit", "time_zone", "columns", "sdo_timeout", "today", "fail_on", "threads", "baseline", "at_event", "from", "to",
     "device",
 )
 

@@ -11,13 +11,14 @@
 //! Kvaser does not publish the layout; this is the layout of captures in other projects. Identifiers and data
 //! are read as hexadecimal, the default of CanKing.
 
-use crate::capture::CaptureFormat;
 use crate::capture::bus_error::{Violation, violation_frame};
 use crate::capture::text::columns::{ColumnWords, NumberBase, parse_identifier, parse_time};
 use crate::capture::text::line_format::{
     CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine, first_lines,
 };
+use crate::capture::text::lines::SkippedLines;
 use crate::capture::text::payload::{IDENTIFIER, LENGTH, SHORT, build_frame, by_either};
+use crate::capture::{Batch, CaptureFormat};
 use crate::frame::{Frame, FrameFlags, MAX_DATA};
 
 /// Unit of time in nanoseconds.
@@ -32,7 +33,7 @@ pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     is_text: true,
     is_packed: false,
     detect: |head| first_lines(head, DETECTING_LINES).any(is_heading),
-    parser: |_| Box::new(LineParser::new(CanKing)),
+    parser: |_| Box::new(LineParser::new(CanKing::default())),
 };
 
 fn is_heading(line: &[u8]) -> bool {
@@ -40,9 +41,12 @@ fn is_heading(line: &[u8]) -> bool {
     [&b"Chn"[..], b"Identifier", b"Flg"].iter().all(|word| words.next() == Some(word))
 }
 
-/// Line format without state.
-#[derive(Clone)]
-struct CanKing;
+/// Lines of text around the frames.
+#[derive(Clone, Default)]
+struct CanKing {
+    skipped: SkippedLines,
+    line: u64,
+}
 
 impl LineFormat for CanKing {
     const TITLE: &'static str = "Kvaser CanKing text";
@@ -54,8 +58,11 @@ impl LineFormat for CanKing {
     ) -> Result<Option<ParsedLine<'a>>, LineFault> {
         let mut words = ColumnWords::new(text);
         let bus = words.next().unwrap_or_default();
-        // The heading, `Logging stopped.` and other text of the window.
         if !bus.first().is_some_and(u8::is_ascii_digit) {
+            // `Logging started.`, `Logging stopped.`
+            if !is_heading(text) && bus != b"Logging" {
+                self.skipped.add_line("of text", self.line);
+            }
             return Ok(None);
         }
         if !bus.iter().all(u8::is_ascii_digit) {
@@ -67,6 +74,14 @@ impl LineFormat for CanKing {
         let frame = parse_content(number, words.take(behind).collect::<Vec<_>>().as_slice())?;
         let flags = frame.flags.with(if sent { FrameFlags::TRANSMITTED } else { FrameFlags::RECEIVED });
         Ok(Some(ParsedLine::new(Some(time), bus, Frame { flags, ..frame })))
+    }
+
+    fn at_line(&mut self, number: u64) {
+        self.line = number;
+    }
+
+    fn report_skipped(&mut self, batch: &mut Batch) {
+        self.skipped.report_lines(batch);
     }
 }
 

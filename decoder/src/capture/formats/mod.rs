@@ -49,6 +49,7 @@ pub const FORMATS: &[CaptureFormat] = &[
     csv::FORMAT,
     nmea2000::ACTISENSE,
     nmea2000::CANBOAT,
+    nmea2000::CANBOAT_JSON,
     lawicel::FORMAT,
     elm327::FORMAT,
     can_msgs::FORMAT,
@@ -56,6 +57,7 @@ pub const FORMATS: &[CaptureFormat] = &[
     tshark::FORMAT,
     ctt::FORMAT,
     candump::FORMAT,
+    inferred::messages::FORMAT,
     excerpt::FORMAT,
     inferred::FORMAT,
 ];
@@ -74,7 +76,7 @@ pub const WRITABLE: &[WritableFormat] = &[
 /// The format that matches these first bytes. `is_whole` means that no data follows. In text only complete
 /// lines are checked: the start of a line may match another format.
 ///
-/// An excerpt and text with inferred columns have no sign of their own, so they are accepted only after all of their first
+/// A log of messages, an excerpt and text with inferred columns have no sign of their own, so they are accepted only after all of their first
 /// bytes are known: the same bytes decide for any size of the pieces in which a capture arrives.
 pub fn detect_format(head: &[u8], is_whole: bool) -> Option<&'static CaptureFormat> {
     let lines = if is_whole { head } else { complete_lines(head) };
@@ -86,7 +88,7 @@ pub fn detect_format(head: &[u8], is_whole: bool) -> Option<&'static CaptureForm
         // Tables of numbers occur in databases and device files, too.
         let is_foreign = foreign_file(window, None).is_some();
         let matching = |format: &&CaptureFormat| is_last_resort(format) && (format.detect)(window);
-        FORMATS.iter().find(matching).filter(|format| format.name == excerpt::FORMAT.name || !is_foreign)
+        FORMATS.iter().find(matching).filter(|format| format.name != inferred::FORMAT.name || !is_foreign)
     })
 }
 
@@ -98,5 +100,5 @@ pub(super) fn stated_format(head: &[u8]) -> Option<&'static CaptureFormat> {
 
 /// Whether a format has no sign of its own.
 fn is_last_resort(format: &CaptureFormat) -> bool {
-    format.name == excerpt::FORMAT.name || format.name == inferred::FORMAT.name
+    [inferred::messages::FORMAT.name, excerpt::FORMAT.name, inferred::FORMAT.name].contains(&format.name)
 }

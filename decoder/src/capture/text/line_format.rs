@@ -10,7 +10,10 @@
 use std::borrow::Cow;
 
 use super::lines::{LineSplitter, LineStep, line_excerpt};
-use crate::capture::{Batch, BusNames, CaptureError, CapturePlace, FormatParser, MAX_BUSES, Notice};
+use crate::capture::local_time::{LocalClock, TimeOrigin};
+use crate::capture::{
+    Batch, BusNames, CaptureError, CapturePlace, FormatParser, MAX_BUSES, Notice, ReadOptions,
+};
 use crate::frame::{BusIndex, Frame, Timestamp};
 
 /// Bus name for formats that have a single bus, or omit its name.
@@ -99,6 +102,11 @@ pub(in crate::capture) trait LineFormat: Clone + Send + Sync + 'static {
     /// Receives the number of the line, from 1, before [`LineFormat::parse_line`].
     fn at_line(&mut self, _number: u64) {}
 
+    /// Meaning of the time of the last frame.
+    fn time_origin(&self) -> TimeOrigin {
+        TimeOrigin::Universal
+    }
+
     /// Reports at the end of the capture what was skipped, once.
     fn report_skipped(&mut self, _batch: &mut Batch) {}
 }
@@ -110,6 +118,7 @@ pub(in crate::capture) struct LineParser<L> {
     lines: LineSplitter,
     buses: BusNames,
     assumptions: CaptureAssumptions,
+    clock: LocalClock,
     frames: u64,
     offset: u64,
     /// Time and bus of the last frame.
@@ -124,10 +133,16 @@ impl<L: LineFormat> LineParser<L> {
             lines: LineSplitter::default(),
             buses: BusNames::default(),
             assumptions: CaptureAssumptions::default(),
+            clock: LocalClock::default(),
             frames: 0,
             offset: 0,
             last: (None, BusIndex(0)),
         }
+    }
+
+    /// Creates a parser that converts local times by the stated zones.
+    pub(in crate::capture) fn with_zones(format: L, options: &ReadOptions) -> Self {
+        Self { clock: LocalClock::new(&options.time_zones), ..Self::new(format) }
     }
 
     /// State of the format.
@@ -164,8 +179,12 @@ impl<L: LineFormat> LineParser<L> {
         if seen.lost {
             batch.add_notice(Notice::LostFrames { place, bus, count: None });
         }
-        self.last = (seen.time.map(Timestamp), bus);
-        let frame = seen.frame;
+        let (time, frame) = (seen.time, seen.frame);
+        let time = match self.format.time_origin() {
+            TimeOrigin::Universal => time,
+            origin => time.map(|time| self.clock.convert_time(time, origin, self.buses.name_of(bus), batch)),
+        };
+        self.last = (time.map(Timestamp), bus);
         self.push_frame(frame, batch);
         Ok(())
     }

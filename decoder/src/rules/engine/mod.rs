@@ -131,7 +131,7 @@ impl RuleEngine {
                 self.ledger.note_event(event.kind.kind(), bus.index(), judge.shared.now);
                 self.ledger.observe_event(event, bus, judge.shared.now);
             }
-            if explains || is_evidence(&event.kind) {
+            if explains || is_evidence(&event.kind) || matches!(event.kind, EventKind::Note { .. }) {
                 self.quality.count_event(event);
             }
         }

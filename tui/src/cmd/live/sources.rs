@@ -41,8 +41,8 @@ pub(super) fn open(arguments: &LiveArgs, specs: Vec<SourceSpec>) -> anyhow::Resu
             SourceSpec::Slcan { device, bit_rate } => sources.push(slcan::open(&device, bit_rate)?),
             SourceSpec::Adapter(spec) => sources.push(adapters::open(&spec)?),
             SourceSpec::Socketcand { address, bus } => sources.push(socketcand::open(&address, &bus)?),
-            SourceSpec::Stdin => sources.push(text::stdin(read)?),
-            SourceSpec::File(path) => sources.push(text::follow(&path, read)?),
+            SourceSpec::Stdin => sources.push(text::stdin(read.clone())?),
+            SourceSpec::File(path) => sources.push(text::follow(&path, read.clone())?),
         }
     }
     if !interfaces.is_empty() {

@@ -9,6 +9,8 @@ use cobscope_decoder::query::Filter;
 use cobscope_decoder::why::NodeChoice;
 use cobscope_decoder::wire::NodeId;
 
+use jiff::tz::TimeZone;
+
 use crate::select::{RangeBound, Selection};
 
 /// Heading of options for reading; a command's own options precede it.
@@ -38,6 +40,14 @@ pub struct InputArgs {
     /// microseconds)
     #[arg(long, help_heading = READING, value_name = "UNIT")]
     pub time_unit: Option<TimeUnitOption>,
+    /// Read local times of recorders as times in ZONE, such as Europe/Berlin (default: the time zone of the bus in the bus
+    /// file, otherwise UTC)
+    ///
+    /// Vector ASC, BLF, PEAK TRC, BUSMASTER and text with dates store the local time of the recorder without its zone. Of the
+    /// two times in the hour that is repeated at the end of daylight saving time, the earlier one is used, unless times
+    /// then step back.
+    #[arg(long, help_heading = READING, value_name = "ZONE", value_parser = find_zone)]
+    pub time_zone: Option<TimeZone>,
     /// Read names of nodes, identifiers, bit rates and object values from a bus file (TOML)
     #[arg(long, help_heading = READING, value_name = "FILE")]
     pub bus: Option<PathBuf>,
@@ -349,6 +359,11 @@ pub enum ProtocolOption {
 /// Parses a number from 1.
 pub fn parse_count(text: &str) -> Result<NonZeroUsize, &'static str> {
     text.parse().map_err(|_| "expected 1 or more")
+}
+
+/// Finds a time zone by its name.
+pub fn find_zone(name: &str) -> Result<TimeZone, &'static str> {
+    TimeZone::get(name).map_err(|_| "unknown time zone; expected a name such as Europe/Berlin, or UTC")
 }
 
 /// Parses a date.

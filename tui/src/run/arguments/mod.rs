@@ -11,7 +11,7 @@ use clap::{Args, Command};
 pub use formats::{Color, FailOn, ReportFormat};
 pub use input::{
     EdsArg, InputArgs, NODE_HELP, NodeArg, NodeOption, ProtocolOption, SelectArgs, StampStyle,
-    TimeUnitOption, node_choices, parse_count, parse_date,
+    TimeUnitOption, find_zone, node_choices, parse_count, parse_date,
 };
 pub(crate) use input::{filter_grammar, filter_help, finding_filter_help, from_help};
 pub use quantities::{parse_duration, parse_side, parse_size, part_bytes};

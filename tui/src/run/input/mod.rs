@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, anyhow};
 use cobscope_decoder::bus_file::{BusFile, SpannedText};
-use cobscope_decoder::capture::{BusNames, ReadOptions, TimeStyle, TimeUnit};
+use cobscope_decoder::capture::{BusNames, ReadOptions, RecorderZones, TimeStyle, TimeUnit};
 use cobscope_decoder::profile::{Catalogue, ProfileError, TextError, is_bus_file};
 use cobscope_decoder::query::Filter;
 use cobscope_decoder::rules::RuleSetup;
@@ -18,7 +18,7 @@ use cobscope_decoder::session::{AssignedBy, Assignment, ProtocolChoice, SessionO
 use cobscope_decoder::wire::NodeId;
 
 use super::messages::{collect_messages, print_note, print_warning};
-use crate::run::arguments::{InputArgs, NodeArg, ProtocolOption, StampStyle, TimeUnitOption};
+use crate::run::arguments::{InputArgs, NodeArg, ProtocolOption, StampStyle, TimeUnitOption, find_zone};
 use crate::source::{CaptureFile, CaptureSeries, relate_files, siblings_note};
 use crate::words::unknown_bus;
 
@@ -38,14 +38,18 @@ pub fn capture_series(input: &InputArgs) -> Vec<CaptureSeries> {
 pub fn join_files(files: &[CaptureFile], input: &InputArgs) -> Vec<CaptureSeries> {
     let relations = relate_files(files, &read_options(input), join_options(input));
     let all = relations.series();
-    let is_single = |file: &&CaptureFile| files.len() == 1 && file.is_listed && !input.separate;
-    let siblings = files.first().filter(is_single).and_then(|file| siblings_note(&file.path));
-    if let Some(text) = &siblings {
-        print_note(text);
+    if let Some(text) = missing_parts(files, input) {
+        print_note(&text);
     }
     let joined = all.iter().filter_map(CaptureSeries::parts_note);
     joined.chain(relations.separation_notes()).for_each(|text| print_note(&text));
     all
+}
+
+/// Note on a single file that is one of several parts in its folder.
+pub fn missing_parts(files: &[CaptureFile], input: &InputArgs) -> Option<String> {
+    let [file] = files else { return None };
+    siblings_note(&file.path).filter(|_| file.is_listed && !input.separate)
 }
 
 /// Conditions for joining files.
@@ -68,7 +72,17 @@ pub fn read_options(input: &InputArgs) -> ReadOptions {
             TimeUnitOption::Us => TimeUnit::Microsecond,
             TimeUnitOption::Ns => TimeUnit::Nanosecond,
         }),
+        time_zones: recorder_zones(input),
     }
+}
+
+/// Time zones of the command line and the bus file; an invalid bus file is reported elsewhere.
+fn recorder_zones(input: &InputArgs) -> RecorderZones {
+    // A pipe can be read only once.
+    let path = input.bus.as_deref().filter(|path| input.time_zone.is_none() && path.is_file());
+    let file = path.and_then(|path| bus_file(path).ok()).unwrap_or_default();
+    let zone = |(bus, zone): (&str, &SpannedText)| Some((bus.to_owned(), find_zone(&zone.text).ok()?));
+    RecorderZones::new(input.time_zone.clone(), file.time_zones().filter_map(zone).collect())
 }
 
 /// Session options from the command line and the bus file.
@@ -138,7 +152,12 @@ fn named_nodes(input: &InputArgs) -> Vec<(Option<String>, NodeId)> {
 
 fn bus_file(path: &Path) -> anyhow::Result<BusFile> {
     let (name, text) = bus_file_text(path)?;
-    BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show_in_file(&name)))
+    let file = BusFile::parse(&text).map_err(|error| anyhow::anyhow!(error.show_in_file(&name)))?;
+    for (_, zone) in file.time_zones() {
+        let wrong = |reason: &'static str| TextError::at_place(&text, zone.span.clone(), reason.to_owned());
+        find_zone(&zone.text).map_err(|reason| anyhow::anyhow!(wrong(reason).show_in_file(&name)))?;
+    }
+    Ok(file)
 }
 
 /// Device files and databases named in a bus file; empty for an invalid one, which is reported elsewhere.

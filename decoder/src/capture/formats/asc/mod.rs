@@ -24,6 +24,7 @@ mod write;
 use event::AscEventContent;
 use header::AscHeader;
 
+use crate::capture::local_time::TimeOrigin;
 use crate::capture::text::bus_labels::BusLabels;
 use crate::capture::text::columns::NumberBase;
 use crate::capture::text::evidence::{LineClass, is_proven};
@@ -42,7 +43,7 @@ pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     is_text: true,
     is_packed: false,
     detect: detect_asc,
-    parser: |_| Box::new(LineParser::new(AscFormat::default())),
+    parser: |options| Box::new(LineParser::with_zones(AscFormat::default(), options)),
 };
 
 pub(super) const WRITABLE: WritableFormat = WritableFormat {
@@ -139,27 +140,25 @@ impl AscClock {
         }
     }
 
+    /// Date of the zero of the times.
+    fn zero(&self) -> Option<i64> {
+        self.start.or(self.block)
+    }
+
     /// Time of the current line.
     fn current_time(&self) -> i64 {
-        self.start.or(self.block).unwrap_or(0).saturating_add(self.elapsed)
+        self.zero().unwrap_or(0).saturating_add(self.elapsed)
     }
 }
 
 impl AscFormat {
-    fn on_header(&mut self, text: &[u8], assumptions: &mut CaptureAssumptions) -> Result<(), LineFault> {
-        const ZONE: &str = "start date without time zone: times read as UTC";
+    fn on_header(&mut self, text: &[u8]) -> Result<(), LineFault> {
         match header::parse_header(text)? {
             AscHeader::Date(date) => {
                 self.has_header = true;
                 self.clock.set_date(date);
-                assumptions.add_assumption(ZONE);
             }
-            AscHeader::TriggerBlock(date) => {
-                self.clock.block = date;
-                if date.is_some() {
-                    assumptions.add_assumption(ZONE);
-                }
-            }
+            AscHeader::TriggerBlock(date) => self.clock.block = date,
             AscHeader::Base { base, relative } => {
                 self.has_header = true;
                 self.base = base;
@@ -185,7 +184,7 @@ impl LineFormat for AscFormat {
             return Ok(None);
         }
         let Some(event) = event::parse_event(text, self.base) else {
-            return self.on_header(text, assumptions).map(|()| None);
+            return self.on_header(text).map(|()| None);
         };
         self.clock.advance_to(event.stamp);
         match event.content? {
@@ -206,6 +205,10 @@ impl LineFormat for AscFormat {
 
     fn at_line(&mut self, number: u64) {
         self.line = number;
+    }
+
+    fn time_origin(&self) -> TimeOrigin {
+        self.clock.zero().map_or(TimeOrigin::Universal, TimeOrigin::LocalStart)
     }
 
     fn report_skipped(&mut self, batch: &mut Batch) {

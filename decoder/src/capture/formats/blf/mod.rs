@@ -23,8 +23,9 @@ use object::{BASE, FILL, ObjectContent, ObjectHeader, find_object, is_followed};
 use objects::{LARGEST_OBJECT, LOG_CONTAINER, ObjectState, is_read};
 
 use crate::capture::byte_order::ByteOrder::Little;
+use crate::capture::local_time::LocalClock;
 use crate::capture::{
-    Batch, BusNames, CaptureError, CaptureFormat, CapturePlace, FormatParser, Notice, calendar,
+    Batch, BusNames, CaptureError, CaptureFormat, CapturePlace, FormatParser, Notice, ReadOptions, calendar,
 };
 
 const MAGIC: &[u8] = b"LOGG";
@@ -41,7 +42,7 @@ pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     is_text: false,
     is_packed: true,
     detect: |head| head.starts_with(MAGIC),
-    parser: |_| Box::new(BlfParser::default()),
+    parser: |options| Box::new(BlfParser::new(options)),
 };
 
 /// Parser of BLF.
@@ -128,6 +129,10 @@ enum ContainerEnding {
 }
 
 impl BlfParser {
+    fn new(options: &ReadOptions) -> Self {
+        Self { objects: ObjectState::new(LocalClock::new(&options.time_zones)), ..Self::default() }
+    }
+
     fn parse_step(
         &mut self,
         rest: &[u8],
@@ -198,9 +203,7 @@ impl BlfParser {
         }
         let start = calendar::from_utc([year, month, day, hour, minute, second], ms * 1_000_000);
         if let Some(start) = start {
-            self.objects.start = start;
-            let text = "start date without time zone: times read as UTC";
-            batch.add_notice(Notice::Assumption(text.into()));
+            self.objects.start = Some(start);
         } else {
             let reason = "invalid start date: times count from 1970".into();
             batch.push_unreadable(CapturePlace::Offset(START as u64), reason);
@@ -236,7 +239,7 @@ impl BlfParser {
         }
         self.gap.report_gap(batch);
         too_long(head, at, batch);
-        self.objects.pass_over(head.kind);
+        self.objects.pass_over(head.kind, CapturePlace::Offset(at), batch);
         self.skip = head.size;
         BlfStep::Took(0)
     }
@@ -353,7 +356,7 @@ impl ContainerPosition {
         let size = if is_followed(rest, head.size) { head.size } else { BASE };
         if !is_read(head.kind) || head.size > LARGEST_OBJECT {
             too_long(head, at, batch);
-            objects.pass_over(head.kind);
+            objects.pass_over(head.kind, CapturePlace::Offset(at), batch);
             self.skip = size;
             return true;
         }

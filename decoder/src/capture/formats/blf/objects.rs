@@ -5,8 +5,11 @@ use super::frame::{self, FrameObject};
 use super::object::ObjectHeader;
 use crate::capture::bus_error::{self, Counters, Violation};
 use crate::capture::byte_order::ByteOrder::Little;
+use crate::capture::local_time::{LocalClock, TimeOrigin};
+use crate::capture::notice::CAN_XL;
 use crate::capture::{Batch, BusNames, CapturePlace, MAX_BUSES, Notice};
 use crate::frame::{BusIndex, Frame, Timestamp};
+use crate::words::count_noun;
 
 const CAN_MESSAGE: u32 = 1;
 const CAN_ERROR: u32 = 2;
@@ -41,9 +44,20 @@ const READ: &[u32] = &[
     DATA_LOST_END,
 ];
 
-/// Object types of other bus systems: LIN, MOST, FlexRay, J1708, Ethernet, WLAN, AFDX, ARINC 429.
-const OTHER_BUSES: &[u32] =
-    &[11, 22, 23, 29, 32, 33, 41, 50, 55, 57, 66, 71, 76, 77, 78, 84, 85, 93, 97, 113, 120, 121];
+/// Object types with messages of other bus systems.
+const OTHER_BUSES: &[(&str, &[u32])] = &[
+    ("LIN", &[11, 57]),
+    ("MOST", &[22, 23, 32, 33, 76, 77, 78, 84, 85]),
+    ("FlexRay", &[29, 41, 50, 66]),
+    ("J1708", &[55]),
+    ("Ethernet", &[71, 120, 121]),
+    ("WLAN", &[93]),
+    ("AFDX", &[97]),
+    ("ARINC 429", &[113]),
+];
+
+/// `CAN_XL_CHANNEL_FRAME`.
+const CAN_XL_FRAME: u32 = 139;
 
 /// Largest object parsed, in bytes: the largest frame has 64 bytes of data and a few other fields.
 pub(super) const LARGEST_OBJECT: usize = 4_096;
@@ -59,12 +73,13 @@ pub(super) fn is_read(kind: u32) -> bool {
 /// State collected from the objects so far.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ObjectState {
-    /// Start of the capture in nanoseconds since 1970: the zero of the times.
-    pub(super) start: i64,
+    /// Start of the capture in nanoseconds since 1970, read as UTC: the zero of the times; `None` without a date.
+    pub(super) start: Option<i64>,
+    clock: LocalClock,
     pub(super) buses: BusNames,
     frames: u64,
-    /// Number of messages of other bus systems.
-    others: u64,
+    /// Numbers of messages of other bus systems, in the order of [`OTHER_BUSES`].
+    others: [u64; OTHER_BUSES.len()],
     /// Position at which the recorder began to lose frames, until it reports their number.
     losing: Option<CapturePlace>,
     /// Last error counters of each channel that reported some; at most [`MAX_BUSES`] channels.
@@ -74,9 +89,18 @@ pub(super) struct ObjectState {
 }
 
 impl ObjectState {
-    /// Counts a skipped object.
-    pub(super) fn pass_over(&mut self, kind: u32) {
-        self.others += u64::from(OTHER_BUSES.contains(&kind));
+    pub(super) fn new(clock: LocalClock) -> Self {
+        Self { clock, ..Self::default() }
+    }
+
+    /// Counts a skipped object; a frame of an unsupported type is reported.
+    pub(super) fn pass_over(&mut self, kind: u32, place: CapturePlace, batch: &mut Batch) {
+        if kind == CAN_XL_FRAME {
+            batch.push_unreadable(place, format!("{CAN_XL}: not supported"));
+        }
+        for ((_, kinds), count) in OTHER_BUSES.iter().zip(&mut self.others) {
+            *count += u64::from(kinds.contains(&kind));
+        }
     }
 
     /// Parses one complete object.
@@ -127,7 +151,9 @@ impl ObjectState {
             return Some(());
         };
         self.frames += 1;
-        batch.push(Frame { number: self.frames, time: Some(time), bus, ..frame });
+        let origin = self.start.map_or(TimeOrigin::Universal, TimeOrigin::LocalStart);
+        let time = self.clock.convert_time(time.0, origin, self.buses.name_of(bus), batch);
+        batch.push(Frame { number: self.frames, time: Some(Timestamp(time)), bus, ..frame });
         Some(())
     }
 
@@ -170,7 +196,7 @@ impl ObjectState {
             let text = format!("unknown time unit {unit}: times read as nanoseconds");
             batch.add_notice(Notice::Assumption(text));
         }
-        Some(Timestamp(self.start).plus(elapsed))
+        Some(Timestamp(self.start.unwrap_or(0)).plus(elapsed))
     }
 
     /// Handles objects about lost frames.
@@ -196,8 +222,8 @@ impl ObjectState {
         if let Some(place) = self.losing.take() {
             batch.add_notice(Notice::LostFrames { place, bus: BusIndex(0), count: None });
         }
-        if self.others > 0 {
-            let text = format!("messages of bus systems other than CAN skipped ({})", self.others);
+        for ((system, _), count) in OTHER_BUSES.iter().zip(self.others).filter(|(_, count)| *count > 0) {
+            let text = format!("{} of {system} skipped", count_noun(count, "message"));
             batch.add_notice(Notice::Assumption(text));
         }
     }

@@ -4,6 +4,7 @@ use super::*;
 use crate::capture::testing::{read_capture, read_in_pieces};
 use crate::capture::{CaptureReader, ReadOptions};
 use crate::frame::{CanId, Timestamp};
+use crate::words::UNKNOWN_ZONE;
 
 fn header(start: [u16; 8]) -> Vec<u8> {
     let mut header = vec![0; HEADER];
@@ -83,7 +84,7 @@ fn a_frame_has_a_time_from_the_start_of_the_recording() {
     assert_eq!((frame.id, frame.data()), (CanId::Standard(0x181), &[0x81, 2, 3][..]));
     assert_eq!(frame.time, Some(Timestamp(1_436_516_253_750_000_001)));
     assert_eq!(content.buses, ["1"]);
-    assert_eq!(content.items[0], "start date without time zone: times read as UTC");
+    assert_eq!(content.items[0], UNKNOWN_ZONE);
 }
 
 #[test]
@@ -190,7 +191,7 @@ fn errors_are_frames_and_other_buses_are_reported() {
     let content = read_capture(&capture);
     let ids: Vec<u32> = content.frames.iter().map(|frame| frame.id.number()).collect();
     assert_eq!(ids, [0x088, 0x008, 0x200]);
-    assert_eq!(notices(&capture), ["messages of bus systems other than CAN skipped (1)"]);
+    assert_eq!(notices(&capture), ["1 message of LIN skipped"]);
 }
 
 #[test]

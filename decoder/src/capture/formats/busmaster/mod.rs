@@ -21,6 +21,7 @@ use line::{BusmasterLine, DAY};
 
 use crate::capture::CaptureFormat;
 use crate::capture::calendar::from_utc;
+use crate::capture::local_time::TimeOrigin;
 use crate::capture::text::columns::{ColumnWords, NumberBase};
 use crate::capture::text::line_format::{
     CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine, first_lines,
@@ -39,7 +40,7 @@ pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     is_text: true,
     is_packed: false,
     detect: |head| first_lines(head, 5).next().is_some_and(|line| line.starts_with(b"***BUSMASTER")),
-    parser: |_| Box::new(LineParser::new(BusMaster::default())),
+    parser: |options| Box::new(LineParser::with_zones(BusMaster::default(), options)),
 };
 
 /// Protocol of a session.
@@ -73,6 +74,8 @@ struct BusMaster {
     /// Day of the start of the session, in nanoseconds since 1970, and the time of the start within that day.
     day: i64,
     start: i64,
+    /// Whether the header states the start.
+    is_dated: bool,
     /// Time of day, or time since the start, of the frame before.
     last: Option<i64>,
 }
@@ -95,7 +98,6 @@ impl BusMaster {
             _ => {
                 if let Some(date) = text.strip_prefix(b"START DATE AND TIME") {
                     self.parse_start(date)?;
-                    assumptions.add_assumption("start date without time zone: times read as UTC");
                 }
             }
         }
@@ -113,6 +115,7 @@ impl BusMaster {
         self.day = from_utc([year, month, day, 0, 0, 0], 0).ok_or(DATE)?;
         let start = from_utc([year, month, day, hour, minute, second], nanoseconds).ok_or(DATE)?;
         self.start = start.saturating_sub(self.day);
+        self.is_dated = true;
         self.last = None;
         Ok(())
     }
@@ -180,11 +183,20 @@ impl LineFormat for BusMaster {
             }
         }
     }
+
+    fn time_origin(&self) -> TimeOrigin {
+        match self.mode {
+            _ if !self.is_dated => TimeOrigin::Universal,
+            Some(BusmasterTimeMode::System) => TimeOrigin::LocalDates,
+            _ => TimeOrigin::LocalStart(self.day.saturating_add(self.start)),
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use crate::capture::testing::read_capture;
+    use crate::words::UNKNOWN_ZONE;
 
     fn session(protocol: &str, modes: &str, lines: &str) -> String {
         format!(
@@ -224,8 +236,8 @@ mod tests {
         assert_eq!(
             content.items,
             [
-                "start date without time zone: times read as UTC",
                 "header without time mode: times read as time of day",
+                UNKNOWN_ZONE,
                 "{1} (208800.000000000) bus0 123#10FF flags=20 dlc=0",
             ]
         );
@@ -245,7 +257,7 @@ mod tests {
         assert_eq!(
             content.items,
             [
-                "start date without time zone: times read as UTC",
+                UNKNOWN_ZONE,
                 "{1} (172799.005000000) bus0 010# flags=40 dlc=0",
                 "sessions of bus systems other than CAN skipped",
                 "{2} (172799.000000000) bus0 1CEA2000#000000 flags=20 dlc=0",

@@ -71,6 +71,14 @@ type Parsed<'a, T> = IResult<&'a [u8], T>;
 
 /// Parses one line without its end.
 pub(in crate::capture::formats) fn parse_line(line: &[u8]) -> Result<CandumpLine<'_>, LineError> {
+    match parse_output(line) {
+        found @ (Ok(CandumpLine::Around) | Err(_)) => sent_frame(line).map_or(found, parse_output),
+        found => found,
+    }
+}
+
+/// Parses a line that candump prints.
+fn parse_output(line: &[u8]) -> Result<CandumpLine<'_>, LineError> {
     if is_nothing(line) {
         return Ok(CandumpLine::Nothing);
     }
@@ -223,6 +231,17 @@ fn parse_prompt(line: &[u8]) -> CandumpLine<'_> {
         return frame;
     }
     CandumpLine::Around
+}
+
+/// Interface and frame of the command `cansend can0 123#11`, also after a shell prompt.
+fn sent_frame(line: &[u8]) -> Option<&[u8]> {
+    const COMMAND: &[u8] = b"cansend ";
+    let at = memchr::memmem::find(line.get(..COMMAND.len() + 80).unwrap_or(line), COMMAND)?;
+    let (before, command) = line.split_at_checked(at)?;
+    let before = before.trim_ascii_end();
+    let before = before.strip_suffix(b"sudo").unwrap_or(before).trim_ascii_end();
+    let is_prompt = before.is_empty() || matches!(before.last(), Some(b'$' | b'#' | b'>' | b'%'));
+    command.strip_prefix(COMMAND).filter(|_| is_prompt)
 }
 
 /// Whether the line is a shell command between two captures.

@@ -10,13 +10,14 @@ use fast::LineCache;
 use line::{CandumpFrameLine, CandumpLine, LineError};
 use time::CandumpClock;
 
+use crate::capture::local_time::{LocalClock, TimeOrigin};
 use crate::capture::notice::CAN_XL;
 use crate::capture::text::lines::{AROUND, LineSplitter, LineStep, SkippedLines, line_excerpt};
 use crate::capture::{
     Batch, BusNames, CaptureError, CaptureFormat, CapturePlace, FormatCapabilities, FormatParser,
     LARGEST_RECORD, Notice, ReadOptions, WritableFormat,
 };
-use crate::frame::{BusIndex, Frame};
+use crate::frame::{BusIndex, Frame, Timestamp};
 
 /// Number of lines whose timestamps determine whether times are relative.
 const DECIDING_LINES: usize = 1_000;
@@ -59,7 +60,7 @@ struct CandumpParser {
     buses: BusNames,
     frames: u64,
     around: SkippedLines,
-    stated_date: bool,
+    local: LocalClock,
     stated_lin: bool,
     stated_xl: bool,
 }
@@ -73,7 +74,7 @@ impl CandumpParser {
             buses: BusNames::default(),
             frames: 0,
             around: SkippedLines::default(),
-            stated_date: false,
+            local: LocalClock::new(&options.time_zones),
             stated_lin: false,
             stated_xl: false,
         }
@@ -132,7 +133,14 @@ impl CandumpParser {
         };
         self.report_assumptions(found, batch);
         self.frames += 1;
-        let time = found.stamp.map(|stamp| self.clock.convert_stamp(stamp));
+        let time = match found.stamp {
+            Some(stamp) if found.is_date => {
+                // candump prints the time of the computer.
+                let (Timestamp(local), bus) = (self.clock.convert_stamp(stamp), self.buses.name_of(bus));
+                Some(Timestamp(self.local.convert_time(local, TimeOrigin::LocalDates, bus, batch)))
+            }
+            stamp => stamp.map(|stamp| self.clock.convert_stamp(stamp)),
+        };
         if found.stamp.is_some() {
             self.cache.learn_interface(found.bus, bus);
         }
@@ -154,9 +162,6 @@ impl CandumpParser {
                         them as absolute times";
             batch.add_notice(Notice::Assumption(text.into()));
         }
-        if found.is_date && !std::mem::replace(&mut self.stated_date, true) {
-            batch.add_notice(Notice::Assumption("dates without time zone: read as UTC".into()));
-        }
         if found.bus.starts_with(b"lin") && !std::mem::replace(&mut self.stated_lin, true) {
             let text = format!("interface {} looks like LIN: frames read as CAN", line_excerpt(found.bus));
             batch.add_notice(Notice::Assumption(text));
@@ -166,9 +171,9 @@ impl CandumpParser {
     fn report_unreadable(&mut self, line: &[u8], error: &LineError, batch: &mut Batch) {
         let reason = match error {
             LineError::CanXl if !std::mem::replace(&mut self.stated_xl, true) => {
-                format!("{CAN_XL}: not supported")
+                format!("{CAN_XL}: not supported{}", xl_fields(line))
             }
-            LineError::CanXl => CAN_XL.to_owned(),
+            LineError::CanXl => format!("{CAN_XL}{}", xl_fields(line)),
             LineError::Broken(what) => format!("{what}; found {}", line_excerpt(line)),
             LineError::NotCandump => format!("not a candump line; found {}", line_excerpt(line)),
         };
@@ -205,6 +210,18 @@ impl CandumpParser {
         self.clock.decide_style(stamps);
         true
     }
+}
+
+/// Fields of a CAN XL frame, written as `81:00:12345678`: flags, SDT and AF.
+fn xl_fields(line: &[u8]) -> String {
+    let words = line.split(|byte| byte.is_ascii_whitespace() || b"#()|".contains(byte));
+    let mut fields = words.filter_map(|word| {
+        let parts: Vec<_> = word.split(|byte| *byte == b':').map(String::from_utf8_lossy).collect();
+        let [flags, kind, acceptance] = parts.as_slice() else { return None };
+        let is_hex = word.iter().all(|byte| byte.is_ascii_hexdigit() || *byte == b':');
+        is_hex.then(|| format!(" (flags {flags}, SDT {kind}, AF {acceptance})"))
+    });
+    fields.next_back().unwrap_or_default()
 }
 
 impl FormatParser for CandumpParser {

@@ -128,7 +128,12 @@ impl RoleAssignment {
             return None;
         }
         // After the data, an identifier without a name is any number.
-        if id >= data.start && !is_named && length.is_none() && !data.has_cells {
+        if id >= data.start
+            && !is_named
+            && length.is_none()
+            && !data.has_cells
+            && !(has_other_mark && is_wide)
+        {
             return None;
         }
         self.score += if is_named { 3 } else { 0 };

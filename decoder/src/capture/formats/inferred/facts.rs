@@ -2,8 +2,8 @@
 
 use super::row::{FLAG_BIT, decimal_value, hex_number};
 use super::sample::{Sample, label_name, words_before};
-use super::token::{Token, TokenKind};
-use super::words::ColumnName;
+use super::token::{Token, TokenKind, names_truth};
+use super::words::{ColumnName, column_name};
 use crate::capture::column_list::{ColumnRole, ColumnUnit};
 
 /// Share of lines that must agree, in percent.
@@ -47,7 +47,17 @@ impl ColumnFacts {
         let count = (1..=3).rev().find(|count| equal.get(*count).is_some_and(|it| agree(*it, places.len())));
         if let (Some(count), Some(first)) = (count, first) {
             let words: Vec<&[u8]> = first.iter().take(count).rev().map(Vec::as_slice).collect();
-            let name = label_name(&words);
+            // `CAN 701`: a bus has a short number.
+            let is_wide = facts.tokens.iter().all(|(_, token)| token.width() >= 3);
+            // `MSG 0x701`: the name of a message has no prefix.
+            let is_marked = facts.tokens.iter().all(|(_, token)| token.has_prefix || token.suffix != 0);
+            let is_name = |name: &ColumnName| match name.role {
+                ColumnRole::Bus => !is_wide,
+                ColumnRole::Skip => !is_marked,
+                _ => true,
+            };
+            let name = label_name(&words).filter(is_name);
+            let name = name.or_else(|| truth_name(sample, places, words.last()?));
             facts.name = facts.name.or(name);
             // Other words, such as the frame type of most lines, do not belong to the column.
             facts.label = name.and_then(|_| first.first().cloned());
@@ -183,6 +193,19 @@ impl ColumnFacts {
     }
 }
 
+/// Name of a column with 0 or 1 for extended identifiers or remote frames.
+fn truth_name(sample: &Sample, places: &[ColumnPlace], word: &[u8]) -> Option<ColumnName> {
+    let is_named = |(line, at): &ColumnPlace| {
+        let Some(line) = sample.lines.get(*line) else { return false };
+        let tokens = line.tokens.list();
+        let before = at.checked_sub(1).and_then(|before| tokens.get(before));
+        before.is_some_and(|before| names_truth(&line.text, *before, tokens.get(*at)))
+    };
+    let name = column_name(word)?;
+    let is_truth = matches!(name.role, ColumnRole::Extended | ColumnRole::Remote);
+    (is_truth && places.iter().all(is_named)).then_some(name)
+}
+
 /// Value of a number in billionths.
 fn scaled_value(text: &[u8]) -> Option<i128> {
     let (number, _) = super::token::split_unit(text);
@@ -229,18 +252,20 @@ pub(super) fn infer_unit(values: &[i128], fraction_digits: usize) -> Option<Colu
         .collect();
     steps.sort_unstable();
     let median = steps.get(steps.len() / 2).copied().unwrap_or(0);
+    let first = values.first().copied().unwrap_or(0) / UNIT;
+    let may_be_seconds = (1_000_000_000..2_000_000_000).contains(&first);
     if fraction_digits > 0 {
-        let is_seconds = fraction_digits >= 5 || (fraction_digits >= 2 && median < 5 * UNIT);
+        // One digit suffices for seconds since 1970, of 2001 to 2033.
+        let is_precise = fraction_digits >= 2 || may_be_seconds;
+        let is_seconds = fraction_digits >= 5 || (is_precise && median < 5 * UNIT);
         return is_seconds.then_some(ColumnUnit::Seconds);
     }
-    let first = values.first().copied().unwrap_or(0) / UNIT;
     match first {
         1_000_000_000_000..=9_999_999_999_999 => return Some(ColumnUnit::Milliseconds),
         1_000_000_000_000_000..=9_999_999_999_999_999 => return Some(ColumnUnit::Microseconds),
         _ => {}
     }
     let least = steps.iter().copied().find(|step| *step > 0)?;
-    let may_be_seconds = (1_000_000_000..2_000_000_000).contains(&first);
     let largest = steps.last().copied().unwrap_or(0);
     if may_be_seconds && largest <= 2 * UNIT {
         return None;

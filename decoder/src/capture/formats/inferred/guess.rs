@@ -151,8 +151,11 @@ fn shapes(head: &[u8]) -> Vec<(Dialect, Option<Vec<u8>>)> {
     let lines: Vec<&[u8]> =
         split_lines(head).filter(|line| !line.trim_ascii().is_empty()).take(FIRST_WORDS).collect();
     let colon_bytes = lines.iter().any(|line| has_colon_bytes(line));
-    let plain = Dialect { colon_bytes, ..Dialect::default() };
+    let numbered_bytes = lines.iter().any(|line| has_numbered_bytes(line));
+    let plain = Dialect { colon_bytes, numbered_bytes, ..Dialect::default() };
     let has_comma = lines.iter().any(|line| has_decimal_comma(line));
+    // Bytes joined by commas would be fractions, and the rest of a run the data.
+    let has_comma = has_comma && !lines.iter().any(|line| has_comma_bytes(line));
     let mut shapes: Vec<(Dialect, Option<Vec<u8>>)> = Vec::new();
     for separator in [b'\t', b';', b',', b'|'] {
         if has_cells(&lines, separator) {
@@ -184,6 +187,12 @@ fn has_colon_bytes(line: &[u8]) -> bool {
     })
 }
 
+/// Whether a line contains bytes with their numbers, from 0: `0 = 11, 1 = 22`.
+fn has_numbered_bytes(line: &[u8]) -> bool {
+    let Some(first) = memchr::memmem::find(line, b"0 = ") else { return false };
+    memchr::memmem::find(line.get(first..).unwrap_or_default(), b"1 = ").is_some()
+}
+
 /// Whether the lines are tables of cells: most lines have the same number of separators, or at least two.
 fn has_cells(lines: &[&[u8]], separator: u8) -> bool {
     let mut counts: Vec<usize> =
@@ -196,6 +205,13 @@ fn has_cells(lines: &[&[u8]], separator: u8) -> bool {
 
 fn has_decimal_comma(line: &[u8]) -> bool {
     line.windows(3).any(|part| matches!(part, [b'0'..=b'9', b',', b'0'..=b'9']))
+}
+
+/// Whether a line contains four bytes joined by commas.
+fn has_comma_bytes(line: &[u8]) -> bool {
+    let is_byte = |part: &[u8]| part.len() == 2 && part.iter().all(u8::is_ascii_hexdigit);
+    let parts: Vec<bool> = line.split(|byte| *byte == b',').map(is_byte).collect();
+    parts.windows(4).any(|run| run.iter().all(|is_byte| *is_byte))
 }
 
 /// First words of frames on several lines: words with a name of the identifier in their line, which start every second

@@ -186,7 +186,7 @@ impl Layout {
     fn describe_time(&self) -> String {
         match self.time {
             Some(TimeForm { unit: Some(unit), .. }) => format!("time ({})", unit.symbol()),
-            Some(TimeForm { has_date: true, .. }) => "time (UTC presumed)".into(),
+            Some(TimeForm { has_date: true, .. }) => "date and time".into(),
             Some(_) => "time of day".into(),
             None => "time".into(),
         }

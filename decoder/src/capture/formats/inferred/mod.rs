@@ -14,6 +14,7 @@ mod data_places;
 mod facts;
 mod guess;
 mod layout;
+pub(super) mod messages;
 mod option;
 mod places;
 mod proposal;
@@ -31,11 +32,13 @@ use layout::Layout;
 use records::{RecordLines, clean_line};
 use row::RowFault;
 use sample::{heading_names, is_heading};
+use time::TimeMeaning;
 use token::{Tokens, is_ruler};
 
 use super::candump::line::is_around;
 use super::excerpt::decisive_lines;
 use crate::capture::column_list::{ColumnList, ColumnUnit};
+use crate::capture::local_time::{LocalClock, TimeOrigin};
 use crate::capture::text::day::TimesOfDay;
 use crate::capture::text::line_format::ONLY_BUS;
 use crate::capture::text::lines::{LineSplitter, LineStep, is_ellipsis, line_excerpt};
@@ -83,6 +86,7 @@ struct ColumnParser {
     tokens: Tokens,
     buses: BusNames,
     days: TimesOfDay,
+    clock: LocalClock,
     records: RecordLines,
     elapsed: i64,
     frames: u64,
@@ -107,6 +111,7 @@ impl ColumnParser {
             tokens: Tokens::default(),
             buses: BusNames::default(),
             days: TimesOfDay::default(),
+            clock: LocalClock::new(&options.time_zones),
             records: RecordLines::default(),
             elapsed: 0,
             frames: 0,
@@ -174,7 +179,7 @@ impl ColumnParser {
         match layout.read_row(text, &tokens) {
             Ok(row) => {
                 let time = row.time.nanoseconds();
-                let time = time.map(|(time, is_of_day)| self.convert_time(&layout, time, is_of_day));
+                let time = time.map(|(time, meaning)| (self.convert_time(&layout, time, meaning), meaning));
                 self.add_frame(number, time, row.bus.unwrap_or(ONLY_BUS), row.frame, batch);
             }
             Err(_) if self.take_mark(number, text, batch) => {}
@@ -188,8 +193,8 @@ impl ColumnParser {
         self.layout = Some(layout);
     }
 
-    fn convert_time(&mut self, layout: &Layout, time: i64, is_of_day: bool) -> i64 {
-        if is_of_day {
+    fn convert_time(&mut self, layout: &Layout, time: i64, meaning: TimeMeaning) -> i64 {
+        if meaning == TimeMeaning::OfDay {
             return self.days.elapsed_since_midnight(time);
         }
         if layout.time.is_some_and(|form| form.is_delta) {
@@ -199,12 +204,25 @@ impl ColumnParser {
         time
     }
 
-    fn add_frame(&mut self, number: u64, time: Option<i64>, bus: &[u8], frame: Frame, batch: &mut Batch) {
+    fn add_frame(
+        &mut self,
+        number: u64,
+        time: Option<(i64, TimeMeaning)>,
+        bus: &[u8],
+        frame: Frame,
+        batch: &mut Batch,
+    ) {
         let Some(bus) = self.buses.index_of(bus) else {
             let reason = format!("more than {MAX_BUSES} buses");
             return batch.push_unreadable(CapturePlace::Line(number), reason);
         };
         self.frames += 1;
+        let time = time.map(|(time, meaning)| match meaning {
+            TimeMeaning::LocalDate => {
+                self.clock.convert_time(time, TimeOrigin::LocalDates, self.buses.name_of(bus), batch)
+            }
+            TimeMeaning::Universal | TimeMeaning::OfDay => time,
+        });
         batch.push(Frame { number: self.frames, time: time.map(Timestamp), bus, ..frame });
     }
 

@@ -4,7 +4,7 @@ use super::data_places::{DataPlaces, is_data_start};
 use super::layout::{WORD_POSITIONS, WordPlaces, slot_after};
 use super::row::word_position;
 use super::sample::{Sample, SampleLine};
-use super::token::Token;
+use super::token::{Token, names_truth};
 use super::words::{LETTER_PAIRS, WordMeaning, column_name, is_bus_name, word_meaning};
 use crate::capture::column_list::ColumnRole;
 use crate::capture::column_list::MOST_COLUMNS;
@@ -163,7 +163,9 @@ fn for_each_word(
         };
         for (index, word) in tokens.iter().skip(at).take(count).enumerate() {
             let position = if has_cells { count - index - 1 } else { word_position(index, count, slot) };
-            take(slot, position, *word);
+            if !names_truth(&line.text, *word, tokens.get(at + index + 1)) {
+                take(slot, position, *word);
+            }
         }
         at += count;
     }

@@ -72,13 +72,16 @@ fn propose_lengths(
     let after = facts_after(sample, data);
     let is_length = |column: &usize| {
         facts.get(*column).is_some_and(|facts| match facts.named_role() {
-            Some(role) => role == ColumnRole::Length,
-            None => facts.tokens.iter().all(|(line, token)| {
+            Some(ColumnRole::Length) => true,
+            // `Data 8`: a frame type before the length.
+            Some(ColumnRole::Data) if facts.label.is_none() => false,
+            Some(ColumnRole::Data) | None => facts.tokens.iter().all(|(line, token)| {
                 sample
                     .lines
                     .get(*line)
                     .is_some_and(|line| parse_length(token.text(&line.text), *token).is_some())
             }),
+            Some(_) => false,
         })
     };
     let is_named = facts.iter().any(|facts| facts.named_role() == Some(ColumnRole::Length));

@@ -2,7 +2,7 @@
 
 use super::layout::{LAST_SLOT, Layout, WORD_POSITIONS, is_after, slot_after};
 use super::time::RowTime;
-use super::token::{Token, TokenKind, Tokens};
+use super::token::{Token, TokenKind, Tokens, names_truth};
 use super::words::{LETTER_PAIRS, WordMeaning, is_bus_name, truth_value, word_meaning};
 use crate::capture::bus_error::{Violation, violation_frame};
 use crate::capture::column_list::ColumnRole;
@@ -230,6 +230,9 @@ impl<'a> RowReader<'a> {
         for (index, token) in self.tokens.iter().skip(at).take(count).enumerate() {
             let position = if has_cells { count - index - 1 } else { word_position(index, count, slot) };
             let word = token.text(self.line);
+            if names_truth(self.line, *token, self.tokens.get(at + index + 1)) {
+                continue;
+            }
             let is_bus = match bus {
                 Some(_) if is_merged => is_bus_name(word),
                 Some((_, of)) => usize::from(of) == position,
@@ -415,6 +418,10 @@ impl<'a> RowReader<'a> {
             return Err(if has_data { IDENTIFIER } else { RowFault::Text });
         };
         let id = self.identifier(token)?;
+        // A length without bytes and a word of remote frames, wherever it is.
+        if self.count == 0 && self.length.is_some_and(|length| length > 0) {
+            self.take_remote_word(0);
+        }
         let (length, raw_dlc) = self.frame_length()?;
         if self.layout.time.is_some() && self.time.is_missing() {
             return Err(Broken("time: missing"));

@@ -148,3 +148,37 @@ fn remote_and_error_frames_have_words() {
     // Received 40, remote 01, error 02, transmitted 20.
     assert_eq!(flags, [0x40, 0x40, 0x41, 0x40, 0x02, 0x20, 0x20], "{:?}", content.items);
 }
+
+#[test]
+fn a_name_with_a_truth_value_is_not_a_frame_type() {
+    let text = "RX EXT=0 RTR: 0 ID=181 DLC=2 DATA=37,02\nRX EXT=0 RTR: 0 ID=701 DLC=1 DATA=05\n\
+                RX EXT=1 RTR: 0 ID=701 DLC=3 DATA=FF,FF,FF\n";
+    let frames: Vec<String> = read_capture(text.as_bytes())
+        .frames
+        .iter()
+        .map(|frame| format!("{}#{}", frame.id, frame.length))
+        .collect();
+    assert_eq!(frames, ["181#2", "701#1", "00000701#3"]);
+}
+
+#[test]
+fn identifiers_with_a_mark_need_no_name_and_no_order() {
+    for (text, expected) in [
+        (
+            "40 0A 10 00 00 00 00 00 603h\n41 0A 10 00 11 00 00 00 583h\n60 0A 10 00 00 00 00 00 603h\n",
+            ["603", "583", "603"],
+        ),
+        (
+            "MSG 0x705 S 1 05\nMSG 0x185 S 2 37 02\nMSG 0x18FEF100 X 8 FF FF FF FF FF FF FF FF\n",
+            ["705", "185", "18FEF100"],
+        ),
+        (
+            "0.1 CAN 00000705   1: 05\n0.2 CAN 00000185   2: 37 02\n0.3 CAN 18fef100x  3: ff ff ff\n",
+            ["705", "185", "18FEF100"],
+        ),
+    ] {
+        let ids: Vec<String> =
+            read_capture(text.as_bytes()).frames.iter().map(|frame| frame.id.to_string()).collect();
+        assert_eq!(ids, expected, "{text}");
+    }
+}

@@ -9,6 +9,17 @@ use crate::capture::text::columns::{parse_time, time_of_day};
 /// One second in nanoseconds.
 const SECOND: i64 = 1_000_000_000;
 
+/// Meaning of the time of a line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum TimeMeaning {
+    /// UTC, or a number without a date.
+    Universal,
+    /// A date without a time zone.
+    LocalDate,
+    /// A time of day without a date.
+    OfDay,
+}
+
 /// Time of a line, as far as its columns are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct RowTime {
@@ -17,6 +28,7 @@ pub(super) struct RowTime {
     /// Time, or time of day, in nanoseconds.
     time: Option<i64>,
     is_of_day: bool,
+    has_zone: bool,
 }
 
 impl RowTime {
@@ -26,6 +38,7 @@ impl RowTime {
         match kind {
             TokenKind::Date => {
                 let (day, time, zone) = split_date(text);
+                self.has_zone |= !zone.is_empty();
                 self.date = form.has_date.then(|| parse_day(day)).flatten();
                 if !time.is_empty() && self.time.is_none() {
                     self.time = Some(parse_clock(time)?.checked_sub(parse_zone(zone)?)?);
@@ -51,12 +64,14 @@ impl RowTime {
         self.time.is_none()
     }
 
-    /// Time in nanoseconds, and whether it is a time of day without a date.
-    pub(super) fn nanoseconds(&self) -> Option<(i64, bool)> {
+    /// Time in nanoseconds with its meaning.
+    pub(super) fn nanoseconds(&self) -> Option<(i64, TimeMeaning)> {
         let time = self.time?;
+        let zone = if self.has_zone { TimeMeaning::Universal } else { TimeMeaning::LocalDate };
         match self.date {
-            Some(date) if self.is_of_day => Some((date.checked_add(time)?, false)),
-            _ => Some((time, self.is_of_day)),
+            Some(date) if self.is_of_day => Some((date.checked_add(time)?, zone)),
+            _ if self.is_of_day => Some((time, TimeMeaning::OfDay)),
+            _ => Some((time, TimeMeaning::Universal)),
         }
     }
 }

@@ -22,6 +22,8 @@ pub(super) struct Dialect {
     pub(super) decimal_comma: bool,
     /// Whether `11:22:33` are three bytes; a time of day then has a fraction.
     pub(super) colon_bytes: bool,
+    /// Whether each byte has its number: `0 = 11, 1 = 22`.
+    pub(super) numbered_bytes: bool,
 }
 
 /// Type of a token.
@@ -86,6 +88,13 @@ impl Token {
     pub(super) fn is_byte(&self) -> bool {
         self.kind == TokenKind::Hex && matches!(self.width(), 1..=2) && self.suffix != b'x'
     }
+}
+
+/// Whether a word names the number 0 or 1 after it: `EXT=1`, `RTR: 0`.
+pub(super) fn names_truth(line: &[u8], word: Token, next: Option<&Token>) -> bool {
+    let Some(next) = next.filter(|next| matches!(next.text(line), b"0" | b"1")) else { return false };
+    let between = line.get(usize::from(word.end)..usize::from(next.start)).unwrap_or_default();
+    between.iter().any(|byte| matches!(byte, b'=' | b':'))
 }
 
 /// Tokens of a line, in memory that is used again.
@@ -198,7 +207,17 @@ impl Tokens {
         }
     }
 
-    fn push(&mut self, token: Token, (start, end): (usize, usize), gap: Gap) {
+    /// Whether a byte takes the place of its number before it.
+    fn takes_number(&self, dialect: Dialect, token: Token, gap: Gap) -> bool {
+        let is_number = |last: &Token| last.is_byte() && last.is_decimal;
+        dialect.numbered_bytes
+            && gap.separator == b'='
+            && token.is_byte()
+            && self.list.last().is_some_and(is_number)
+    }
+
+    #[inline]
+    fn push(&mut self, token: Token, (start, end): (usize, usize), gap: Gap, dialect: Dialect) {
         let place = |at: usize| u16::try_from(at).unwrap_or(u16::MAX);
         let (start, end) = (place(start), place(end));
         // A date and the time of day after a blank are one time.
@@ -209,6 +228,12 @@ impl Tokens {
             && last.cell == self.last_cell
         {
             last.end = end;
+            return;
+        }
+        if self.takes_number(dialect, Token { start, end, ..token }, gap)
+            && let Some(number) = self.list.last_mut()
+        {
+            (number.start, number.end, number.is_decimal) = (start, end, token.is_decimal);
             return;
         }
         self.list.push(Token {
@@ -233,7 +258,7 @@ impl Tokens {
     ) {
         if classes & !(DIGIT | HEX_LETTER) == 0 {
             let token = Token { is_decimal: classes == DIGIT, ..Token::default() };
-            return self.push(token, (start, end), gap);
+            return self.push(token, (start, end), gap, dialect);
         }
         self.add_other(line, (start, end), classes, gap, dialect);
     }
@@ -260,14 +285,19 @@ impl Tokens {
         }
         let word = text(start, end);
         if let Some((token, from, to)) = parse_number(word, dialect) {
-            return self.push(token, (start + from, start + to), gap);
+            return self.push(token, (start + from, start + to), gap, dialect);
         }
         // `Time:12:01:22.5`: the name, then the time.
         if classes & COLON != 0
             && let Some(colon) = word.iter().position(|byte| *byte == b':')
             && word.iter().take(colon).any(|byte| class_of(*byte) & (LETTER | OTHER) != 0)
         {
-            self.push(Token { kind: TokenKind::Word, ..Token::default() }, (start, start + colon), gap);
+            self.push(
+                Token { kind: TokenKind::Word, ..Token::default() },
+                (start, start + colon),
+                gap,
+                dialect,
+            );
             let gap = Gap { separator: b':', width: 1 };
             return self.add_other(line, (start + colon + 1, end), classes, gap, dialect);
         }
@@ -280,15 +310,20 @@ impl Tokens {
                 let to = from + part.len();
                 match parse_number(part, dialect) {
                     _ if part.is_empty() => {}
-                    Some((token, first, last)) => self.push(token, (from + first, from + last), gap),
-                    None => self.push(Token { kind: TokenKind::Word, ..Token::default() }, (from, to), gap),
+                    Some((token, first, last)) => self.push(token, (from + first, from + last), gap, dialect),
+                    None => self.push(
+                        Token { kind: TokenKind::Word, ..Token::default() },
+                        (from, to),
+                        gap,
+                        dialect,
+                    ),
                 }
                 gap = Gap { separator, width: 1 };
                 from = to + 1;
             }
             return;
         }
-        self.push(Token { kind: TokenKind::Word, ..Token::default() }, (start, end), gap);
+        self.push(Token { kind: TokenKind::Word, ..Token::default() }, (start, end), gap, dialect);
     }
 }
 

@@ -102,6 +102,7 @@ const NAMES: &[(ColumnRole, &[&str])] = &[
             "offset",
             "systemtime",
             "uptime",
+            "timescale",
             "zeit",
             "zeitstempel",
             "uhrzeit",

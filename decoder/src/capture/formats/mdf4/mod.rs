@@ -28,8 +28,9 @@ use frame::ChannelFrame;
 use recording::{Mdf4Capture, UNFINISHED};
 use source::GroupSource;
 
+use crate::capture::local_time::{LocalClock, TimeOrigin};
 use crate::capture::{
-    Batch, BusNames, CaptureError, CaptureFormat, CapturePlace, FormatParser, MAX_BUSES, Notice,
+    Batch, BusNames, CaptureError, CaptureFormat, CapturePlace, FormatParser, MAX_BUSES, Notice, ReadOptions,
 };
 use crate::frame::{BusIndex, Frame, Timestamp};
 
@@ -44,7 +45,7 @@ pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     is_text: false,
     is_packed: true,
     detect: |head| head.starts_with(FINISHED) || head.starts_with(UNFINISHED),
-    parser: |_| Box::new(Mdf4Parser::default()),
+    parser: |options| Box::new(Mdf4Parser::new(options)),
 };
 
 /// Parser of MDF4.
@@ -53,8 +54,7 @@ struct Mdf4Parser {
     /// All bytes received so far.
     file: Arc<Vec<u8>>,
     state: Mdf4State,
-    buses: BusNames,
-    frames: u64,
+    delivery: FrameDelivery,
 }
 
 #[derive(Clone, Default)]
@@ -68,16 +68,30 @@ enum Mdf4State {
 #[derive(Clone)]
 struct Mdf4Reading {
     start: i64,
+    origin: TimeOrigin,
     sources: Vec<GroupSource>,
     /// Notices emitted before the first frame, in reverse order.
     notices: Vec<Notice>,
     others: u64,
     names: Vec<Vec<u8>>,
+}
+
+/// State of the frames emitted so far.
+#[derive(Clone, Default)]
+struct FrameDelivery {
+    buses: BusNames,
+    clock: LocalClock,
+    frames: u64,
     /// Channel of the last frame, and its bus.
     last: Option<(Option<u64>, BusIndex)>,
 }
 
 impl Mdf4Parser {
+    fn new(options: &ReadOptions) -> Self {
+        let clock = LocalClock::new(&options.time_zones);
+        Self { delivery: FrameDelivery { clock, ..FrameDelivery::default() }, ..Self::default() }
+    }
+
     fn collect_input(&mut self, input: &[u8]) -> Result<usize, CaptureError> {
         if self.file.len().saturating_add(input.len()) > LARGEST_CAPTURE {
             return Err(CaptureError::Header {
@@ -104,16 +118,13 @@ impl Mdf4Reading {
             }
         };
         let mut notices: Vec<_> = damages.into_iter().map(notice).collect();
-        if is_local {
-            let text = "start date without time zone: times read as UTC";
-            notices.insert(0, Notice::Assumption(text.into()));
-        }
         notices.reverse();
-        Ok(Self { start, sources, notices, others, names, last: None })
+        let origin = if is_local { TimeOrigin::LocalStart(start) } else { TimeOrigin::Universal };
+        Ok(Self { start, origin, sources, notices, others, names })
     }
 
     /// Emits frames and notices until the batch is full; `false` at the end.
-    fn read(&mut self, file: &[u8], frames: &mut u64, buses: &mut BusNames, batch: &mut Batch) -> bool {
+    fn read(&mut self, file: &[u8], delivery: &mut FrameDelivery, batch: &mut Batch) -> bool {
         while !batch.is_full() {
             if let Some(notice) = self.notices.pop() {
                 batch.add_notice(notice);
@@ -127,14 +138,8 @@ impl Mdf4Reading {
             let due = self.sources.iter_mut().filter_map(|source| Some((source.due_time()?, source)));
             let next = due.min_by_key(|(due, _)| *due).and_then(|(_, source)| source.take_frame());
             let Some((time, found)) = next else { return false };
-            deliver_frame(
-                time.map(|time| Timestamp(self.start).plus(time)),
-                found,
-                frames,
-                buses,
-                &mut self.last,
-                batch,
-            );
+            let time = time.map(|time| Timestamp(self.start).plus(time));
+            delivery.deliver_frame(time, self.origin, found, batch);
         }
         true
     }
@@ -157,25 +162,28 @@ impl Mdf4Reading {
     }
 }
 
-fn deliver_frame(
-    time: Option<Timestamp>,
-    found: ChannelFrame,
-    frames: &mut u64,
-    buses: &mut BusNames,
-    last: &mut Option<(Option<u64>, BusIndex)>,
-    batch: &mut Batch,
-) {
-    let name = || found.channel.map_or_else(|| "can".into(), |channel| channel.to_string());
-    let known = last.filter(|(channel, _)| *channel == found.channel).map(|(_, bus)| bus);
-    let Some(bus) = known.or_else(|| buses.index_of(name().as_bytes())) else {
-        let name = name();
-        let reason = format!("channel {name}: more than {MAX_BUSES} channels");
-        batch.add_notice(Notice::Unreadable { place: CapturePlace::Offset(0), reason });
-        return;
-    };
-    *last = Some((found.channel, bus));
-    *frames += 1;
-    batch.push(Frame { number: *frames, time, bus, ..found.frame });
+impl FrameDelivery {
+    fn deliver_frame(
+        &mut self,
+        time: Option<Timestamp>,
+        origin: TimeOrigin,
+        found: ChannelFrame,
+        batch: &mut Batch,
+    ) {
+        let name = || found.channel.map_or_else(|| "can".into(), |channel| channel.to_string());
+        let known = self.last.filter(|(channel, _)| *channel == found.channel).map(|(_, bus)| bus);
+        let Some(bus) = known.or_else(|| self.buses.index_of(name().as_bytes())) else {
+            let name = name();
+            let reason = format!("channel {name}: more than {MAX_BUSES} channels");
+            batch.add_notice(Notice::Unreadable { place: CapturePlace::Offset(0), reason });
+            return;
+        };
+        self.last = Some((found.channel, bus));
+        self.frames += 1;
+        let name = self.buses.name_of(bus);
+        let time = time.map(|time| Timestamp(self.clock.convert_time(time.0, origin, name, batch)));
+        batch.push(Frame { number: self.frames, time, bus, ..found.frame });
+    }
 }
 
 impl FormatParser for Mdf4Parser {
@@ -187,7 +195,7 @@ impl FormatParser for Mdf4Parser {
             self.state = Mdf4State::Reading(Mdf4Reading::open(&self.file)?);
         }
         if let Mdf4State::Reading(reading) = &mut self.state
-            && !reading.read(&self.file, &mut self.frames, &mut self.buses, batch)
+            && !reading.read(&self.file, &mut self.delivery, batch)
         {
             reading.report_skipped(batch);
             self.state = Mdf4State::Ended;
@@ -196,7 +204,7 @@ impl FormatParser for Mdf4Parser {
     }
 
     fn buses(&self) -> &BusNames {
-        &self.buses
+        &self.delivery.buses
     }
 
     fn clone_box(&self) -> Box<dyn FormatParser> {

@@ -22,6 +22,18 @@ pub(super) const PGN: &str = "PGN: expected a number up to 3FFFF (262143)";
 /// Expected content if an address or the priority is invalid.
 pub(super) const ADDRESS: &str = "addresses: expected numbers up to FF (255), and a priority up to 7";
 
+/// Time of a message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum MessageTime {
+    /// Nanoseconds since 1970, and whether the text states UTC.
+    Date(i64, bool),
+    /// Nanoseconds since midnight.
+    OfDay(i64),
+}
+
+/// A message with its time; the error is the content expected.
+pub(super) type ParsedMessage = Result<(MessageTime, PgnMessage), &'static str>;
+
 /// A message of NMEA 2000 or J1939.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct PgnMessage {

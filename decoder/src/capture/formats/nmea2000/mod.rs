@@ -7,16 +7,20 @@
 //!                                                                length, data
 //! ```
 //!
+//! JSON of canboat's analyzer and of canboatjs: [`canboat`].
+//!
 //! Sources: Actisense, "NMEA 2000 ASCII output format" (W2K-1 manual); canboat, `common/parse.c`, `parseRawFormatPlain` and
 //! `parseRawFormatFast`. A message of more than eight bytes was several frames of NMEA 2000's fast packet on the bus: these
 //! are built again, with the time of the message.
 
+mod canboat;
 mod message;
 
-use message::{ADDRESS, DATA, PGN, PacketBuilder, PgnMessage};
+use canboat::{parse_json, parse_text};
+use message::{ADDRESS, DATA, MessageTime, PGN, PacketBuilder, ParsedMessage, PgnMessage};
 
 use crate::capture::CaptureFormat;
-use crate::capture::calendar::from_utc;
+use crate::capture::local_time::TimeOrigin;
 use crate::capture::text::columns::{NumberBase, time_of_day};
 use crate::capture::text::day::TimesOfDay;
 use crate::capture::text::evidence::{LineClass, is_proven};
@@ -28,7 +32,6 @@ use crate::frame::Frame;
 const BUILT: &str =
     "messages of more than 8 bytes: frames of the fast packet built again, with the time of the message";
 const OF_DAY: &str = "times of day without a date: times count from the midnight before the first message";
-const ZONE: &str = "dates without time zone: read as UTC";
 
 pub(super) const ACTISENSE: CaptureFormat = CaptureFormat {
     name: "n2k-ascii",
@@ -44,8 +47,17 @@ pub(super) const CANBOAT: CaptureFormat = CaptureFormat {
     title: "canboat text",
     is_text: true,
     is_packed: false,
-    detect: |head| is_proven(head, |line| class_of(line, parse_canboat(line).is_ok())),
-    parser: |_| Box::new(LineParser::new(MessageText::new(parse_canboat))),
+    detect: |head| is_proven(head, |line| class_of(line, parse_text(line).is_ok())),
+    parser: |options| Box::new(LineParser::with_zones(MessageText::new(parse_text), options)),
+};
+
+pub(super) const CANBOAT_JSON: CaptureFormat = CaptureFormat {
+    name: "canboat-json",
+    title: "canboat JSON",
+    is_text: true,
+    is_packed: false,
+    detect: |head| is_proven(head, |line| class_of(line, parse_json(line).is_ok())),
+    parser: |options| Box::new(LineParser::with_zones(MessageText::new(parse_json), options)),
 };
 
 fn class_of(line: &[u8], is_message: bool) -> LineClass {
@@ -56,28 +68,19 @@ fn class_of(line: &[u8], is_message: bool) -> LineClass {
     }
 }
 
-/// Time of a message.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum MessageTime {
-    /// Nanoseconds since 1970, and whether the text states UTC.
-    Date(i64, bool),
-    /// Nanoseconds since midnight.
-    OfDay(i64),
-}
-
-type ParsedMessage = Result<(MessageTime, PgnMessage), &'static str>;
-
 /// State that affects later lines.
 #[derive(Clone)]
 struct MessageText {
     parse: fn(&[u8]) -> ParsedMessage,
     days: TimesOfDay,
     packets: PacketBuilder,
+    /// Whether the last date has no time zone.
+    is_local: bool,
 }
 
 impl MessageText {
     fn new(parse: fn(&[u8]) -> ParsedMessage) -> Self {
-        Self { parse, days: TimesOfDay::default(), packets: PacketBuilder::default() }
+        Self { parse, days: TimesOfDay::default(), packets: PacketBuilder::default(), is_local: false }
     }
 }
 
@@ -96,9 +99,7 @@ impl LineFormat for MessageText {
         let (time, message) = (self.parse)(text)?;
         let time = match time {
             MessageTime::Date(time, is_utc) => {
-                if !is_utc {
-                    assumptions.add_assumption(ZONE);
-                }
+                self.is_local = !is_utc;
                 time
             }
             MessageTime::OfDay(time) => {
@@ -115,6 +116,10 @@ impl LineFormat for MessageText {
 
     fn next_frame(&mut self) -> Option<Frame> {
         self.packets.next_frame()
+    }
+
+    fn time_origin(&self) -> TimeOrigin {
+        if self.is_local { TimeOrigin::LocalDates } else { TimeOrigin::Universal }
     }
 }
 
@@ -144,44 +149,6 @@ fn digits_of_day(digits: &[u8]) -> Option<i64> {
     whole.iter().all(u8::is_ascii_digit).then_some(())?;
     let [h1, h0, m1, m0, seconds @ ..] = whole else { return None };
     time_of_day(&[&[*h1, *h0, b':', *m1, *m0, b':'][..], seconds, fraction].concat())
-}
-
-/// Parses a line of canboat's `actisense-serial` and `candump2analyzer`.
-fn parse_canboat(line: &[u8]) -> ParsedMessage {
-    const TIME: &str = "time: expected a date such as 2011-11-24-22:42:04.388";
-    const LENGTH: &str = "length: expected as many bytes as follow";
-    let mut fields = line.split(|byte| *byte == b',').map(<[u8]>::trim_ascii);
-    let time = fields.next().and_then(parse_date).ok_or(TIME)?;
-    let mut number = || fields.next().and_then(|field| NumberBase::Decimal.parse_number(field));
-    let priority = number().and_then(|number| u8::try_from(number).ok()).ok_or(ADDRESS)?;
-    let pgn = number().ok_or(PGN)?;
-    let mut address = || number().and_then(|number| u8::try_from(number).ok());
-    let (source, destination) = (address().ok_or(ADDRESS)?, address().ok_or(ADDRESS)?);
-    let length = number().ok_or(LENGTH)?;
-    let data: Option<Vec<u8>> =
-        fields.map(|field| NumberBase::Hex.parse_byte(field).filter(|_| field.len() == 2)).collect();
-    let data = data.ok_or(DATA)?;
-    if u32::try_from(data.len()) != Ok(length) {
-        return Err(LENGTH);
-    }
-    Ok((time, PgnMessage::new(priority, pgn, source, destination, data)?))
-}
-
-/// Parses `2011-11-24-22:42:04.388`, or with T or Z between date and time, and Z at the end.
-fn parse_date(field: &[u8]) -> Option<MessageTime> {
-    let (text, is_utc) = match field.strip_suffix(b"Z") {
-        Some(text) => (text, true),
-        None => (field, false),
-    };
-    let (date, clock) = text.split_at_checked(10)?;
-    let (mark, clock) = clock.split_first()?;
-    let is_utc = is_utc || *mark == b'Z';
-    let [y3, y2, y1, y0, b'-', o1, o0, b'-', d1, d0] = date else { return None };
-    let number = |digits: &[u8]| NumberBase::Decimal.parse_number(digits).map(i64::from);
-    let (year, month, day) = (number(&[*y3, *y2, *y1, *y0])?, number(&[*o1, *o0])?, number(&[*d1, *d0])?);
-    let midnight = from_utc([year, month, day, 0, 0, 0], 0)?;
-    let of_day = time_of_day(clock).filter(|_| matches!(mark, b'-' | b'T' | b'Z' | b' '))?;
-    Some(MessageTime::Date(midnight.checked_add(of_day)?, is_utc))
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ mod write;
 
 use line::{LAYOUTS, TrcFrameLine, TrcLine};
 
+use crate::capture::local_time::TimeOrigin;
 use crate::capture::text::bus_labels::BusLabels;
 use crate::capture::text::columns::{ColumnWords, windows_date};
 use crate::capture::text::line_format::{CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine};
@@ -34,7 +35,7 @@ pub(super) const FORMAT: CaptureFormat = CaptureFormat {
     is_text: true,
     is_packed: false,
     detect: detect_trc,
-    parser: |_| Box::new(LineParser::new(TrcFormat::new())),
+    parser: |options| Box::new(LineParser::with_zones(TrcFormat::new(), options)),
 };
 
 pub(super) const WRITABLE: WritableFormat = WritableFormat {
@@ -70,7 +71,7 @@ fn detect_trc(head: &[u8]) -> bool {
         }
         commented = true;
         if text.starts_with(b";$COLUMNS=") {
-            let _ = format.on_comment(text.get(1..).unwrap_or_default(), &mut CaptureAssumptions::default());
+            let _ = format.on_comment(text.get(1..).unwrap_or_default());
         }
         versioned |= text.starts_with(b";$FILEVERSION=");
     }
@@ -87,14 +88,15 @@ struct TrcFormat {
     layout: Vec<u8>,
     /// Whether a comment stated the version or the columns, or the first row decided.
     has_layout: bool,
-    start: i64,
+    /// Start in nanoseconds since 1970, read as UTC; `None` if no comment states it.
+    start: Option<i64>,
     buses: BusLabels,
 }
 
 impl TrcFormat {
     fn new() -> Self {
         let layout = oldest_layout().to_vec();
-        Self { layout, has_layout: false, start: 0, buses: BusLabels::default() }
+        Self { layout, has_layout: false, start: None, buses: BusLabels::default() }
     }
 
     /// Whether the first row fits the stated columns or, without a statement, those of some version: 1.0 first, which
@@ -117,7 +119,7 @@ impl TrcFormat {
     }
 
     /// Handles a comment: free text, except for three keywords and the names of buses.
-    fn on_comment(&mut self, comment: &[u8], assumptions: &mut CaptureAssumptions) -> Result<(), LineFault> {
+    fn on_comment(&mut self, comment: &[u8]) -> Result<(), LineFault> {
         if let Some(version) = comment.strip_prefix(b"$FILEVERSION=") {
             return self.set_version(version.trim_ascii());
         }
@@ -130,9 +132,9 @@ impl TrcFormat {
             self.buses.learn_label(label);
         }
         if let Some(days) = comment.strip_prefix(b"$STARTTIME=") {
-            self.start = windows_date(days.trim_ascii_end())
-                .ok_or("start time: expected days since 1899-12-30, such as 44548.6028595139")?;
-            assumptions.add_assumption("start time without time zone: times read as UTC");
+            let start = windows_date(days.trim_ascii_end());
+            self.start =
+                Some(start.ok_or("start time: expected days since 1899-12-30, such as 44548.6028595139")?);
         }
         Ok(())
     }
@@ -159,11 +161,11 @@ impl LineFormat for TrcFormat {
     fn parse_line<'a>(
         &'a mut self,
         text: &'a [u8],
-        assumptions: &mut CaptureAssumptions,
+        _: &mut CaptureAssumptions,
     ) -> Result<Option<ParsedLine<'a>>, LineFault> {
         let text = text.trim_ascii();
         if let Some(comment) = text.strip_prefix(b";") {
-            return self.on_comment(comment, assumptions).map(|()| None);
+            return self.on_comment(comment).map(|()| None);
         }
         if !self.has_layout {
             self.fits_layout(text);
@@ -173,7 +175,12 @@ impl LineFormat for TrcFormat {
             TrcLine::Frame(found) => found,
         };
         let bus = self.buses.name(bus);
-        Ok(Some(ParsedLine { time: Some(self.start.saturating_add(offset)), bus, frame, lost }))
+        let time = self.start.unwrap_or(0).saturating_add(offset);
+        Ok(Some(ParsedLine { time: Some(time), bus, frame, lost }))
+    }
+
+    fn time_origin(&self) -> TimeOrigin {
+        self.start.map_or(TimeOrigin::Universal, TimeOrigin::LocalStart)
     }
 }
 
