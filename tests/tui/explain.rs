@@ -56,6 +56,83 @@ fn a_line_of_any_capture_is_explained() {
     }
 }
 
+/// Bytes by hand from CiA 301 §7.2.4.3.17 and §7.2.4.3.5, §7.2.7.1, ISO 14229-1 and SAE J2012.
+#[test]
+fn bytes_without_an_identifier_are_messages() {
+    for bytes in
+        ["80 00 00 00 00 00 04 05", "8000000000000405", "0x80, 0x00, 0x00, 0x00, 0x00, 0x00, 0x04, 0x05"]
+    {
+        let abort = explain(bytes);
+        assert!(abort.contains("05040000  SDO abort code: SDO timed out"), "{abort}");
+        assert_eq!(abort.matches("SDO abort code:").count(), 1, "{abort}");
+    }
+    assert_eq!(
+        explain("40 41 60 00 00 00 00 00").lines().next(),
+        Some("SDO request: initiate upload of 6041:00")
+    );
+    assert!(explain("4B 17 10 00 E8 03 00 00").contains("1017:00 Producer heartbeat time = 1000 ms"));
+    for emcy in ["30 81 11 00 00 00 00 00", "8130 11 00 00 00 00 00", "EMCY 8130"] {
+        assert!(explain(emcy).starts_with("8130  EMCY error code: heartbeat or life-guard error"), "{emcy}");
+    }
+    assert!(explain("8130 11 00 00 00 00 00").contains("register     11 (generic, communication)"));
+    let refused = explain("7F 22 31");
+    assert!(
+        refused.starts_with("UDS: negative response to 22")
+            && refused.contains("\n31  UDS negative response")
+    );
+    assert!(explain("03 22 F1 90 00 00 00 00").starts_with("UDS in a single frame: request 22"));
+}
+
+/// CiA 301 §7.5.2.5, §7.5.2.8, §7.5.2.17, §7.5.2.37; bits of the status word: CiA 402-2.
+#[test]
+fn values_with_bits_are_explained() {
+    assert!(explain("8000018A").starts_with("8000018A  COB-ID: PDO on 18A, not valid (bit 31)\n"));
+    assert!(explain("40000080").starts_with("40000080  COB-ID: SYNC on 080, produces SYNC (bit 30)\n"));
+    assert!(explain("0x20000123").contains("29-bit identifier (bit 29)"));
+    assert!(explain("06090030").starts_with("06090030  SDO abort code"));
+    for value in ["6041=0670", "6041:00 = 0x0670", "status word 0670", "Statusword: 0670h"] {
+        let text = explain(value);
+        assert!(text.contains("cia402: Statusword: 0670h voltage enabled"), "{text}");
+        assert!(text.contains("switch on disabled"), "{text}");
+    }
+}
+
+#[test]
+fn trouble_codes_have_names_and_bytes() {
+    assert!(explain("U0064-87").starts_with("U0064-87  UDS trouble code C0 64 87: network"));
+    assert!(explain("u006487").contains("failure type 87 bus signal or message failure"));
+    assert!(explain("P0102").starts_with("P0102  UDS trouble code 01 02: powertrain"));
+    assert!(explain("B1234-13").starts_with("B1234-13  UDS trouble code 92 34 13: body"));
+    for fault in ["SPN 298985 FMI 19", "spn: 298985, fmi: 19", "298985/19"] {
+        assert!(explain(fault).starts_with("SPN 298985 FMI 19"), "{fault}");
+    }
+    assert!(explain("NRC 0x31").starts_with("31  UDS negative response"));
+}
+
+#[test]
+fn lines_of_this_program_are_explained() {
+    let event = explain("    1.066  5/05              EMCY   8130 heartbeat; warning [emcy-raised] {3}");
+    assert!(event.starts_with("emcy-raised  ") && event.contains("8130  EMCY error code"), "{event}");
+    for (line, expected) in [
+        ("    0.120  master→5          NMT    start: operational → operational? {6}", "000  COB-ID"),
+        ("    0.066  5/05              PDO    TPDO1 37 02 {2}", "185  COB-ID"),
+        ("    0.066  5/05              HB     operational {2}", "705  COB-ID"),
+        ("        –  client→1          SDO w  1017:00 = 1000 ms ok exp {3-4}", "1017:00  object"),
+        ("    0.100  client→1          SDO w  1017:00 REFUSED 06020000 {3-4}", "06020000  SDO abort code"),
+    ] {
+        assert!(explain(line).contains(expected), "{line}: {}", explain(line));
+    }
+}
+
+#[test]
+fn frames_without_blanks_and_error_frames_are_explained() {
+    for line in ["t7011057FEE", "{\"id\":\"0x701\",\"data\":\"05\"}", "1;100,0;1;Rx;701;1;05"] {
+        assert!(explain(line).contains("node 1/01"), "{line}: {}", explain(line));
+    }
+    let error = explain("20000088#0000900000000000");
+    assert!(error.starts_with("20000088  error frame") && !error.contains("J1939"), "{error}");
+}
+
 #[test]
 fn a_defect_of_a_frame_is_named() {
     let reported = |thing: &str| {

@@ -7,7 +7,7 @@ use cobscope_decoder::bus_file::{InitialValue, ObjectValue};
 use cobscope_decoder::capture::{Batch, BatchItem, BusNames, CaptureReader, ReadOptions};
 use cobscope_decoder::decoder::Decoder;
 use cobscope_decoder::event::{Event, EventKind};
-use cobscope_decoder::frame::{CanId, Frame};
+use cobscope_decoder::frame::{CanId, Frame, FrameFlags};
 use cobscope_decoder::profile::device::MessageDirection;
 use cobscope_decoder::profile::object::NumberList;
 use cobscope_decoder::profile::{
@@ -17,7 +17,7 @@ use cobscope_decoder::session::{AssignedBy, Assignment, Bus, ProtocolChoice, Ses
 use cobscope_decoder::sink::EventSink as _;
 use cobscope_decoder::sink::text::{PdoLines, TextOptions, TextSink};
 use cobscope_decoder::wire::NodeId;
-use cobscope_decoder::wire::canopen::sdo::{self, InitiateData, SdoMessage, TransferPhase};
+use cobscope_decoder::wire::canopen::sdo::{self, InitiateData, SdoMessage, SdoSide, TransferPhase};
 use cobscope_decoder::wire::isotp::IsoTpAddresses;
 use cobscope_decoder::wire::j1939::J1939Id;
 use cobscope_decoder::words::count_noun;
@@ -25,6 +25,9 @@ use cobscope_decoder::words::count_noun;
 use super::asked::LookupScope;
 use super::{code, identifier, j1939, uds};
 use crate::run::describe::{FIRM, object::equality_text};
+
+/// Bit of SocketCAN that marks error frames.
+const ERROR_FLAG: u32 = 0x2000_0000;
 
 /// Explains a frame in candump's log form; `None` if the text is not a frame.
 pub(super) fn explain_frame(thing: &str, asked: &LookupScope) -> Option<String> {
@@ -56,6 +59,10 @@ fn explain_line(line: &str, options: &ReadOptions, asked: &LookupScope) -> Optio
         for item in batch.items() {
             let BatchItem::Frame(frame) = item else { continue };
             let head = match (uds::explain_frame(frame, asked), frame.id) {
+                _ if frame.flags.contains(FrameFlags::ERROR) => {
+                    let class = frame.id.number() | ERROR_FLAG;
+                    format!("{class:08X}  error frame of SocketCAN (linux/can/error.h)\n")
+                }
                 (Some(isotp), _) => isotp,
                 (None, CanId::Standard(id)) => {
                     identifier::explain_identifier(id) + &explain_command(frame, asked)
@@ -223,7 +230,39 @@ fn explain_event(event: &Event, asked: &LookupScope) -> Option<String> {
 fn explain_command(frame: &Frame, asked: &LookupScope) -> String {
     let CanId::Standard(id) = frame.id else { return String::new() };
     let IdentifierOwner::Sdo(side, _) = profile::connection_set().owner_of(id) else { return String::new() };
-    let parsed = sdo::parse(frame.data(), side, TransferPhase::Commands);
+    command_text(frame.data(), side, asked)
+}
+
+/// Explains eight bytes without an identifier as a command of one side; `None` if the side has no such command.
+pub(super) fn explain_sdo_bytes(
+    data: &[u8],
+    side: SdoSide,
+    name: &str,
+    asked: &LookupScope,
+) -> Option<String> {
+    let message = sdo::parse(data, side, TransferPhase::Commands).ok()?;
+    let first = data.first().copied()?;
+    // Upload requests have no further bits; responses state a size or data.
+    let is_other_side = match side {
+        SdoSide::Client => (0x41..=0x4F).contains(&first),
+        SdoSide::Server => first == 0x40,
+    };
+    if is_other_side || matches!(message, SdoMessage::Unknown { .. }) {
+        return None;
+    }
+    let text = command_text(data, side, asked);
+    let mut text = format!("{name}: {}", text.trim_start());
+    if let [0x80, _, _, _, code @ ..] = data
+        && let Ok(code) = <[u8; 4]>::try_from(code)
+    {
+        text.push_str(&code::explain_abort(asked, u32::from_le_bytes(code)));
+    }
+    Some(text)
+}
+
+/// The command in the data of one side.
+fn command_text(data: &[u8], side: SdoSide, asked: &LookupScope) -> String {
+    let parsed = sdo::parse(data, side, TransferPhase::Commands);
     let mut text = match parsed {
         Ok(message) => format!("     {}\n{}", message.message_text(), carried_value(&message, asked)),
         Err(missing) => {
@@ -235,7 +274,7 @@ fn explain_command(frame: &Frame, asked: &LookupScope) -> String {
         }
     };
     if let Ok(SdoMessage::BlockSegment { sequence, last, .. }) =
-        sdo::parse(frame.data(), side, TransferPhase::BlockSegments)
+        sdo::parse(data, side, TransferPhase::BlockSegments)
         && sequence > 0
         && matches!(
             parsed,

@@ -6,6 +6,7 @@ mod frame;
 mod identifier;
 mod j1939;
 mod object;
+mod pasted;
 mod uds;
 
 use std::path::PathBuf;
@@ -29,8 +30,9 @@ const LAST_IDENTIFIER: u32 = 0x1FFF_FFFF;
 /// Error text with all accepted forms.
 const FORMS: &str = "expected a rule (node-lost; see cobscope rules), an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 1018sub1, \
                      1018h:01h), a COB-ID (185), a 29-bit identifier (18FECA80), a PGN (pgn:65226), a J1939 fault \
-                     (298985/19: SPN/FMI, or 938FE9: its three bytes in either order), a UDS response code (nrc:31) or identifier (did:F190), or a frame (701#05, \
-                     or a line of any capture)";
+                     (298985/19: SPN/FMI, or 938FE9: its three bytes in either order), a UDS response code (nrc:31), identifier (did:F190) or trouble code \
+                     (U0064-87), a value (6041=0670), bytes of a message (40 41 60 00 00 00 00 00), a frame (701#05, or a line of any capture), or a \
+                     line of cobscope";
 
 /// Examples in the help.
 const EXAMPLES: &str = examples![
@@ -45,8 +47,9 @@ const EXAMPLES: &str = examples![
 /// EMCY error code (8130), an object (1018:01, 0x1018:01, 1018h:01h, 1018sub1), a COB-ID (185), a 29-bit
 /// identifier (18FECA80), a J1939 PGN (pgn:65226, pgn:0xFECA), a J1939 fault (298985/19: SPN/FMI; 938FE9: as a
 /// number or as sent), a UDS
-/// response code (nrc:31) or identifier (did:F190), or a frame: in candump's log form (701#05), or a line of any capture
-/// ("601 40 41 60 00 00 00 00 00").
+/// response code (nrc:31), identifier (did:F190) or trouble code (U0064-87), a COB-ID value with flag bits (8000018A), the value
+/// of an object (6041=0670, hexadecimal), the bytes of a message ("40 41 60 00 00 00 00 00"), a frame: in candump's log form
+/// (701#05), or a line of any capture ("601 40 41 60 00 00 00 00 00"), or a line that cobscope printed.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub struct ExplainArgs {
@@ -96,8 +99,14 @@ pub(super) fn find_meanings(
     } else {
         explain_code(thing, &asked)
     };
-    if readings.is_empty() && thing.contains(char::is_whitespace) {
+    if readings.is_empty() {
+        readings = pasted::explain_content(thing, &asked);
+    }
+    if readings.is_empty() {
         readings.extend(frame::explain_pasted(thing, &asked));
+    }
+    if readings.is_empty() {
+        readings = pasted::explain_words(thing, &asked);
     }
     if !readings.is_empty() {
         return Ok(readings.join("\n"));
@@ -151,7 +160,11 @@ fn explain_code(thing: &str, asked: &LookupScope) -> Vec<String> {
         }
         _ => {
             let faults = j1939::trouble_code(asked, digits);
-            if faults.is_empty() { vec![code::explain_abort(asked, number)] } else { faults }
+            if !faults.is_empty() {
+                return faults;
+            }
+            let cob_id = pasted::explain_cob_id(number).filter(|_| !code::may_be_abort(asked, number));
+            vec![cob_id.unwrap_or_else(|| code::explain_abort(asked, number))]
         }
     }
 }

@@ -27,6 +27,31 @@ pub(super) fn explain_named(thing: &str, asked: &LookupScope) -> Option<String> 
     }
 }
 
+/// Explains bytes as a message of UDS, possibly in a single frame of ISO-TP; `None` for other bytes.
+pub(super) fn explain_bytes(bytes: &[u8], asked: &LookupScope) -> Option<String> {
+    let is_message = |data: &[u8]| match uds::parse(data) {
+        Ok(
+            UdsPdu::Negative { service, .. }
+            | UdsPdu::Request { service, .. }
+            | UdsPdu::Positive { service, .. },
+        ) => profile::uds_names().service_by_id(service).is_some(),
+        Err(_) => false,
+    };
+    let (how, data) = match isotp::parse(bytes, bytes.len()) {
+        Ok(IsoTpFrame::Single { data }) if is_message(data) => ("UDS in a single frame", data),
+        Ok(IsoTpFrame::First { data, .. }) if bytes.len() == 8 && is_message(data) => {
+            ("UDS in a first frame", data)
+        }
+        _ if bytes.len() >= 2 && bytes.len() != 8 && is_message(bytes) => ("UDS", bytes),
+        _ => return None,
+    };
+    let mut text = format!("{how}: {}\n", message_text(data, asked));
+    if let Ok(UdsPdu::Negative { code, .. }) = uds::parse(data) {
+        text.push_str(&explain_nrc(asked, code));
+    }
+    Some(text)
+}
+
 /// Explains a negative response code.
 fn explain_nrc(asked: &LookupScope, code: u8) -> String {
     let standard = profile::uds_names().code_entry(code);
