@@ -198,8 +198,6 @@ fn a_bad_line_in_any_format_is_counted_once_and_the_others_are_read() {
     let (mut found, mut tested) = (Vec::new(), 0);
     for (name, text) in known_texts() {
         let (frames, _) = read(&text).unwrap_or_else(|error| panic!("{name}: {error}"));
-        let format = |text: &[u8]| CaptureReader::open(text, &ReadOptions::default()).unwrap().format().name;
-        let own = format(&text);
         let end = text.iter().rposition(|byte| !matches!(byte, b'\r' | b'\n')).unwrap() + 1;
         let line_end: &[u8] = if text.contains(&b'\n') { b"\n" } else { b"\r" };
         for (what, line) in [
@@ -218,7 +216,8 @@ fn a_bad_line_in_any_format_is_counted_once_and_the_others_are_read() {
                 continue;
             };
             tested += 1;
-            let is_same = format(&bad) == own && read_frames.len() == all.len() + frames.len();
+            // Rows that no longer fit their format may still be read by their columns.
+            let is_same = read_frames.len() == all.len() + frames.len();
             // The header of a further part may be text, too.
             let (before, after) = (skipped_lines(&before), skipped_lines(&after));
             if !is_same || !(before + 1..=before + before / 12 + 2).contains(&after) {

@@ -50,6 +50,11 @@ pub struct ViewSettings {
 }
 
 impl App {
+    /// Shows a message in the status line.
+    pub fn show_message(&mut self, text: &str) {
+        self.core.show_message(text);
+    }
+
     /// Opens a view of captures.
     pub fn new(timeline: Timeline, theme: Theme, start: ViewSettings) -> Self {
         let mut core = UiState::new(timeline, theme);

@@ -10,7 +10,7 @@ use cobscope_decoder::series::{CapturePlacement, JoinOptions, arrange_captures};
 
 use super::notes::common_name;
 use crate::run::arguments::InputArgs;
-use crate::run::input::{join_options, read_options};
+use crate::run::input::{join_options, missing_parts, read_options};
 use crate::run::messages::print_note;
 use crate::source::{
     CaptureFile, CaptureRelations, CaptureSeries, DecompressedBytes, SeriesFrames, StoreReader, mixed_clocks,
@@ -43,9 +43,11 @@ impl ConversionInput {
         // Unrelated clocks do not continue each other.
         let join = join_options(input);
         let join = JoinOptions { is_off: join.is_off || align, ..join };
-        let relations = relate_files(&CaptureFile::files_named(paths), &read_options(input), join);
+        let files = CaptureFile::files_named(paths);
+        let relations = relate_files(&files, &read_options(input), join);
         let series = relations.series();
-        let notes = series.iter().filter_map(CaptureSeries::parts_note);
+        let notes = missing_parts(&files, input).into_iter();
+        let notes = notes.chain(series.iter().filter_map(CaptureSeries::parts_note));
         notes.chain(relations.separation_notes()).for_each(|text| print_note(&text));
         let name = |path: &PathBuf| path.display().to_string();
         let (reading, names) = if let [series] = series.as_slice() {

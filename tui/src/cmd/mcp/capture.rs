@@ -12,10 +12,11 @@ use cobscope_decoder::session::{Bus, Buses, Node};
 use crate::run::arguments::{InputArgs, NodeArg};
 use crate::run::capture_answers::PassResults;
 use crate::run::input::{
-    build_setup, capture_series, join_options, load_catalogue, options_of, read_options,
+    build_setup, capture_paths, capture_series, join_options, load_catalogue, missing_parts, options_of,
+    read_options,
 };
 use crate::select::{BoundSide, RangeBound};
-use crate::source::time_span;
+use crate::source::{CaptureFile, time_span};
 use crate::timeline::{IndexedCapture, TimelineCaptures, WalkStart};
 
 /// A capture with its results.
@@ -41,6 +42,7 @@ impl OpenedCapture {
         let rules = Arc::new(build_setup(&input, &options.catalogue, None)?);
         let mut results = PassResults::of(&series, &input, &options, &rules)?;
         results.warnings.extend(results.failure.clone());
+        results.warnings.extend(missing_parts(&CaptureFile::files_named(&capture_paths(&input)), &input));
         let captures = TimelineCaptures {
             paths: series.parts.clone(),
             align: false,

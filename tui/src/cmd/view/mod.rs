@@ -14,10 +14,12 @@ use anyhow::{Context as _, ensure};
 use crate::app::{App, Compare, ViewSettings, quote_word};
 use crate::exit_code::ExitStatus;
 use crate::run::input::{
-    build_setup, capture_paths, check_rules_of, join_options, named_buses, read_options, session_options,
+    build_setup, capture_paths, check_rules_of, join_options, missing_parts, named_buses, read_options,
+    session_options,
 };
 use crate::run::messages::print_error;
 use crate::run::screen::{ScreenSettings, reassign, remember_settings};
+use crate::source::CaptureFile;
 use crate::terminal::{self, LoopMessage, TerminalScreen};
 use crate::timeline::{Timeline, TimelineCaptures, TimelineNews};
 pub use arguments::ViewArgs;
@@ -52,6 +54,11 @@ pub fn run(arguments: &ViewArgs) -> ExitStatus {
     }
 }
 
+/// Note on further parts of the capture in its folder, for the status line.
+fn parts_note(arguments: &ViewArgs, captures: &TimelineCaptures) -> Option<String> {
+    missing_parts(&CaptureFile::files_named(&captures.paths), &arguments.input)
+}
+
 fn captures_of(arguments: &ViewArgs) -> anyhow::Result<TimelineCaptures> {
     let session = session_options(&arguments.input)?;
     let rules = Arc::new(build_setup(&arguments.input, &session.catalogue, None)?);
@@ -78,8 +85,13 @@ pub fn open_view(arguments: &ViewArgs, words: &[String]) -> anyhow::Result<(App,
     let captures = captures_of(arguments)?;
     let settings = ScreenSettings::of_options(&arguments.screen, arguments.color);
     let start = view_settings(arguments, &settings, command, (&captures, &news))?;
+    let parts = parts_note(arguments, &captures);
     let timeline = Timeline::open(captures, news)?;
-    Ok((App::new(timeline, settings.theme, start), found))
+    let mut app = App::new(timeline, settings.theme, start);
+    if let Some(text) = &parts {
+        app.show_message(text);
+    }
+    Ok((app, found))
 }
 
 fn show_view(
@@ -91,10 +103,14 @@ fn show_view(
     let (news, found) = channel();
     let command = command_line("view", std::env::args().skip(1));
     let start = view_settings(arguments, settings, command, (&captures, &news))?;
+    let parts = parts_note(arguments, &captures);
     let timeline = Timeline::open(captures, news)?;
     ensure_keys(arguments)?;
     forward_news(found, messages.clone())?;
     let mut app = App::new(timeline, settings.theme, start);
+    if let Some(text) = &parts {
+        app.show_message(text);
+    }
     let mut screen = TerminalScreen::enter_screen()?;
     terminal::start_threads(messages, settings.may_answer)?;
     terminal::run_loop(&mut app, &mut screen, &inbox)?;
