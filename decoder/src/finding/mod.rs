@@ -38,6 +38,8 @@ pub enum RuleOrigin {
     Device,
     /// Rule of the user, from the bus file.
     Expectation,
+    /// Failure of a part of the machine, concluded from several messages.
+    Conclusion,
 }
 
 impl RuleOrigin {
@@ -47,6 +49,7 @@ impl RuleOrigin {
             Self::General => "general",
             Self::Device => "device",
             Self::Expectation => "expectation",
+            Self::Conclusion => "conclusion",
         }
     }
 }
@@ -233,6 +236,8 @@ pub struct FindingGroup {
     pub suppressed: Option<Arc<str>>,
     /// The condition still holds, or the last occurrence was recent.
     pub is_open: bool,
+    /// All nodes that it is about: several for a group of nodes that fails together.
+    pub nodes: Vec<NodeId>,
 }
 
 impl FindingGroup {

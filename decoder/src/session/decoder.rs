@@ -132,7 +132,7 @@ impl BusDecoder {
         let slot = identifier.or_else(|| self.add_slot(frame, out));
         let Some(slot) = slot else { return self.on_frame_without_slot(frame, out) };
         let bus = &mut self.shared.bus;
-        let Some(service) = bus.routes.note_frame(slot, bus.clock.now()) else { return };
+        let Some(service) = bus.routes.note_frame(slot, (bus.clock.now(), frame.number)) else { return };
         if self.is_pair_undecided(service, frame) && self.on_undecided_frame(service, frame, out) {
             return;
         }

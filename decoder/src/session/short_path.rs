@@ -84,7 +84,10 @@ impl Bus {
         self.clock.advance_regularly(preview.time, preview.now);
         (self.last_frame, self.last_time) = (preview.frame, Some(preview.time));
         let Some(state) = self.routes.slot_mut(preview.identifier) else { return };
-        state.note_frame(preview.now);
+        state.note_frame(preview.now, preview.frame);
+        if preview.change != 0 {
+            state.pulse.note_change(preview.now, preview.frame);
+        }
         state.last.set_word(preview.payload);
         if !has_event && state.is_received() {
             state.skipped.get_or_insert_default().push(preview.time, preview.frame);

@@ -34,7 +34,15 @@ const LIMITING: KindSet = KindSet::of(&[
 ]);
 
 /// Event kinds with facts that may explain findings.
-const FACTS: KindSet = KindSet::of(&[Kind::NmtCommand, Kind::SdoTransfer, Kind::CanError]);
+const FACTS: KindSet = KindSet::of(&[
+    Kind::NmtCommand,
+    Kind::NmtState,
+    Kind::SdoTransfer,
+    Kind::CanError,
+    Kind::BootUp,
+    Kind::AddressClaim,
+    Kind::J1939Request,
+]);
 
 /// Runs the rules over one capture. Each bus has its own instances of the rules.
 pub struct RuleEngine {
@@ -178,6 +186,9 @@ impl RuleEngine {
         let mut notes = self.quality.limit_texts();
         if is_timed {
             notes.extend(self.ledger.lower_explained(buses));
+            for bus in buses {
+                self.ledger.add_conclusions(bus);
+            }
         }
         for bus in buses {
             self.emit_news(bus, is_timed, out);

@@ -2,6 +2,7 @@
 
 mod absent_nodes;
 pub(super) mod causes;
+mod conclusions;
 mod explained;
 mod fact_row;
 mod facts;
@@ -27,6 +28,7 @@ use crate::finding::{
     KEPT_OCCURRENCES, MergedFindings, Occurrence, RuleInfo, Severity,
 };
 use crate::frame::{BusIndex, Timestamp};
+use crate::observation::NodeMoments;
 use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 use crate::wire::canopen::test_marker::TestMarker;
@@ -164,6 +166,8 @@ pub(super) struct FindingLedger {
     /// Buses that proved not to be CANopen.
     doubted: Vec<BusIndex>,
     reported_losses: ReportedLosses,
+    /// Commands and restarts.
+    moments: NodeMoments,
 }
 
 impl FindingLedger {
@@ -188,6 +192,7 @@ impl FindingLedger {
             unexercised: Vec::new(),
             doubted: Vec::new(),
             reported_losses: ReportedLosses::default(),
+            moments: NodeMoments::default(),
         }
     }
 
@@ -236,6 +241,8 @@ impl FindingLedger {
     /// Records a command, a write or an error frame that may explain findings.
     pub(super) fn observe_event(&mut self, event: &Event, bus: &Bus, now: i64) {
         self.reported_losses.note_event(event);
+        // Silences of the bus do not stop the clock of its messages.
+        self.moments.observe_event(event, event.time.map_or(bus.now(), |time| bus.monotonic(time)));
         self.facts.observe_event(event, bus, now);
     }
 
@@ -331,6 +338,7 @@ impl FindingLedger {
             downgraded: None,
             suppressed: None,
             is_open: false,
+            nodes: claim.key.node.into_iter().collect(),
         };
         group.suppressed = self.policy.suppression_reason(&group);
         self.groups.push(group);

@@ -55,6 +55,9 @@ impl ProtocolMachine for PdoMachine {
             None => Some(u64::MAX),
         };
         let same = change.is_none();
+        if !same {
+            entry.pulse.note_change(bus.clock.now(), frame.number);
+        }
         let is_resized = !same && pdo.length != frame.length && !is_request;
         event.time = frame.time;
         event.frames = FrameRange::one(frame.number);

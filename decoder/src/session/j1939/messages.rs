@@ -55,6 +55,9 @@ impl ProtocolMachine for MessageMachine {
             // A field of the message decides how the message is decoded.
             return first_message(slot, id, frame, cx);
         }
+        if change.is_some() {
+            entry.pulse.note_change(bus.clock.now(), frame.number);
+        }
         event.time = frame.time;
         event.frames = FrameRange::one(frame.number);
         event.presumed = !believed;

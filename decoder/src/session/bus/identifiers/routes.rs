@@ -43,7 +43,7 @@ pub(in crate::session) struct IdentifierState {
     pub(in crate::session) skipped: Option<Box<SkippedTimes>>,
     /// Last frame, if only a database describes it.
     pub(in crate::session) described: Option<Box<Frame>>,
-    pulse: IdentifierIntervals,
+    pub(in crate::session) pulse: IdentifierIntervals,
 }
 
 impl IdentifierState {
@@ -77,8 +77,8 @@ impl IdentifierState {
 
     /// Registers a frame at a monotonic time.
     #[inline]
-    pub(in crate::session) fn note_frame(&mut self, now: i64) {
-        self.pulse.note_frame(now);
+    pub(in crate::session) fn note_frame(&mut self, now: i64, frame: u64) {
+        self.pulse.note_frame(now, frame);
     }
 }
 
@@ -154,17 +154,36 @@ impl IdentifierRoutes {
 
     /// Registers a frame at a monotonic time; service of its slot.
     #[inline]
-    pub(in crate::session) fn note_frame(&mut self, slot: usize, now: i64) -> Option<IdentifierService> {
+    pub(in crate::session) fn note_frame(
+        &mut self,
+        slot: usize,
+        (now, frame): (i64, u64),
+    ) -> Option<IdentifierService> {
         let slot = self.slots.get_mut(slot)?;
-        slot.pulse.note_frame(now);
+        slot.pulse.note_frame(now, frame);
         Some(slot.service)
     }
 
     /// Services of all slots with their intervals.
     pub(in crate::session) fn pulses(
         &self,
-    ) -> impl Iterator<Item = (IdentifierService, IdentifierIntervals)> {
-        self.slots.iter().map(|slot| (slot.service, slot.pulse))
+    ) -> impl Iterator<Item = (IdentifierService, &IdentifierIntervals)> {
+        self.slots.iter().map(|slot| (slot.service, &slot.pulse))
+    }
+
+    /// All identifiers with their services and intervals, in ascending order.
+    pub(in crate::session) fn identifiers(
+        &self,
+    ) -> impl Iterator<Item = (CanId, IdentifierService, &IdentifierIntervals)> {
+        let standard = (0..).zip(self.standard.iter()).map(|(id, slot)| (CanId::from_standard(id), *slot));
+        let mut extended: Vec<_> =
+            self.extended.iter().map(|(id, slot)| (CanId::from_extended(*id), *slot)).collect();
+        extended.sort_unstable();
+        let known = |(id, slot): (CanId, u16)| {
+            let state = self.slots.get(usize::from(slot))?;
+            Some((id, state.service, &state.pulse))
+        };
+        standard.chain(extended).filter_map(known)
     }
 
     /// Whether a node sent a TPDO whose next one is not late at a monotonic time.

@@ -1,6 +1,7 @@
 //! Intervals of one identifier.
 
-use super::regularity::StreamRegularity;
+use super::history::{StreamHistory, StreamSilence};
+use super::regularity::{Irregularity, StreamRegularity};
 
 /// Frames after which older intervals are forgotten.
 const WINDOW: u32 = 32;
@@ -8,35 +9,155 @@ const WINDOW: u32 = 32;
 /// Frames of an identifier before its longest interval is known.
 const KNOWN: u32 = 3;
 
+/// Time of a window of frames, in ns, that no usual message reaches: 2 ms per frame.
+const DENSE: i64 = 64_000_000;
+
+/// Multiple of the usual frequency that is a burst.
+const FAR: i64 = 8;
+
 /// Intervals of an identifier.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub(in crate::session) struct IdentifierIntervals {
+    first: i64,
     last: i64,
+    /// Number of the last frame.
+    last_frame: u64,
     longest: i64,
+    /// Begin of the present window: monotonic time and frame.
+    window: (i64, u64),
     /// Longest interval of the window before.
     before: i64,
     count: u32,
     regularity: StreamRegularity,
+    /// `None` before the first irregular interval.
+    history: Option<Box<StreamHistory>>,
+    changes: PayloadChanges,
+}
+
+/// Changes of the payload of an identifier.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct PayloadChanges {
+    /// Number of changes.
+    pub(crate) count: u32,
+    /// Monotonic time of the last change in ns.
+    pub(crate) last: i64,
+    /// Number of the frame of the last change.
+    pub(crate) frame: u64,
+    /// Longest time between two changes in ns.
+    pub(crate) longest: i64,
 }
 
 impl IdentifierIntervals {
     /// Before the first frame.
-    pub(in crate::session) const NEW: Self =
-        Self { last: 0, longest: 0, before: 0, count: 0, regularity: StreamRegularity::NEW };
+    pub(in crate::session) const NEW: Self = Self {
+        first: 0,
+        last: 0,
+        last_frame: 0,
+        longest: 0,
+        window: (0, 0),
+        before: 0,
+        count: 0,
+        regularity: StreamRegularity::NEW,
+        history: None,
+        changes: PayloadChanges { count: 0, last: 0, frame: 0, longest: 0 },
+    };
 
     /// Registers a frame at a monotonic time.
     #[inline]
-    pub(in crate::session) fn note_frame(&mut self, now: i64) {
+    pub(in crate::session) fn note_frame(&mut self, now: i64, frame: u64) {
         if self.count != 0 {
             let interval = now.saturating_sub(self.last);
             self.longest = self.longest.max(interval);
-            self.regularity.note_interval(interval, now);
+            if !self.regularity.note_usual(interval) {
+                self.note_other(interval, now, frame);
+            }
+        } else {
+            self.first = now;
         }
-        self.last = now;
+        (self.last, self.last_frame) = (now, frame);
         self.count = self.count.wrapping_add(1);
         if self.count.is_multiple_of(WINDOW) {
             (self.before, self.longest) = (self.longest, 0);
+            self.end_window(now, frame);
         }
+    }
+
+    /// Ends a window of frames: notes whether they were far closer together than those before.
+    #[cold]
+    fn end_window(&mut self, now: i64, frame: u64) {
+        let (start, first_frame) = std::mem::replace(&mut self.window, (now, frame));
+        let start = if self.count == WINDOW { self.first } else { start };
+        let span = now.saturating_sub(start);
+        let known = i64::from(self.count - WINDOW);
+        let mean = start.saturating_sub(self.first).checked_div(known).unwrap_or(0);
+        let is_dense = match known {
+            0 => span <= DENSE,
+            _ => span <= 5 * DENSE && span.saturating_mul(FAR) <= mean.saturating_mul(i64::from(WINDOW)),
+        };
+        let burst = self.history.as_ref().is_some_and(|history| history.burst().windows > 0);
+        let is_dense = is_dense || burst && span <= DENSE;
+        if is_dense {
+            let begin = (start, first_frame);
+            self.history.get_or_insert_default().note_burst(begin, (now, frame), mean);
+        }
+    }
+
+    #[cold]
+    fn note_other(&mut self, interval: i64, now: i64, frame: u64) {
+        if self.regularity.is_silence(interval) {
+            let silence = StreamSilence { times: (self.last, now), frames: (self.last_frame, frame) };
+            self.history.get_or_insert_default().note_silence(silence);
+        }
+        let last = (self.last, self.last_frame);
+        match self.regularity.note_other(interval, now) {
+            Irregularity::Single => {}
+            Irregularity::Period { from } => {
+                let regular = self.regularity.regular_count();
+                self.history.get_or_insert_default().note_change(last, from, regular);
+            }
+            Irregularity::Split => self.history.get_or_insert_default().note_split(last.0, last.1),
+        }
+    }
+
+    /// Registers a frame with another payload than the one before, at a monotonic time.
+    #[inline]
+    pub(in crate::session) fn note_change(&mut self, now: i64, frame: u64) {
+        let changes = &mut self.changes;
+        if changes.count != 0 {
+            changes.longest = changes.longest.max(now.saturating_sub(changes.last));
+        }
+        changes.count = changes.count.saturating_add(1);
+        (changes.last, changes.frame) = (now, frame);
+    }
+
+    /// Monotonic times of the first and the last frame.
+    pub(in crate::session) fn times(&self) -> (i64, i64) {
+        (self.first, self.last)
+    }
+
+    /// Number of frames.
+    pub(in crate::session) fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// Longest of the last 32 to 64 intervals in ns.
+    pub(in crate::session) fn longest_interval(&self) -> i64 {
+        self.longest.max(self.before)
+    }
+
+    /// Number of the last frame.
+    pub(in crate::session) fn last_frame(&self) -> u64 {
+        self.last_frame
+    }
+
+    /// Irregular intervals; `None` without any.
+    pub(in crate::session) fn history(&self) -> Option<&StreamHistory> {
+        self.history.as_deref()
+    }
+
+    /// Changes of the payload.
+    pub(in crate::session) fn payload_changes(&self) -> PayloadChanges {
+        self.changes
     }
 
     /// Missing elements of a periodic message.
@@ -51,7 +172,7 @@ impl IdentifierIntervals {
 
     /// Time at which the next frame is missing; `None` if too few frames are known.
     pub(in crate::session) fn due_time(&self) -> Option<i64> {
-        let longest = self.longest.max(self.before);
+        let longest = self.longest_interval();
         (self.count >= KNOWN).then(|| self.last.saturating_add(longest).saturating_add(longest / 5))
     }
 }
@@ -66,11 +187,11 @@ mod tests {
     fn old_intervals_are_forgotten() {
         let mut pulse = IdentifierIntervals::NEW;
         for n in 0..4 {
-            pulse.note_frame(n * 1_000 * MS);
+            pulse.note_frame(n * 1_000 * MS, 0);
         }
         assert_eq!(pulse.due_time(), Some(4_200 * MS));
         for n in 1..=64 {
-            pulse.note_frame((3_000 + n * 10) * MS);
+            pulse.note_frame((3_000 + n * 10) * MS, 0);
         }
         assert_eq!(pulse.due_time(), Some((3_640 + 12) * MS));
     }

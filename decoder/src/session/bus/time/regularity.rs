@@ -6,6 +6,17 @@ const STEADY: u8 = 6;
 /// Most intervals in a gap with single missing elements; a longer gap is a silence of the producer.
 const LONGEST_GAP: u32 = 3;
 
+/// What an unusual interval shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Irregularity {
+    /// Single missing elements, or nothing that is known yet.
+    Single,
+    /// The interval is usual from now on; the one before, in ns.
+    Period { from: i64 },
+    /// Together with the interval before it is a usual one: an element of another sender lies between.
+    Split,
+}
+
 /// Regularity of the intervals of one identifier. Small, as there is one per identifier: intervals are in units of 1,024 ns,
 /// at most 73 minutes.
 #[derive(Debug, Clone, Copy, Default)]
@@ -41,20 +52,40 @@ impl StreamRegularity {
         streak: 0,
     };
 
-    /// Registers an interval in ns that ends at the monotonic time `now`.
+    /// Registers an interval in ns; `false`, without any effect, if it is not usual.
     #[inline]
-    pub(in crate::session) fn note_interval(&mut self, interval: i64, now: i64) {
-        let interval = u32::try_from(interval >> 10).unwrap_or(u32::MAX);
-        if interval.abs_diff(self.usual) <= self.usual >> 3 {
+    pub(super) fn note_usual(&mut self, interval: i64) -> bool {
+        let interval = to_units(interval);
+        let is_usual = interval.abs_diff(self.usual) <= self.usual >> 3;
+        if is_usual {
             self.regular = self.regular.saturating_add(1);
             self.streak = self.streak.saturating_add(1);
-        } else {
-            self.note_other(interval, now);
+        }
+        is_usual
+    }
+
+    /// Registers an unusual interval in ns that ends at the monotonic time `now`.
+    pub(super) fn note_other(&mut self, interval: i64, now: i64) -> Irregularity {
+        let (interval, usual, before) = (to_units(interval), self.usual, (self.other, self.streak));
+        self.count_other(interval, now);
+        let is_second_part = before.1 == 0
+            && self.regular > u32::from(STEADY)
+            && interval.max(before.0) < usual - usual / 8
+            && interval.saturating_add(before.0).abs_diff(usual) <= usual >> 3;
+        match () {
+            () if self.usual != usual && usual > 0 => Irregularity::Period { from: i64::from(usual) << 10 },
+            () if is_second_part => Irregularity::Split,
+            () => Irregularity::Single,
         }
     }
 
-    #[cold]
-    fn note_other(&mut self, interval: u32, now: i64) {
+    /// Whether two elements or more of a message with a known period are missing in an interval in ns.
+    pub(super) fn is_silence(&self, interval: i64) -> bool {
+        let usual = self.usual_interval();
+        self.regular >= u32::from(STEADY) && interval > usual.saturating_mul(2).saturating_add(usual / 2)
+    }
+
+    fn count_other(&mut self, interval: u32, now: i64) {
         let settled = self.settled();
         (self.gaps, self.missing, self.pending) = (settled.gaps, settled.missing, 0);
         let is_steady = std::mem::take(&mut self.streak) >= STEADY;
@@ -96,6 +127,11 @@ impl StreamRegularity {
         self.gap_time
     }
 
+    /// Usual interval in ns; 0 before it is known.
+    pub(crate) fn usual_interval(&self) -> i64 {
+        i64::from(self.usual) << 10
+    }
+
     /// Number of usual intervals.
     pub(crate) fn regular_count(&self) -> u32 {
         self.regular
@@ -107,6 +143,10 @@ impl StreamRegularity {
     }
 }
 
+fn to_units(interval: i64) -> u32 {
+    u32::try_from(interval >> 10).unwrap_or(u32::MAX)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -116,7 +156,9 @@ mod tests {
         let mut now = 0;
         for interval in intervals {
             now += *interval << 20;
-            stream.note_interval(*interval << 20, now);
+            if !stream.note_usual(*interval << 20) {
+                stream.note_other(*interval << 20, now);
+            }
         }
         stream
     }

@@ -1,0 +1,67 @@
+//! Conclusions: what fails in the machine, from the messages of all senders.
+//!
+//! ```text
+//! streams of a bus ─senders─▶ silences ─moments─▶ hypothesis of a node, a group, the wire or the controller
+//!                  └─────────▶ single messages: stopped, slower, frozen, sent by two, sent too often
+//! ```
+//!
+//! A rule judges one thing in isolation; a conclusion names the simplest part of the machine that explains what happened to
+//! several messages at one moment. Commands explain their consequences. `hypotheses.toml` has the rows, with what the capture must
+//! show, what to do and what to record next.
+
+mod hypothesis;
+mod messages;
+mod silences;
+
+use crate::finding::FindingSubject;
+use crate::observation::{NodeMoments, SenderSilence, observe_senders};
+use crate::session::Bus;
+use crate::wire::NodeId;
+
+pub use hypothesis::{ExplainedFindings, Hypothesis, all_hypotheses, find_hypothesis};
+
+/// A failure of a part of the machine.
+#[derive(Debug, Clone)]
+pub(crate) struct Conclusion {
+    /// Name of its row.
+    pub(crate) hypothesis: &'static str,
+    /// The node; `None` for a group of nodes, the controller and the bus.
+    pub(crate) node: Option<NodeId>,
+    /// All nodes that fail.
+    pub(crate) nodes: Vec<NodeId>,
+    /// The message that fails, if it is only one.
+    pub(crate) about: FindingSubject,
+    /// What the capture shows.
+    pub(crate) text: String,
+    /// Monotonic time of the last sign of normal work, and its frame.
+    pub(crate) began: (i64, u64),
+    /// End, and its frame; `None` if it lasts to the end of the capture.
+    pub(crate) ended: Option<(i64, u64)>,
+}
+
+/// Time around a failure in which its consequences begin, in ns.
+const AROUND: i64 = 1_000_000_000;
+
+impl Conclusion {
+    /// Times between which its consequences begin.
+    fn range(&self) -> (i64, i64) {
+        let end = self.ended.map_or(i64::MAX, |ended| ended.0);
+        (self.began.0.saturating_sub(AROUND), end.saturating_add(AROUND))
+    }
+}
+
+/// What fails on a bus. `end` is the monotonic time of its last frame.
+pub(crate) fn conclude(bus: &Bus, moments: &NodeMoments) -> Vec<Conclusion> {
+    let end = bus.now();
+    let senders = observe_senders(bus);
+    let silences: Vec<SenderSilence> = senders.iter().flat_map(|sender| sender.silences(end)).collect();
+    let silent = silences::conclude_silences(bus, &senders, silences, moments);
+    let mut all = messages::conclude_messages(bus, &senders, &silent.silences, moments);
+    // A message that takes the bus delays all others.
+    let babbling: Vec<_> = all.iter().filter(|one| one.hypothesis == "babbling").map(Conclusion::range).collect();
+    let is_free = |one: &Conclusion| !babbling.iter().any(|(from, to)| (*from..=*to).contains(&one.began.0));
+    all.retain(|one| one.hypothesis == "babbling" || is_free(one));
+    all.extend(silent.conclusions.into_iter().filter(is_free));
+    all.sort_by_key(|conclusion| conclusion.began);
+    all
+}

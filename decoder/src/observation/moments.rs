@@ -1,0 +1,124 @@
+//! Commands and restarts, which explain why messages end or begin.
+
+use crate::event::{Event, EventKind, StateChange};
+use crate::frame::BusIndex;
+use crate::wire::NodeId;
+use crate::wire::canopen::NmtState;
+use crate::wire::canopen::nmt::NmtService;
+
+/// Most restarts and commands of a capture.
+const KEPT: usize = 1_024;
+
+/// Time between the restarts of the nodes of a machine that is switched on, in ns.
+const MACHINE: i64 = 3_000_000_000;
+
+/// Parameter group of address claims (SAE J1939-81 §4.2).
+const CLAIM: u32 = 0xEE00;
+
+/// What a node did, or what it was told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum NodeMoment {
+    /// Boot-up (CiA 301 §7.2.8.3.3), or an address claim (SAE J1939-81 §4.2).
+    Restart,
+    /// An NMT command that ends messages: stop, enter pre-operational, reset.
+    SwitchOff,
+    /// NMT start.
+    Start,
+    /// A request for address claims (SAE J1939-81 §4.2.1).
+    ClaimRequest,
+    /// The recorder reports lost frames.
+    LostFrames,
+    /// A change from operational to another NMT state.
+    LeftOperational,
+    /// End of a time without any frame of the bus.
+    BusSilent,
+}
+
+/// Moments of all nodes of a capture.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct NodeMoments(Vec<KnownMoment>);
+
+#[derive(Debug, Clone, Copy)]
+struct KnownMoment {
+    what: NodeMoment,
+    bus: BusIndex,
+    /// `None`: all nodes of the bus.
+    node: Option<NodeId>,
+    /// Monotonic time in ns.
+    time: i64,
+    frame: u64,
+}
+
+fn is_end_of_operation(change: &StateChange) -> bool {
+    change.from == Some(NmtState::Operational) && change.to != NmtState::Operational
+}
+
+impl NodeMoments {
+    /// Records an event of a bus at a monotonic time.
+    pub(crate) fn observe_event(&mut self, event: &Event, time: i64) {
+        let (what, node) = match &event.kind {
+            EventKind::BootUp { .. } => (NodeMoment::Restart, event.node),
+            EventKind::AddressClaim(_) => (NodeMoment::Restart, event.node),
+            EventKind::J1939Request(request) if request.pgn.number() == CLAIM => (NodeMoment::ClaimRequest, None),
+            EventKind::NmtState(change) if is_end_of_operation(change) => {
+                (NodeMoment::LeftOperational, event.node)
+            }
+            EventKind::BusSilent { .. } => (NodeMoment::BusSilent, None),
+            EventKind::LostFrames { .. } => (NodeMoment::LostFrames, None),
+            EventKind::NmtCommand { service, target, .. } => {
+                let what = match service {
+                    NmtService::Start => NodeMoment::Start,
+                    NmtService::Unknown(_) => return,
+                    _ => NodeMoment::SwitchOff,
+                };
+                (what, (*target != 0).then(|| NodeId::from(*target)))
+            }
+            _ => return,
+        };
+        if self.0.len() < KEPT {
+            self.0.push(KnownMoment { what, bus: event.bus, node, time, frame: event.frames.last });
+        }
+    }
+
+    /// Whether a node was concerned between two monotonic times, both included.
+    pub(crate) fn has_moment(
+        &self,
+        what: NodeMoment,
+        (bus, node): (BusIndex, Option<NodeId>),
+        (from, to): (i64, i64),
+    ) -> bool {
+        self.0.iter().any(|known| {
+            known.what == what
+                && known.bus == bus
+                && (known.node.is_none() || node.is_none() || known.node == node)
+                && (from..=to).contains(&known.time)
+        })
+    }
+
+    /// Whether two nodes or more left the state operational between two monotonic times: a command that the capture lacks.
+    pub(crate) fn is_common_stop(&self, bus: BusIndex, (from, to): (i64, i64)) -> bool {
+        let stops = self.0.iter().filter(|known| {
+            known.bus == bus
+                && known.what == NodeMoment::LeftOperational
+                && (from..=to).contains(&known.time)
+        });
+        let mut nodes: Vec<_> = stops.filter_map(|known| known.node).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        nodes.len() >= 2
+    }
+
+    /// Whether more than two thirds of the nodes, at least two, restarted around a monotonic time: the machine was switched on.
+    pub(crate) fn is_machine_start(&self, bus: BusIndex, nodes: &[NodeId], time: i64) -> bool {
+        let range = (time.saturating_sub(MACHINE), time.saturating_add(MACHINE));
+        let restarted =
+            nodes.iter().filter(|node| self.has_moment(NodeMoment::Restart, (bus, Some(**node)), range)).count();
+        restarted >= 2 && restarted * 3 > nodes.len() * 2
+    }
+
+    /// Restarts of nodes on a bus, each with its monotonic time and frame.
+    pub(crate) fn restarts(&self, bus: BusIndex) -> impl Iterator<Item = (NodeId, (i64, u64))> {
+        let own = self.0.iter().filter(move |known| known.bus == bus && known.what == NodeMoment::Restart);
+        own.filter_map(|known| Some((known.node?, (known.time, known.frame))))
+    }
+}

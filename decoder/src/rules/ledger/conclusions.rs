@@ -1,0 +1,125 @@
+//! Conclusions as findings, with the findings that they explain.
+
+use super::{FindingLedger, GroupChange, GroupState, LedgerNews, RuleRelations, build_occurrence};
+use crate::conclusion::{Conclusion, ExplainedFindings, conclude, find_hypothesis};
+use crate::event::FrameRange;
+use crate::finding::{
+    FindingCause, FindingGroup, FindingSubject, GROUP_LIMIT, GroupKey, Occurrence, Severity,
+};
+use crate::session::{Bus, Node};
+
+/// Time from the end of a failure to its last consequences, in ns: a node starts again, its controller configures it.
+const AFTER: i64 = 5_000_000_000;
+
+/// Time from a consequence to the last element before the failure, in ns: several messages end one after the other.
+const BEFORE: i64 = 200_000_000;
+
+impl FindingLedger {
+    /// Adds what fails on a bus as findings. A failure of one node or message that a rule reports already is that finding.
+    pub(in crate::rules) fn add_conclusions(&mut self, bus: &Bus) {
+        for conclusion in conclude(bus, &self.moments) {
+            let Some(row) = find_hypothesis(conclusion.hypothesis) else { continue };
+            let explained = self.explained_by(&conclusion, row.explains, bus);
+            let is_reported = explained.iter().any(|place| {
+                self.groups.get(*place).is_some_and(|group| group.severity > Severity::Note)
+            });
+            if row.explains != ExplainedFindings::Same || !is_reported {
+                self.add_conclusion(&conclusion, &explained, bus);
+            }
+        }
+    }
+
+    /// Places of the findings that are consequences of a failure.
+    fn explained_by(&self, conclusion: &Conclusion, explains: ExplainedFindings, bus: &Bus) -> Vec<usize> {
+        let from = bus.stamp_of(conclusion.began.0.saturating_sub(BEFORE));
+        let to = conclusion.ended.map_or(i64::MAX, |ended| ended.0).saturating_add(AFTER);
+        let to = bus.stamp_of(to.min(bus.now()));
+        let is_meant = |group: &FindingGroup| {
+            let is_own = group.key.node.is_some_and(|node| {
+                conclusion.nodes.contains(&node) || conclusion.node == Some(node)
+            });
+            let is_of_bus = explains == ExplainedFindings::Bus && self.is_communication(group);
+            let time = group.first_occurrence().time;
+            let is_in_time =
+                time.zip(from).zip(to).is_some_and(|((time, from), to)| from <= time && time <= to);
+            group.key.bus == bus.index() && (is_own || is_of_bus) && is_in_time && group.is_reported()
+        };
+        let all = self.groups.iter().enumerate().filter(|(_, group)| is_meant(group));
+        all.map(|(place, _)| place).collect()
+    }
+
+    /// Whether a finding is about times, or an EMCY about communication (CiA 301 table 26: 81xx, 82xx).
+    fn is_communication(&self, group: &FindingGroup) -> bool {
+        match group.key.about {
+            FindingSubject::Code(code) => (0x8100..=0x82FF).contains(&code),
+            _ => self.rules.get(usize::from(group.key.rule)).is_some_and(|rule| rule.is_timing),
+        }
+    }
+
+    fn add_conclusion(&mut self, conclusion: &Conclusion, explained: &[usize], bus: &Bus) {
+        let Some(row) = find_hypothesis(conclusion.hypothesis) else { return };
+        if self.groups.len() >= GROUP_LIMIT {
+            return;
+        }
+        let Some(rule) = self.add_rule(row.rule_info(), RuleRelations::default()) else { return };
+        let key = GroupKey { rule, bus: bus.index(), node: conclusion.node, about: conclusion.about.clone() };
+        let Some(place) = self.push_conclusion(key, conclusion, bus) else { return };
+        let id = self.groups.get(place).map_or(0, |group| group.id);
+        for effect in explained {
+            if let Some(group) = self.groups.get_mut(*effect).filter(|group| group.cause.is_none()) {
+                group.cause = Some(FindingCause::Group(id));
+            }
+        }
+        let at = self.groups.get(place).map_or(NOWHERE, FindingGroup::first_occurrence);
+        self.news.push(LedgerNews { group: place, what: GroupChange::Opened, at });
+    }
+
+    /// Adds the group of a conclusion; its place, or `None` for one that is known.
+    fn push_conclusion(&mut self, key: GroupKey, conclusion: &Conclusion, bus: &Bus) -> Option<usize> {
+        if self.has_group(&key) {
+            return None;
+        }
+        let info = self.rules.get(usize::from(key.rule))?;
+        let place = self.groups.len();
+        let node = key.node.and_then(|node| bus.node(node));
+        let (began, ended) = (conclusion.began, conclusion.ended);
+        let end = ended.map_or(bus.now(), |ended| ended.0);
+        let at = build_occurrence(bus.stamp_of(began.0), FrameRange::one(began.1));
+        let mut group = FindingGroup {
+            id: place as u64 + 1,
+            rule: std::sync::Arc::clone(&info.name),
+            bus: bus.name().into(),
+            node_name: node.and_then(Node::name).map(std::sync::Arc::from),
+            object_name: None,
+            next_step: info.next_step.clone(),
+            manual: None,
+            severity: info.severity,
+            text: conclusion.text.clone(),
+            worst: None,
+            count: 1,
+            lasted: Some(end.saturating_sub(began.0)),
+            lasts_to_end: ended.is_none(),
+            first: vec![at],
+            last: std::collections::VecDeque::new(),
+            cause: None,
+            is_absorbed: false,
+            member_of: None,
+            scene: None,
+            downgraded: None,
+            suppressed: None,
+            is_open: false,
+            nodes: conclusion.nodes.clone(),
+            key: key.clone(),
+        };
+        group.suppressed = self.policy.suppression_reason(&group);
+        if let Some(tally) = self.tallies.get_mut(usize::from(key.rule)) {
+            tally.failed += 1;
+        }
+        self.groups.push(group);
+        self.courses.push(GroupState { since_open: 1, ..GroupState::default() });
+        self.by_key.insert(key, place);
+        Some(place)
+    }
+}
+
+const NOWHERE: Occurrence = Occurrence { time: None, frames: FrameRange::one(0) };
