@@ -5,7 +5,7 @@ use crate::finding::FindingSubject;
 use crate::finding::phrase::format_interval;
 use crate::frame::CanId;
 use crate::observation::{NodeMoment, NodeMoments, PeriodicStream, Sender, SenderSilence, SenderStreams};
-use crate::session::{Bus, BusStream, StreamService};
+use crate::session::{Bus, BusStream, Node, StreamService};
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
@@ -105,13 +105,21 @@ impl MessageScene<'_> {
         }
         if first.stream.service == StreamService::Sync {
             let text = format!("SYNC ended after {{{}}}; its sender continues", first.stream.last_frame);
-            return Some(self.conclusion(("sync-stopped", text), sender.sender, &first.stream, (last.1, first.stream.last_frame)));
+            return Some(self.conclusion(
+                ("sync-stopped", text),
+                sender.sender,
+                &first.stream,
+                (last.1, first.stream.last_frame),
+            ));
         }
         if !self.is_expected(sender.sender, first) {
             return None;
         }
-        let process_data: Vec<_> =
-            sender.streams.iter().filter(|each| each.stream.service == StreamService::TransmittedPdo).collect();
+        let process_data: Vec<_> = sender
+            .streams
+            .iter()
+            .filter(|each| each.stream.service == StreamService::TransmittedPdo)
+            .collect();
         let is_all = process_data.len() >= 2 && process_data.iter().all(|each| each.is_missing_at(self.end));
         let began = (last.1, first.stream.last_frame);
         if is_all {
@@ -162,13 +170,26 @@ impl MessageScene<'_> {
             change.frame,
             format_interval(change.from)
         );
-        Some(self.conclusion(("message-slower", text), sender.sender, &each.stream, (change.time, change.frame)))
+        Some(self.conclusion(
+            ("message-slower", text),
+            sender.sender,
+            &each.stream,
+            (change.time, change.frame),
+        ))
     }
 
     /// A message with elements of a second sender.
     fn second_sender(&self, sender: &SenderStreams, each: &PeriodicStream) -> Option<Conclusion> {
         let (count, (time, frame)) = each.stream.splits;
-        if count < SECOND || each.stream.service == StreamService::ErrorControl {
+        let is_guarded =
+            || each.stream.node.and_then(|node| self.bus.node(node)).is_some_and(Node::is_guarded);
+        let has_two_kinds = match each.stream.service {
+            // A rule judges SYNC; requests and responses of guarding share an identifier.
+            StreamService::Sync => true,
+            StreamService::ErrorControl => is_guarded(),
+            _ => false,
+        };
+        if count < SECOND || has_two_kinds {
             return None;
         }
         let text = format!(
@@ -191,11 +212,8 @@ impl MessageScene<'_> {
             0 => "none before".to_owned(),
             mean => format!("before one every {}", format_interval(mean)),
         };
-        let text = format!(
-            "{}: {count} frames in {}, {before}",
-            message_name(stream.id),
-            format_interval(duration)
-        );
+        let text =
+            format!("{}: {count} frames in {}, {before}", message_name(stream.id), format_interval(duration));
         let is_over = self.end.saturating_sub(burst.ended.0) > EXPLAINED / 4;
         let ended = is_over.then_some(burst.ended);
         Some(Conclusion { ended, ..self.conclusion(("babbling", text), sender, stream, burst.began) })
@@ -212,12 +230,22 @@ impl MessageScene<'_> {
         let frozen = frozen_for(each)?;
         // The others of the machine change as before: else it stands still.
         let others = self.senders.iter().flat_map(|sender| &sender.streams);
-        let changing = || others.clone().filter(|other| other.stream.id != each.stream.id && other.stream.changes.count >= CHANGED);
-        let still = changing().filter(|other| other.stream.changes.last < each.stream.changes.last.saturating_add(frozen / 2)).count();
+        let changing = || {
+            others
+                .clone()
+                .filter(|other| other.stream.id != each.stream.id && other.stream.changes.count >= CHANGED)
+        };
+        let still = changing()
+            .filter(|other| other.stream.changes.last < each.stream.changes.last.saturating_add(frozen / 2))
+            .count();
         let total = changing().count();
         let is_alone = total >= 2 && still * 2 < total;
-        let is_own = matches!(each.stream.service, StreamService::TransmittedPdo | StreamService::J1939Message);
-        if !is_alone || !is_own || self.is_explained(sender.sender, each.stream.changes.last, each.stream.changes.last) {
+        let is_own =
+            matches!(each.stream.service, StreamService::TransmittedPdo | StreamService::J1939Message);
+        if !is_alone
+            || !is_own
+            || self.is_explained(sender.sender, each.stream.changes.last, each.stream.changes.last)
+        {
             return None;
         }
         let changes = each.stream.changes;
@@ -228,8 +256,39 @@ impl MessageScene<'_> {
             changes.count,
             format_interval(changes.longest)
         );
-        Some(self.conclusion(("value-frozen", text), sender.sender, &each.stream, (changes.last, changes.frame)))
+        Some(self.conclusion(
+            ("value-frozen", text),
+            sender.sender,
+            &each.stream,
+            (changes.last, changes.frame),
+        ))
     }
+}
+
+/// Parameter groups of ISO 11783: a working set announces itself (11783-7), messages of a virtual terminal (11783-6).
+const WORKING_SET: u32 = 0xFE0D;
+const FROM_TERMINAL: u32 = 0xE600;
+
+/// A working set that announces itself where no virtual terminal is.
+pub(super) fn absent_terminal(bus: &Bus) -> Option<Conclusion> {
+    let group_of = |stream: &BusStream| match message_subject(stream.id) {
+        FindingSubject::Pgn(pgn) if stream.service == StreamService::J1939Message => Some(pgn),
+        _ => None,
+    };
+    let streams: Vec<BusStream> = bus.streams().collect();
+    let set = streams.iter().find(|stream| group_of(stream) == Some(WORKING_SET))?;
+    let (first, last) = set.times;
+    let waits = bus.now().saturating_sub(last) > FROZEN_TIME;
+    let has_terminal = streams.iter().any(|stream| group_of(stream) == Some(FROM_TERMINAL));
+    (waits && !has_terminal).then(|| Conclusion {
+        hypothesis: "terminal-absent",
+        node: set.node,
+        nodes: set.node.into_iter().collect(),
+        about: FindingSubject::Whole,
+        text: format!("working set announced {{{}}}, no message of a virtual terminal", set.last_frame),
+        began: (first, set.last_frame),
+        ended: None,
+    })
 }
 
 /// Time in ns for which the payload of a message did not change up to its last frame, if it changed all the time before.

@@ -9,11 +9,13 @@
 //! several messages at one moment. Commands explain their consequences. `hypotheses.toml` has the rows, with what the capture must
 //! show, what to do and what to record next.
 
+mod commands;
 mod hypothesis;
 mod messages;
+mod reports;
 mod silences;
 
-use crate::finding::FindingSubject;
+use crate::finding::{FindingGroup, FindingSubject};
 use crate::observation::{NodeMoments, SenderSilence, observe_senders};
 use crate::session::Bus;
 use crate::wire::NodeId;
@@ -51,17 +53,21 @@ impl Conclusion {
 }
 
 /// What fails on a bus. `end` is the monotonic time of its last frame.
-pub(crate) fn conclude(bus: &Bus, moments: &NodeMoments) -> Vec<Conclusion> {
+pub(crate) fn conclude(bus: &Bus, moments: &NodeMoments, groups: &[FindingGroup]) -> Vec<Conclusion> {
     let end = bus.now();
     let senders = observe_senders(bus);
     let silences: Vec<SenderSilence> = senders.iter().flat_map(|sender| sender.silences(end)).collect();
     let silent = silences::conclude_silences(bus, &senders, silences, moments);
     let mut all = messages::conclude_messages(bus, &senders, &silent.silences, moments);
     // A message that takes the bus delays all others.
-    let babbling: Vec<_> = all.iter().filter(|one| one.hypothesis == "babbling").map(Conclusion::range).collect();
+    let babbling: Vec<_> =
+        all.iter().filter(|one| one.hypothesis == "babbling").map(Conclusion::range).collect();
     let is_free = |one: &Conclusion| !babbling.iter().any(|(from, to)| (*from..=*to).contains(&one.began.0));
     all.retain(|one| one.hypothesis == "babbling" || is_free(one));
     all.extend(silent.conclusions.into_iter().filter(is_free));
+    all.extend(commands::conclude_commands(bus, &senders, moments));
+    all.extend(reports::conclude_reports(bus, &silent.silences, groups));
+    all.extend(messages::absent_terminal(bus));
     all.sort_by_key(|conclusion| conclusion.began);
     all
 }

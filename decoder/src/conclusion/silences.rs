@@ -78,9 +78,9 @@ fn is_explained(bus: &Bus, silence: &SenderSilence, moments: &NodeMoments) -> bo
     let until = silence.until.map_or(silence.latest, |until| until.0);
     moments.has_moment(NodeMoment::SwitchOff, (bus.index(), node), commanded)
         || node.is_none() && moments.is_common_stop(bus.index(), commanded)
-        || [NodeMoment::LostFrames, NodeMoment::BusSilent]
-            .into_iter()
-            .any(|what| moments.has_moment(what, (bus.index(), None), (from, until.saturating_add(COMMANDED))))
+        || [NodeMoment::LostFrames, NodeMoment::BusSilent].into_iter().any(|what| {
+            moments.has_moment(what, (bus.index(), None), (from, until.saturating_add(COMMANDED)))
+        })
 }
 
 /// Restarts of nodes that were shorter than a silence: an address claim that nobody requested, a boot-up.
@@ -110,7 +110,15 @@ fn restarts(
         {
             let sender = Sender::Node(node);
             let last = (time.saturating_sub(1), frame);
-            all.push(SenderSilence { sender, last, latest: time, until: Some((time, frame)), streams: 0, period, is_certain: true });
+            all.push(SenderSilence {
+                sender,
+                last,
+                latest: time,
+                until: Some((time, frame)),
+                streams: 0,
+                period,
+                is_certain: true,
+            });
         }
     }
     all
@@ -122,7 +130,9 @@ fn group_moments(bus: &Bus, silences: &[SenderSilence], moments: &NodeMoments) -
     let is_restart = |silence: &SenderSilence| return_of(bus, silence, moments) == SenderReturn::Restarted;
     let restarts_with = |one: &SenderSilence, other: &SenderSilence| {
         let ends = one.until.zip(other.until);
-        ends.is_some_and(|(one, other)| (one.0 - other.0).abs() <= RETURNING) && is_restart(one) && is_restart(other)
+        ends.is_some_and(|(one, other)| (one.0 - other.0).abs() <= RETURNING)
+            && is_restart(one)
+            && is_restart(other)
     };
     for silence in silences.iter().filter(|silence| silence.is_certain) {
         let known = groups.iter_mut().find(|group| {
@@ -176,8 +186,7 @@ fn return_of(bus: &Bus, silence: &SenderSilence, moments: &NodeMoments) -> Sende
 fn conclude_moment(bus: &Bus, moment: &[SenderSilence], moments: &NodeMoments) -> Option<Conclusion> {
     let first = moment.first()?;
     let nodes: Vec<NodeId> = moment.iter().filter_map(|silence| silence.sender.node()).collect();
-    let returns: Vec<SenderReturn> =
-        moment.iter().map(|silence| return_of(bus, silence, moments)).collect();
+    let returns: Vec<SenderReturn> = moment.iter().map(|silence| return_of(bus, silence, moments)).collect();
     let has = |what| returns.contains(&what);
     let is_controller = moment.iter().any(|silence| silence.sender == Sender::Controller);
     let hypothesis = match nodes.len() {
@@ -185,6 +194,7 @@ fn conclude_moment(bus: &Bus, moment: &[SenderSilence], moments: &NodeMoments) -
         0 => "controller-interrupted",
         1 if !is_controller && has(SenderReturn::Restarted) => "node-restarted",
         1 if !is_controller && has(SenderReturn::Continued) => "node-interrupted",
+        1 if !is_controller && is_bus_off(bus, first, moments) => "node-bus-off",
         1 if !is_controller => "node-silent",
         _ if has(SenderReturn::Restarted) => "nodes-restarted",
         _ if has(SenderReturn::Continued) => "nodes-interrupted",
@@ -200,6 +210,23 @@ fn conclude_moment(bus: &Bus, moment: &[SenderSilence], moments: &NodeMoments) -
         began: first.last,
         ended,
         nodes,
+    })
+}
+
+/// Time between the last error frame and the last frame of a node that goes bus-off, in ns.
+const BUS_OFF: i64 = 200_000_000;
+
+/// Error frames of a node on its way to bus-off: its transmit error counter grows by 8 up to 256 (ISO 11898-1 §12.1.4).
+const BUS_OFF_ERRORS: u64 = 16;
+
+/// Whether a burst of error frames ends where the messages of a node end.
+fn is_bus_off(bus: &Bus, silence: &SenderSilence, moments: &NodeMoments) -> bool {
+    let (from, to) = (silence.last.0, silence.latest.max(silence.last.0.saturating_add(BUS_OFF)));
+    moments.error_bursts(bus.index()).any(|burst| {
+        burst.count >= BUS_OFF_ERRORS
+            && burst.times.0 <= to
+            && burst.times.1.saturating_add(BUS_OFF) >= from
+            && burst.times.1 <= to.saturating_add(BUS_OFF)
     })
 }
 

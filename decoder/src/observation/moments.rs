@@ -1,10 +1,12 @@
 //! Commands and restarts, which explain why messages end or begin.
 
-use crate::event::{Event, EventKind, StateChange};
+use std::collections::BTreeMap;
+
+use crate::event::{Event, EventKind, SdoDirection, SdoTransfer, StateChange};
 use crate::frame::BusIndex;
 use crate::wire::NodeId;
-use crate::wire::canopen::NmtState;
 use crate::wire::canopen::nmt::NmtService;
+use crate::wire::canopen::{NmtState, ObjectAddress};
 
 /// Most restarts and commands of a capture.
 const KEPT: usize = 1_024;
@@ -36,7 +38,36 @@ pub(crate) enum NodeMoment {
 
 /// Moments of all nodes of a capture.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct NodeMoments(Vec<KnownMoment>);
+pub(crate) struct NodeMoments {
+    known: Vec<KnownMoment>,
+    /// Last SDO transfer of each node.
+    transfers: BTreeMap<(BusIndex, NodeId), LastTransfer>,
+    bursts: Vec<ErrorBurst>,
+}
+
+/// Last SDO transfer with a node.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LastTransfer {
+    pub(crate) object: Option<ObjectAddress>,
+    pub(crate) is_upload: bool,
+    /// Monotonic time in ns, and frame.
+    pub(crate) at: (i64, u64),
+}
+
+/// Error frames less than a second apart.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ErrorBurst {
+    bus: BusIndex,
+    /// Monotonic times of the first and the last one, in ns.
+    pub(crate) times: (i64, i64),
+    pub(crate) count: u64,
+}
+
+/// Time between error frames of one burst, in ns.
+const BURST: i64 = 1_000_000_000;
+
+/// Most bursts of a capture.
+const BURSTS: usize = 64;
 
 #[derive(Debug, Clone, Copy)]
 struct KnownMoment {
@@ -57,9 +88,15 @@ impl NodeMoments {
     /// Records an event of a bus at a monotonic time.
     pub(crate) fn observe_event(&mut self, event: &Event, time: i64) {
         let (what, node) = match &event.kind {
+            EventKind::SdoTransfer(transfer) => return self.note_transfer(event, transfer, time),
+            EventKind::CanError(error) if !error.is_only_receive_overflow() => {
+                return self.note_error(event.bus, time);
+            }
             EventKind::BootUp { .. } => (NodeMoment::Restart, event.node),
             EventKind::AddressClaim(_) => (NodeMoment::Restart, event.node),
-            EventKind::J1939Request(request) if request.pgn.number() == CLAIM => (NodeMoment::ClaimRequest, None),
+            EventKind::J1939Request(request) if request.pgn.number() == CLAIM => {
+                (NodeMoment::ClaimRequest, None)
+            }
             EventKind::NmtState(change) if is_end_of_operation(change) => {
                 (NodeMoment::LeftOperational, event.node)
             }
@@ -75,9 +112,48 @@ impl NodeMoments {
             }
             _ => return,
         };
-        if self.0.len() < KEPT {
-            self.0.push(KnownMoment { what, bus: event.bus, node, time, frame: event.frames.last });
+        if self.known.len() < KEPT {
+            self.known.push(KnownMoment { what, bus: event.bus, node, time, frame: event.frames.last });
         }
+    }
+
+    fn note_transfer(&mut self, event: &Event, transfer: &SdoTransfer, time: i64) {
+        let Some(node) = event.node else { return };
+        let is_upload = transfer.direction == Some(SdoDirection::Upload);
+        let last = LastTransfer { object: transfer.object, is_upload, at: (time, event.frames.last) };
+        self.transfers.insert((event.bus, node), last);
+    }
+
+    fn note_error(&mut self, bus: BusIndex, time: i64) {
+        let has_room = self.bursts.len() < BURSTS;
+        let last = self.bursts.iter_mut().rev().find(|burst| burst.bus == bus);
+        match last.filter(|burst| time.saturating_sub(burst.times.1) <= BURST) {
+            Some(burst) => {
+                burst.times.1 = time;
+                burst.count = burst.count.saturating_add(1);
+            }
+            None if has_room => {
+                self.bursts.push(ErrorBurst { bus, times: (time, time), count: 1 });
+            }
+            None => {}
+        }
+    }
+
+    /// Bursts of error frames on a bus.
+    pub(crate) fn error_bursts(&self, bus: BusIndex) -> impl Iterator<Item = &ErrorBurst> {
+        self.bursts.iter().filter(move |burst| burst.bus == bus)
+    }
+
+    /// The last SDO transfer with a node.
+    pub(crate) fn last_transfer(&self, bus: BusIndex, node: NodeId) -> Option<&LastTransfer> {
+        self.transfers.get(&(bus, node))
+    }
+
+    /// NMT commands on a bus that end messages: the node, or `None` for all, with monotonic time and frame.
+    pub(crate) fn switch_offs(&self, bus: BusIndex) -> impl Iterator<Item = (Option<NodeId>, (i64, u64))> {
+        let own =
+            self.known.iter().filter(move |known| known.bus == bus && known.what == NodeMoment::SwitchOff);
+        own.map(|known| (known.node, (known.time, known.frame)))
     }
 
     /// Whether a node was concerned between two monotonic times, both included.
@@ -87,7 +163,7 @@ impl NodeMoments {
         (bus, node): (BusIndex, Option<NodeId>),
         (from, to): (i64, i64),
     ) -> bool {
-        self.0.iter().any(|known| {
+        self.known.iter().any(|known| {
             known.what == what
                 && known.bus == bus
                 && (known.node.is_none() || node.is_none() || known.node == node)
@@ -97,10 +173,8 @@ impl NodeMoments {
 
     /// Whether two nodes or more left the state operational between two monotonic times: a command that the capture lacks.
     pub(crate) fn is_common_stop(&self, bus: BusIndex, (from, to): (i64, i64)) -> bool {
-        let stops = self.0.iter().filter(|known| {
-            known.bus == bus
-                && known.what == NodeMoment::LeftOperational
-                && (from..=to).contains(&known.time)
+        let stops = self.known.iter().filter(|known| {
+            known.bus == bus && known.what == NodeMoment::LeftOperational && (from..=to).contains(&known.time)
         });
         let mut nodes: Vec<_> = stops.filter_map(|known| known.node).collect();
         nodes.sort_unstable();
@@ -111,14 +185,17 @@ impl NodeMoments {
     /// Whether more than two thirds of the nodes, at least two, restarted around a monotonic time: the machine was switched on.
     pub(crate) fn is_machine_start(&self, bus: BusIndex, nodes: &[NodeId], time: i64) -> bool {
         let range = (time.saturating_sub(MACHINE), time.saturating_add(MACHINE));
-        let restarted =
-            nodes.iter().filter(|node| self.has_moment(NodeMoment::Restart, (bus, Some(**node)), range)).count();
+        let restarted = nodes
+            .iter()
+            .filter(|node| self.has_moment(NodeMoment::Restart, (bus, Some(**node)), range))
+            .count();
         restarted >= 2 && restarted * 3 > nodes.len() * 2
     }
 
     /// Restarts of nodes on a bus, each with its monotonic time and frame.
     pub(crate) fn restarts(&self, bus: BusIndex) -> impl Iterator<Item = (NodeId, (i64, u64))> {
-        let own = self.0.iter().filter(move |known| known.bus == bus && known.what == NodeMoment::Restart);
+        let own =
+            self.known.iter().filter(move |known| known.bus == bus && known.what == NodeMoment::Restart);
         own.filter_map(|known| Some((known.node?, (known.time, known.frame))))
     }
 }

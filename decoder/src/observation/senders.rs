@@ -112,8 +112,12 @@ pub(crate) fn observe_senders(bus: &Bus) -> Vec<SenderStreams> {
             (_, Some(node)) => Sender::Node(node),
         };
         let last = (stream.times.1, stream.last_frame);
-        let entry =
-            all.entry(sender).or_insert_with(|| SenderStreams { sender, streams: Vec::new(), bursts: Vec::new(), last });
+        let entry = all.entry(sender).or_insert_with(|| SenderStreams {
+            sender,
+            streams: Vec::new(),
+            bursts: Vec::new(),
+            last,
+        });
         entry.last = entry.last.max(last);
         if stream.burst.windows > 0 {
             entry.bursts.push(stream.clone());

@@ -17,12 +17,12 @@ const BEFORE: i64 = 200_000_000;
 impl FindingLedger {
     /// Adds what fails on a bus as findings. A failure of one node or message that a rule reports already is that finding.
     pub(in crate::rules) fn add_conclusions(&mut self, bus: &Bus) {
-        for conclusion in conclude(bus, &self.moments) {
+        for conclusion in conclude(bus, &self.moments, &self.groups) {
             let Some(row) = find_hypothesis(conclusion.hypothesis) else { continue };
             let explained = self.explained_by(&conclusion, row.explains, bus);
-            let is_reported = explained.iter().any(|place| {
-                self.groups.get(*place).is_some_and(|group| group.severity > Severity::Note)
-            });
+            let is_reported = explained
+                .iter()
+                .any(|place| self.groups.get(*place).is_some_and(|group| group.severity > Severity::Note));
             if row.explains != ExplainedFindings::Same || !is_reported {
                 self.add_conclusion(&conclusion, &explained, bus);
             }
@@ -35,9 +35,10 @@ impl FindingLedger {
         let to = conclusion.ended.map_or(i64::MAX, |ended| ended.0).saturating_add(AFTER);
         let to = bus.stamp_of(to.min(bus.now()));
         let is_meant = |group: &FindingGroup| {
-            let is_own = group.key.node.is_some_and(|node| {
-                conclusion.nodes.contains(&node) || conclusion.node == Some(node)
-            });
+            let is_own = group
+                .key
+                .node
+                .is_some_and(|node| conclusion.nodes.contains(&node) || conclusion.node == Some(node));
             let is_of_bus = explains == ExplainedFindings::Bus && self.is_communication(group);
             let time = group.first_occurrence().time;
             let is_in_time =

@@ -65,7 +65,8 @@ impl StreamHistory {
     pub(super) fn note_silence(&mut self, silence: StreamSilence) {
         if self.silences.len() < KEPT {
             self.silences.push(silence);
-        } else if let Some(shortest) = self.silences.iter().enumerate().min_by_key(|(_, each)| each.duration())
+        } else if let Some(shortest) =
+            self.silences.iter().enumerate().min_by_key(|(_, each)| each.duration())
             && shortest.1.duration() < silence.duration()
         {
             let place = shortest.0;
