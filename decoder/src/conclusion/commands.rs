@@ -21,7 +21,8 @@ pub(super) fn conclude_commands(
     senders: &[SenderStreams],
     moments: &NodeMoments,
 ) -> Vec<Conclusion> {
-    let mut all: Vec<Conclusion> = second_master(bus, senders, moments).into_iter().collect();
+    let mut all: Vec<Conclusion> =
+        second_master(bus, senders, moments).or_else(|| stopped_node(bus, moments)).into_iter().collect();
     all.extend(bus.nodes().filter_map(|node| not_started(bus, node, moments)));
     all
 }
@@ -64,6 +65,34 @@ fn second_master(bus: &Bus, senders: &[SenderStreams], moments: &NodeMoments) ->
     })
 }
 
+/// A single node that a command took out of operation, and that nobody starts again while the others work.
+fn stopped_node(bus: &Bus, moments: &NodeMoments) -> Option<Conclusion> {
+    let state = |node: &Node| node.nmt().map(|nmt| nmt.state);
+    moments.switch_offs(bus.index()).find_map(|(target, (time, frame))| {
+        let id = target?;
+        let end = bus.now();
+        let waits = end.saturating_sub(time) > WAITED;
+        let is_stopped = bus.node(id).and_then(state).is_some_and(|state| state != NmtState::Operational);
+        let was_operational = moments.has_moment(
+            NodeMoment::LeftOperational,
+            (bus.index(), target),
+            (time, time.saturating_add(CONTINUED)),
+        );
+        let is_started = moments.has_moment(NodeMoment::Start, (bus.index(), target), (time, end));
+        let others = bus.nodes().filter(|node| node.id() != id);
+        let others_work = others.filter(|node| state(node) == Some(NmtState::Operational)).count() > 0;
+        (waits && is_stopped && was_operational && !is_started && others_work).then(|| Conclusion {
+            hypothesis: "second-master",
+            node: target,
+            nodes: vec![id],
+            about: FindingSubject::Whole,
+            text: format!("NMT command {{{frame}}} to this node, and no NMT start after it; other nodes work"),
+            began: (time, frame),
+            ended: None,
+        })
+    })
+}
+
 /// A node that waits in pre-operational up to the end, although its controller asked it or sends to it.
 fn not_started(bus: &Bus, node: &Node, moments: &NodeMoments) -> Option<Conclusion> {
     let id = node.id();
@@ -90,7 +119,8 @@ fn not_started(bus: &Bus, node: &Node, moments: &NodeMoments) -> Option<Conclusi
         return None;
     }
     let asked = last.map_or_else(String::new, |last| format!("; {}", last_request(last)));
-    let is_identified = last.is_some_and(is_identification);
+    // A controller that compares identities ends at the first difference.
+    let is_identified = last.is_some_and(is_identification) && moments.is_identity_cut(bus.index(), id);
     Some(Conclusion {
         hypothesis: if is_identified { "not-accepted" } else { "not-started" },
         node: Some(id),

@@ -51,7 +51,7 @@ pub(super) fn conclude_messages(
         all.extend(scene.stopped(sender));
         for each in &sender.streams {
             let changed = scene.slower(sender, each).or_else(|| scene.second_sender(sender, each));
-            all.extend(changed.or_else(|| scene.frozen(sender, each)));
+            all.extend(changed.or_else(|| scene.frozen(sender, each)).or_else(|| scene.jumping(sender, each)));
         }
         all.extend(sender.bursts.iter().filter_map(|stream| scene.babbling(sender.sender, stream)));
     }
@@ -225,6 +225,20 @@ impl MessageScene<'_> {
         streams.map(|each| each.stream.times.0).min().unwrap_or(self.end)
     }
 
+    /// A value that jumps to another value in single frames.
+    fn jumping(&self, sender: &SenderStreams, each: &PeriodicStream) -> Option<Conclusion> {
+        let jumps = each.stream.jumps.filter(|_| is_measured(&each.stream))?;
+        let text = format!(
+            "{}: a value jumps in {} single frames from {{{}}} on, byte {} to {:02X}h",
+            message_name(each.stream.id),
+            jumps.count,
+            jumps.first.1,
+            jumps.byte,
+            jumps.target
+        );
+        Some(self.conclusion(("value-jumps", text), sender.sender, &each.stream, jumps.first))
+    }
+
     /// A message whose payload changed all the time and no longer does.
     fn frozen(&self, sender: &SenderStreams, each: &PeriodicStream) -> Option<Conclusion> {
         let frozen = frozen_for(each)?;
@@ -240,10 +254,8 @@ impl MessageScene<'_> {
             .count();
         let total = changing().count();
         let is_alone = total >= 2 && still * 2 < total;
-        let is_own =
-            matches!(each.stream.service, StreamService::TransmittedPdo | StreamService::J1939Message);
         if !is_alone
-            || !is_own
+            || !is_measured(&each.stream)
             || self.is_explained(sender.sender, each.stream.changes.last, each.stream.changes.last)
         {
             return None;
@@ -263,6 +275,11 @@ impl MessageScene<'_> {
             (changes.last, changes.frame),
         ))
     }
+}
+
+/// Service of values that a device measures.
+fn is_measured(stream: &BusStream) -> bool {
+    matches!(stream.service, StreamService::TransmittedPdo | StreamService::J1939Message)
 }
 
 /// Parameter groups of ISO 11783: a working set announces itself (11783-7), messages of a virtual terminal (11783-6).

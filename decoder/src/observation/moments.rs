@@ -14,6 +14,13 @@ const KEPT: usize = 1_024;
 /// Time between the restarts of the nodes of a machine that is switched on, in ns.
 const MACHINE: i64 = 3_000_000_000;
 
+/// Time in ns in which the messages of a machine end that is switched off, and in which it starts.
+const ENDING: i64 = 1_000_000_000;
+const STARTING: i64 = 8_000_000_000;
+
+/// Identity object (CiA 301 §7.5.2.19).
+const IDENTITY: u16 = 0x1018;
+
 /// Parameter group of address claims (SAE J1939-81 §4.2).
 const CLAIM: u32 = 0xEE00;
 
@@ -42,6 +49,8 @@ pub(crate) struct NodeMoments {
     known: Vec<KnownMoment>,
     /// Last SDO transfer of each node.
     transfers: BTreeMap<(BusIndex, NodeId), LastTransfer>,
+    /// Highest subindex of the identity (1018) that a client read from each node.
+    identities: BTreeMap<(BusIndex, NodeId), u8>,
     bursts: Vec<ErrorBurst>,
 }
 
@@ -93,6 +102,7 @@ impl NodeMoments {
                 return self.note_error(event.bus, time);
             }
             EventKind::BootUp { .. } => (NodeMoment::Restart, event.node),
+            EventKind::Emcy(emergency) if emergency.boot.is_some() => (NodeMoment::Restart, event.node),
             EventKind::AddressClaim(_) => (NodeMoment::Restart, event.node),
             EventKind::J1939Request(request) if request.pgn.number() == CLAIM => {
                 (NodeMoment::ClaimRequest, None)
@@ -122,6 +132,17 @@ impl NodeMoments {
         let is_upload = transfer.direction == Some(SdoDirection::Upload);
         let last = LastTransfer { object: transfer.object, is_upload, at: (time, event.frames.last) };
         self.transfers.insert((event.bus, node), last);
+        if let Some(object) = transfer.object.filter(|object| is_upload && object.index == IDENTITY) {
+            let read = self.identities.entry((event.bus, node)).or_default();
+            *read = object.sub.max(*read);
+        }
+    }
+
+    /// Whether a client read more of the identity of another node on the bus than of this one.
+    pub(crate) fn is_identity_cut(&self, bus: BusIndex, node: NodeId) -> bool {
+        let own = self.identities.get(&(bus, node)).copied().unwrap_or(0);
+        let mut others = self.identities.iter().filter(|((of, other), _)| *of == bus && *other != node);
+        others.any(|(_, read)| *read > own)
     }
 
     fn note_error(&mut self, bus: BusIndex, time: i64) {
@@ -190,6 +211,14 @@ impl NodeMoments {
             .filter(|node| self.has_moment(NodeMoment::Restart, (bus, Some(**node)), range))
             .count();
         restarted >= 2 && restarted * 3 > nodes.len() * 2
+    }
+
+    /// Starts of the whole machine after a silence of the bus: monotonic times from the last messages before it to the time at which
+    /// the controller has started the nodes.
+    pub(crate) fn machine_starts(&self, bus: BusIndex, nodes: &[NodeId]) -> Vec<(i64, i64)> {
+        let silent = self.known.iter().filter(|known| known.bus == bus && known.what == NodeMoment::BusSilent);
+        let started = silent.filter(|known| self.is_machine_start(bus, nodes, known.time));
+        started.map(|known| (known.time.saturating_sub(ENDING), known.time.saturating_add(STARTING))).collect()
     }
 
     /// Restarts of nodes on a bus, each with its monotonic time and frame.

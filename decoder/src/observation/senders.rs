@@ -7,7 +7,7 @@ use crate::session::{Bus, BusStream, StreamService};
 use crate::wire::NodeId;
 
 /// Frames after which the period of a message is known.
-const KNOWN: u32 = 10;
+const KNOWN: u32 = 6;
 
 /// Missing elements in a row that lost frames do not explain: at 2 % of lost frames, one in six million.
 const MISSED: i64 = 4;

@@ -86,7 +86,7 @@ impl Bus {
         let Some(state) = self.routes.slot_mut(preview.identifier) else { return };
         state.note_frame(preview.now, preview.frame);
         if preview.change != 0 {
-            state.pulse.note_change(preview.now, preview.frame);
+            state.pulse.note_change((preview.now, preview.frame), preview.payload, preview.change);
         }
         state.last.set_word(preview.payload);
         if !has_event && state.is_received() {

@@ -40,6 +40,7 @@ const FACTS: KindSet = KindSet::of(&[
     Kind::SdoTransfer,
     Kind::CanError,
     Kind::BootUp,
+    Kind::Emcy,
     Kind::AddressClaim,
     Kind::J1939Request,
 ]);
@@ -187,6 +188,7 @@ impl RuleEngine {
         if is_timed {
             notes.extend(self.ledger.lower_explained(buses));
             for bus in buses {
+                self.ledger.lower_power_cycles(bus);
                 self.ledger.add_conclusions(bus);
             }
         }

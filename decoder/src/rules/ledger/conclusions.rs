@@ -4,9 +4,15 @@ use super::{FindingLedger, GroupChange, GroupState, LedgerNews, RuleRelations, b
 use crate::conclusion::{Conclusion, ExplainedFindings, conclude, find_hypothesis};
 use crate::event::FrameRange;
 use crate::finding::{
-    FindingCause, FindingGroup, FindingSubject, GROUP_LIMIT, GroupKey, Occurrence, Severity,
+    FindingCause, FindingGroup, FindingSubject, GROUP_LIMIT, GroupKey, Occurrence, RuleInfo,
+    Severity,
 };
+use crate::frame::Timestamp;
 use crate::session::{Bus, Node};
+use crate::wire::NodeId;
+
+/// Rule about boot-ups.
+const RESTART: &str = "unexpected-boot";
 
 /// Time from the end of a failure to its last consequences, in ns: a node starts again, its controller configures it.
 const AFTER: i64 = 5_000_000_000;
@@ -14,7 +20,34 @@ const AFTER: i64 = 5_000_000_000;
 /// Time from a consequence to the last element before the failure, in ns: several messages end one after the other.
 const BEFORE: i64 = 200_000_000;
 
+/// Reason for the lower severity of findings while the machine was switched off and on.
+const POWER_CYCLE: &str = "the machine was switched off and on";
+
 impl FindingLedger {
+    /// Lowers the severity of findings that the restart of the whole machine explains: silences before it, boot-ups, late messages
+    /// until the controller runs again.
+    pub(in crate::rules) fn lower_power_cycles(&mut self, bus: &Bus) {
+        let nodes: Vec<NodeId> = bus.nodes().map(Node::id).collect();
+        for (from, to) in self.moments.machine_starts(bus.index(), &nodes) {
+            let (from, to) = (bus.stamp_of(from), bus.stamp_of(to.min(bus.now())));
+            let is_meant = |group: &FindingGroup, rules: &[RuleInfo]| {
+                let rule = rules.get(usize::from(group.key.rule));
+                let is_of_start = rule.is_some_and(|rule| rule.is_timing || &*rule.name == RESTART);
+                let mut times = group.first.iter().chain(&group.last).map(|at| at.time);
+                let is_in = |time: Option<Timestamp>| {
+                    time.zip(from).zip(to).is_some_and(|((time, from), to)| from <= time && time <= to)
+                };
+                group.key.bus == bus.index() && is_of_start && !group.lasts_to_end && times.all(is_in)
+            };
+            for group in &mut self.groups {
+                if group.severity > Severity::Note && is_meant(group, &self.rules) {
+                    group.severity = Severity::Note;
+                    group.downgraded.get_or_insert_with(|| POWER_CYCLE.to_owned());
+                }
+            }
+        }
+    }
+
     /// Adds what fails on a bus as findings. A failure of one node or message that a rule reports already is that finding.
     pub(in crate::rules) fn add_conclusions(&mut self, bus: &Bus) {
         for conclusion in conclude(bus, &self.moments, &self.groups) {
@@ -39,7 +72,7 @@ impl FindingLedger {
                 .key
                 .node
                 .is_some_and(|node| conclusion.nodes.contains(&node) || conclusion.node == Some(node));
-            let is_of_bus = explains == ExplainedFindings::Bus && self.is_communication(group);
+            let is_of_bus = explains == ExplainedFindings::Bus && self.is_communication(group, conclusion);
             let time = group.first_occurrence().time;
             let is_in_time =
                 time.zip(from).zip(to).is_some_and(|((time, from), to)| from <= time && time <= to);
@@ -49,8 +82,12 @@ impl FindingLedger {
         all.map(|(place, _)| place).collect()
     }
 
-    /// Whether a finding is about times, or an EMCY about communication (CiA 301 table 26: 81xx, 82xx).
-    fn is_communication(&self, group: &FindingGroup) -> bool {
+    /// Whether a finding is about the bus, about times, or an EMCY about communication (CiA 301 table 26: 81xx, 82xx), or follows
+    /// the same fact as a failure.
+    fn is_communication(&self, group: &FindingGroup, conclusion: &Conclusion) -> bool {
+        if group.key.node.is_none() || is_caused_by(group, conclusion.began.1) {
+            return true;
+        }
         match group.key.about {
             FindingSubject::Code(code) => (0x8100..=0x82FF).contains(&code),
             _ => self.rules.get(usize::from(group.key.rule)).is_some_and(|rule| rule.is_timing),
@@ -67,7 +104,10 @@ impl FindingLedger {
         let Some(place) = self.push_conclusion(key, conclusion, bus) else { return };
         let id = self.groups.get(place).map_or(0, |group| group.id);
         for effect in explained {
-            if let Some(group) = self.groups.get_mut(*effect).filter(|group| group.cause.is_none()) {
+            let is_free = |group: &&mut FindingGroup| {
+                group.cause.is_none() || is_caused_by(group, conclusion.began.1)
+            };
+            if let Some(group) = self.groups.get_mut(*effect).filter(is_free) {
                 group.cause = Some(FindingCause::Group(id));
             }
         }
@@ -121,6 +161,11 @@ impl FindingLedger {
         self.by_key.insert(key, place);
         Some(place)
     }
+}
+
+/// Whether a fact of this frame is the cause of a finding.
+fn is_caused_by(group: &FindingGroup, frame: u64) -> bool {
+    matches!(&group.cause, Some(FindingCause::Fact(fact)) if fact.at.frames.first == frame)
 }
 
 const NOWHERE: Occurrence = Occurrence { time: None, frames: FrameRange::one(0) };

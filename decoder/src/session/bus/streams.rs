@@ -2,7 +2,7 @@
 
 use super::identifiers::IdentifierService;
 use super::state::Bus;
-use super::time::{PayloadChanges, PeriodChange, StreamBurst, StreamRegularity, StreamSilence};
+use super::time::{PayloadChanges, PeriodChange, StreamBurst, StreamRegularity, StreamSilence, ValueJumps};
 use crate::frame::CanId;
 use crate::profile::PdoDirection;
 use crate::wire::NodeId;
@@ -42,6 +42,7 @@ pub(crate) struct BusStream {
     /// Number of elements of another sender with the same period, and time and frame of the first one.
     pub(crate) splits: (u32, (i64, u64)),
     pub(crate) burst: StreamBurst,
+    pub(crate) jumps: Option<ValueJumps>,
     pub(crate) changes: PayloadChanges,
 }
 
@@ -73,6 +74,7 @@ impl Bus {
                 present_count: history.map_or(regular, |history| history.present_count(regular)),
                 splits: history.map_or_else(Default::default, |history| history.splits()),
                 burst: history.map_or_else(Default::default, |history| history.burst()),
+                jumps: history.and_then(|history| history.value_jumps(pulse.payload_changes().count)),
                 changes: pulse.payload_changes(),
             })
         })

@@ -55,8 +55,8 @@ impl ProtocolMachine for PdoMachine {
             None => Some(u64::MAX),
         };
         let same = change.is_none();
-        if !same {
-            entry.pulse.note_change(bus.clock.now(), frame.number);
+        if let Some(change) = change {
+            entry.pulse.note_change((bus.clock.now(), frame.number), entry.last.word(), change);
         }
         let is_resized = !same && pdo.length != frame.length && !is_request;
         event.time = frame.time;

@@ -55,8 +55,8 @@ impl ProtocolMachine for MessageMachine {
             // A field of the message decides how the message is decoded.
             return first_message(slot, id, frame, cx);
         }
-        if change.is_some() {
-            entry.pulse.note_change(bus.clock.now(), frame.number);
+        if let Some(change) = change {
+            entry.pulse.note_change((bus.clock.now(), frame.number), entry.last.word(), change);
         }
         event.time = frame.time;
         event.frames = FrameRange::one(frame.number);

@@ -1,5 +1,7 @@
 //! What became of the period of a message: silences of its sender, changes of the period, elements of a second sender.
 
+use super::jumps::{ByteJumps, ValueJumps};
+
 /// Kept silences and changes of the period; later ones are only counted.
 const KEPT: usize = 8;
 
@@ -59,6 +61,7 @@ pub(crate) struct StreamHistory {
     /// First element of the other sender: time and frame.
     first_split: (i64, u64),
     burst: StreamBurst,
+    pub(super) jumps: ByteJumps,
 }
 
 impl StreamHistory {
@@ -102,6 +105,11 @@ impl StreamHistory {
             self.first_split = (time, frame);
         }
         self.splits = self.splits.saturating_add(1);
+    }
+
+    /// A value that jumps, of a payload with so many changes.
+    pub(crate) fn value_jumps(&self, changes: u32) -> Option<ValueJumps> {
+        self.jumps.value(changes)
     }
 
     /// The longest silences in order of time, at most eight.

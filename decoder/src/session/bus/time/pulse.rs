@@ -119,15 +119,27 @@ impl IdentifierIntervals {
         }
     }
 
-    /// Registers a frame with another payload than the one before, at a monotonic time.
+    /// Registers a frame with another payload than the one before, at a monotonic time; `change` are the bits that differ.
     #[inline]
-    pub(in crate::session) fn note_change(&mut self, now: i64, frame: u64) {
+    pub(in crate::session) fn note_change(&mut self, (now, frame): (i64, u64), payload: u64, change: u64) {
+        if self.history.as_ref().map_or(change, |history| history.jumps.jumping_bits(change)) != 0 {
+            self.note_jump((now, frame), payload, change);
+        }
         let changes = &mut self.changes;
         if changes.count != 0 {
             changes.longest = changes.longest.max(now.saturating_sub(changes.last));
         }
         changes.count = changes.count.saturating_add(1);
         (changes.last, changes.frame) = (now, frame);
+    }
+
+    #[cold]
+    fn note_jump(&mut self, at: (i64, u64), payload: u64, change: u64) {
+        let count = self.count;
+        let history = self.history.get_or_insert_default();
+        if history.jumps.jumping_bits(change) != 0 {
+            history.jumps.note_jump((payload, change), count, at);
+        }
     }
 
     /// Monotonic times of the first and the last frame.

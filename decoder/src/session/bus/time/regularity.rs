@@ -3,6 +3,9 @@
 /// Usual intervals in a row before a gap; fewer do not show a period.
 const STEADY: u8 = 6;
 
+/// Usual intervals after which a longer one is a silence.
+const KNOWN: u32 = 4;
+
 /// Most intervals in a gap with single missing elements; a longer gap is a silence of the producer.
 const LONGEST_GAP: u32 = 3;
 
@@ -82,7 +85,7 @@ impl StreamRegularity {
     /// Whether two elements or more of a message with a known period are missing in an interval in ns.
     pub(super) fn is_silence(&self, interval: i64) -> bool {
         let usual = self.usual_interval();
-        self.regular >= u32::from(STEADY) && interval > usual.saturating_mul(2).saturating_add(usual / 2)
+        self.regular >= KNOWN && interval > usual.saturating_mul(2).saturating_add(usual / 2)
     }
 
     fn count_other(&mut self, interval: u32, now: i64) {
