@@ -79,6 +79,8 @@ fn stopped_node(bus: &Bus, moments: &NodeMoments) -> Option<Conclusion> {
             (time, time.saturating_add(CONTINUED)),
         );
         let is_started = moments.has_moment(NodeMoment::Start, (bus.index(), target), (time, end));
+        let heard = bus.node(id).and_then(|node| node.last_seen().1).map_or(time, |last| bus.monotonic(last));
+        let waits = waits && heard.saturating_sub(time) > CONTINUED;
         let others = bus.nodes().filter(|node| node.id() != id);
         let others_work = others.filter(|node| state(node) == Some(NmtState::Operational)).count() > 0;
         (waits && is_stopped && was_operational && !is_started && others_work).then(|| Conclusion {

@@ -10,6 +10,7 @@
 //! show, what to do and what to record next.
 
 mod commands;
+mod drives;
 mod hypothesis;
 mod messages;
 mod reports;
@@ -66,6 +67,7 @@ pub(crate) fn conclude(bus: &Bus, moments: &NodeMoments, groups: &[FindingGroup]
     all.retain(|one| one.hypothesis == "babbling" || is_free(one));
     all.extend(silent.conclusions.into_iter().filter(is_free));
     all.extend(commands::conclude_commands(bus, &senders, moments));
+    all.extend(drives::conclude_drives(bus));
     all.extend(reports::conclude_reports(bus, &silent.silences, groups));
     all.extend(messages::absent_terminal(bus));
     all.sort_by_key(|conclusion| conclusion.began);

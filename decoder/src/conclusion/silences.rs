@@ -40,6 +40,9 @@ pub(super) fn conclude_silences(
 ) -> SilentSenders {
     let nodes: Vec<NodeId> = senders.iter().filter_map(|sender| sender.sender.node()).collect();
     silences.extend(restarts(bus, senders, &silences, moments));
+    for silence in &mut silences {
+        silence.is_certain |= return_of(bus, silence, moments) == SenderReturn::Restarted;
+    }
     silences.sort_by_key(|silence| silence.last);
     let all = silences.clone();
     let mut conclusions = Vec::new();

@@ -132,7 +132,13 @@ impl BusDecoder {
         let slot = identifier.or_else(|| self.add_slot(frame, out));
         let Some(slot) = slot else { return self.on_frame_without_slot(frame, out) };
         let bus = &mut self.shared.bus;
-        let Some(service) = bus.routes.note_frame(slot, (bus.clock.now(), frame.number)) else { return };
+        // A request by a remote frame is not a message of the node that the identifier belongs to.
+        let noted = if frame.flags.contains(FrameFlags::REMOTE) {
+            bus.routes.slot(slot).map(|state| state.service)
+        } else {
+            bus.routes.note_frame(slot, (bus.clock.now(), frame.number))
+        };
+        let Some(service) = noted else { return };
         if self.is_pair_undecided(service, frame) && self.on_undecided_frame(service, frame, out) {
             return;
         }

@@ -44,6 +44,8 @@ pub(crate) struct BusStream {
     pub(crate) burst: StreamBurst,
     pub(crate) jumps: Option<ValueJumps>,
     pub(crate) changes: PayloadChanges,
+    /// Last payload, little-endian; 0 if it has more than eight bytes.
+    pub(crate) payload: u64,
 }
 
 impl BusStream {
@@ -56,8 +58,9 @@ impl BusStream {
 impl Bus {
     /// Streams that can be periodic.
     pub(crate) fn streams(&self) -> impl Iterator<Item = BusStream> {
-        self.routes.identifiers().filter_map(|(id, service, pulse)| {
-            let (service, node) = stream_service(service)?;
+        self.routes.identifiers().filter_map(|(id, state)| {
+            let pulse = state.intervals();
+            let (service, node) = stream_service(state.service)?;
             let (history, regularity) = (pulse.history(), pulse.regularity());
             let regular = regularity.regular_count();
             Some(BusStream {
@@ -76,6 +79,7 @@ impl Bus {
                 burst: history.map_or_else(Default::default, |history| history.burst()),
                 jumps: history.and_then(|history| history.value_jumps(pulse.payload_changes().count)),
                 changes: pulse.payload_changes(),
+                payload: state.last.word(),
             })
         })
     }

@@ -75,6 +75,11 @@ impl IdentifierState {
         self.sender == NO_SENDER
     }
 
+    /// Intervals of its frames.
+    pub(in crate::session) fn intervals(&self) -> &IdentifierIntervals {
+        &self.pulse
+    }
+
     /// Registers a frame at a monotonic time.
     #[inline]
     pub(in crate::session) fn note_frame(&mut self, now: i64, frame: u64) {
@@ -171,18 +176,15 @@ impl IdentifierRoutes {
         self.slots.iter().map(|slot| (slot.service, &slot.pulse))
     }
 
-    /// All identifiers with their services and intervals, in ascending order.
+    /// All identifiers with their states, in ascending order.
     pub(in crate::session) fn identifiers(
         &self,
-    ) -> impl Iterator<Item = (CanId, IdentifierService, &IdentifierIntervals)> {
+    ) -> impl Iterator<Item = (CanId, &IdentifierState)> {
         let standard = (0..).zip(self.standard.iter()).map(|(id, slot)| (CanId::from_standard(id), *slot));
         let mut extended: Vec<_> =
             self.extended.iter().map(|(id, slot)| (CanId::from_extended(*id), *slot)).collect();
         extended.sort_unstable();
-        let known = |(id, slot): (CanId, u16)| {
-            let state = self.slots.get(usize::from(slot))?;
-            Some((id, state.service, &state.pulse))
-        };
+        let known = |(id, slot): (CanId, u16)| Some((id, self.slots.get(usize::from(slot))?));
         standard.chain(extended).filter_map(known)
     }
 

@@ -6,6 +6,9 @@ const UPPER: u64 = 0xE0E0_E0E0_E0E0_E0E0;
 /// Jumps after which a byte is noise, if most of them do not return.
 const NOISE: u8 = 48;
 
+/// Jumps of a value that show it.
+const SHOWN: u32 = 4;
+
 /// Bytes of a payload.
 const BYTES: usize = 8;
 
@@ -85,7 +88,7 @@ impl ByteJumps {
         let found = all.filter(|(place, byte)| {
             let has_value = is_noisy(place.checked_sub(1)) || is_noisy(place.checked_add(1));
             let (jumps, returns) = (u32::from(byte.jumps), u32::from(byte.returns));
-            has_value && returns >= 3 && jumps <= returns * 2 + returns / 2 + 2 && jumps * 5 <= changes
+            has_value && returns >= SHOWN && jumps <= returns * 2 + returns / 2 + 2 && jumps * 2 <= changes
         });
         let best = found.max_by_key(|(_, byte)| byte.returns);
         best.map(|(place, byte)| ValueJumps {
