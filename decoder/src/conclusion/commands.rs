@@ -1,6 +1,6 @@
-//! Conclusions about NMT commands: a second master, and nodes that nobody starts.
+//! Conclusions about NMT commands: a second master, and nodes that are never started.
 
-use super::Conclusion;
+use super::failure::Conclusion;
 use crate::finding::FindingSubject;
 use crate::frame::CanId;
 use crate::observation::{LastTransfer, NodeMoment, NodeMoments, Sender, SenderStreams};
@@ -52,20 +52,24 @@ fn second_master(bus: &Bus, senders: &[SenderStreams], moments: &NodeMoments) ->
         // The controller may start what it stopped.
         let range = (time, time.saturating_add(CONTINUED));
         let is_restarted = moments.has_moment(NodeMoment::Start, (bus.index(), target), range);
+        let has_effect = [NodeMoment::LeftOperational, NodeMoment::Restart]
+            .into_iter()
+            .any(|what| moments.has_moment(what, (bus.index(), target), range));
         let is_over = controller.last.0 < time.saturating_add(CONTINUED);
-        (is_ignored && !is_restarted && !is_over).then(|| Conclusion {
+        (is_ignored && has_effect && !is_restarted && !is_over).then(|| Conclusion {
             hypothesis: "second-master",
             node: None,
             nodes: target.into_iter().collect(),
             about: FindingSubject::Whole,
             text: format!("NMT command {{{frame}}} while the set points of the controller continue"),
             began: (time, frame),
+            is_note: false,
             ended: None,
         })
     })
 }
 
-/// A single node that a command took out of operation, and that nobody starts again while the others work.
+/// A single node that a command took out of operation, and that is not started again while the others work.
 fn stopped_node(bus: &Bus, moments: &NodeMoments) -> Option<Conclusion> {
     let state = |node: &Node| node.nmt().map(|nmt| nmt.state);
     moments.switch_offs(bus.index()).find_map(|(target, (time, frame))| {
@@ -88,8 +92,11 @@ fn stopped_node(bus: &Bus, moments: &NodeMoments) -> Option<Conclusion> {
             node: target,
             nodes: vec![id],
             about: FindingSubject::Whole,
-            text: format!("NMT command {{{frame}}} to this node, and no NMT start after it; other nodes work"),
+            text: format!(
+                "NMT command {{{frame}}} to this node, and no NMT start after it; other nodes work"
+            ),
             began: (time, frame),
+            is_note: true,
             ended: None,
         })
     })
@@ -130,6 +137,7 @@ fn not_started(bus: &Bus, node: &Node, moments: &NodeMoments) -> Option<Conclusi
         about: FindingSubject::Whole,
         text: format!("pre-operational up to the end, no NMT start after {{{frame}}}{asked}"),
         began: (idle, last.map_or(frame, |last| last.at.1.max(frame))),
+        is_note: false,
         ended: None,
     })
 }

@@ -1,6 +1,6 @@
 //! Drives that do not follow the control word (CiA 402-2 §7: state machine of a drive).
 
-use super::Conclusion;
+use super::failure::Conclusion;
 use crate::finding::FindingSubject;
 use crate::frame::CanId;
 use crate::session::{Bus, BusStream, Node};
@@ -68,7 +68,8 @@ fn not_enabled(bus: &Bus, node: &Node, streams: &[BusStream]) -> Option<Conclusi
     let (control, status) = (stream(CONTROL)?, stream(STATUS)?);
     let is_still = |stream: &BusStream| {
         let since = if stream.changes.count == 0 { stream.times.0 } else { stream.changes.last };
-        stream.times.1.saturating_sub(since) > UNCHANGED && bus.now().saturating_sub(stream.times.1) < UNCHANGED
+        stream.times.1.saturating_sub(since) > UNCHANGED
+            && bus.now().saturating_sub(stream.times.1) < UNCHANGED
     };
     let (command, word) = (low_word(control.payload), low_word(status.payload));
     if !is_still(control) || !is_still(status) || !is_drive(node, command, word) {
@@ -79,7 +80,8 @@ fn not_enabled(bus: &Bus, node: &Node, streams: &[BusStream]) -> Option<Conclusi
     if !from.contains(&state) {
         return None;
     }
-    let began = [control, status].map(|stream| (stream.changes.last.max(stream.times.0), stream.changes.frame));
+    let began =
+        [control, status].map(|stream| (stream.changes.last.max(stream.times.0), stream.changes.frame));
     let began = began.into_iter().max()?;
     let voltage = if word & 0x10 == 0 { ", voltage enabled (bit 4) = 0" } else { "" };
     let text = format!(
@@ -94,6 +96,7 @@ fn not_enabled(bus: &Bus, node: &Node, streams: &[BusStream]) -> Option<Conclusi
         about: FindingSubject::Whole,
         text,
         began: (began.0, if began.1 == 0 { status.last_frame } else { began.1 }),
+        is_note: false,
         ended: None,
     })
 }

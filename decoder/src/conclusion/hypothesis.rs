@@ -24,6 +24,9 @@ pub struct Hypothesis {
     /// Whose findings are its consequences.
     #[serde(default)]
     pub explains: ExplainedFindings,
+    /// Rules whose findings state the same failure, in place of the conclusion.
+    #[serde(default)]
+    pub stated_by: Vec<String>,
     /// What the capture must show.
     pub observed: String,
     /// What to do for exactly this cause, most likely first.

@@ -1,6 +1,6 @@
 //! Conclusions about single messages of senders that continue.
 
-use super::Conclusion;
+use super::failure::Conclusion;
 use crate::finding::FindingSubject;
 use crate::finding::phrase::format_interval;
 use crate::frame::CanId;
@@ -12,6 +12,9 @@ use crate::wire::canopen::NmtState;
 /// Time around the end of a message in which a command or a restart explains it, in ns.
 const EXPLAINED: i64 = 2_000_000_000;
 
+/// Frames of a message that can end while its sender continues.
+const STOPPED: u32 = 20;
+
 /// Elements of a second sender that show it.
 const SECOND: u32 = 10;
 
@@ -19,7 +22,7 @@ const SECOND: u32 = 10;
 const BURST: u32 = 6;
 
 /// Changes of a payload before it can freeze.
-const CHANGED: u32 = 50;
+const CHANGED: u32 = 25;
 
 /// Multiple of the longest time between two changes after which a payload is frozen.
 const FROZEN: i64 = 8;
@@ -51,7 +54,9 @@ pub(super) fn conclude_messages(
         all.extend(scene.stopped(sender));
         for each in &sender.streams {
             let changed = scene.slower(sender, each).or_else(|| scene.second_sender(sender, each));
-            all.extend(changed.or_else(|| scene.frozen(sender, each)).or_else(|| scene.jumping(sender, each)));
+            all.extend(
+                changed.or_else(|| scene.frozen(sender, each)).or_else(|| scene.jumping(sender, each)),
+            );
         }
         all.extend(sender.bursts.iter().filter_map(|stream| scene.babbling(sender.sender, stream)));
     }
@@ -73,6 +78,7 @@ impl MessageScene<'_> {
             about: message_subject(stream.id),
             text,
             began,
+            is_note: false,
             ended: None,
         }
     }
@@ -88,7 +94,11 @@ impl MessageScene<'_> {
         };
         let of_sender = [NodeMoment::SwitchOff, NodeMoment::Start, NodeMoment::Restart];
         let of_bus = [NodeMoment::LostFrames, NodeMoment::BusSilent];
-        of_sender.into_iter().any(|what| self.moments.has_moment(what, subject, range))
+        // A claim moves the addresses that messages go to.
+        let is_moved = sender.node().is_some_and(|node| node.j1939().is_some())
+            && self.moments.has_moment(NodeMoment::Restart, (self.bus.index(), None), range);
+        is_moved
+            || of_sender.into_iter().any(|what| self.moments.has_moment(what, subject, range))
             || of_bus.into_iter().any(|what| self.moments.has_moment(what, (self.bus.index(), None), range))
             || self.silences.iter().any(is_silent)
     }
@@ -127,6 +137,9 @@ impl MessageScene<'_> {
             let all = self.conclusion(("application-stalled", text), sender.sender, &first.stream, began);
             return Some(Conclusion { about: FindingSubject::Whole, ..all });
         }
+        if first.stream.count < STOPPED {
+            return None;
+        }
         let text = format!(
             "{} ended after {{{}}}, usually every {}; other messages of its sender continue",
             message_name(first.stream.id),
@@ -147,6 +160,15 @@ impl MessageScene<'_> {
             (Sender::Node(NodeId::J1939(_)), StreamService::J1939Message) => true,
             _ => false,
         }
+    }
+
+    /// Whether SYNC has elements between its usual ones: the PDOs that follow it have them, too.
+    fn is_sync_split(&self) -> bool {
+        let mut streams = self.senders.iter().flat_map(|sender| &sender.streams);
+        streams.any(|each| {
+            let is_changed = each.stream.splits.0 > 0 || !each.stream.periods.is_empty();
+            each.stream.service == StreamService::Sync && is_changed
+        })
     }
 
     fn has_sync_ended(&self) -> bool {
@@ -189,7 +211,13 @@ impl MessageScene<'_> {
             StreamService::ErrorControl => is_guarded(),
             _ => false,
         };
-        if count < SECOND || has_two_kinds {
+        // From the first one on, half of the periods at least have one.
+        let periods = each.stream.times.1.saturating_sub(time).checked_div(each.period).unwrap_or(0);
+        if count < SECOND
+            || i64::from(count).saturating_mul(2) < periods
+            || has_two_kinds
+            || self.is_sync_split()
+        {
             return None;
         }
         let text = format!(
@@ -304,6 +332,7 @@ pub(super) fn absent_terminal(bus: &Bus) -> Option<Conclusion> {
         about: FindingSubject::Whole,
         text: format!("working set announced {{{}}}, no message of a virtual terminal", set.last_frame),
         began: (first, set.last_frame),
+        is_note: false,
         ended: None,
     })
 }

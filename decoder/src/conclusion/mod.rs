@@ -11,51 +11,26 @@
 
 mod commands;
 mod drives;
+mod failure;
 mod hypothesis;
 mod messages;
 mod reports;
 mod silences;
 
-use crate::finding::{FindingGroup, FindingSubject};
-use crate::observation::{NodeMoments, SenderSilence, observe_senders};
+use crate::finding::FindingGroup;
+use crate::observation::{NodeMoment, NodeMoments, SenderSilence, observe_senders};
 use crate::session::Bus;
-use crate::wire::NodeId;
 
+pub(crate) use failure::Conclusion;
 pub use hypothesis::{ExplainedFindings, Hypothesis, all_hypotheses, find_hypothesis};
-
-/// A failure of a part of the machine.
-#[derive(Debug, Clone)]
-pub(crate) struct Conclusion {
-    /// Name of its row.
-    pub(crate) hypothesis: &'static str,
-    /// The node; `None` for a group of nodes, the controller and the bus.
-    pub(crate) node: Option<NodeId>,
-    /// All nodes that fail.
-    pub(crate) nodes: Vec<NodeId>,
-    /// The message that fails, if it is only one.
-    pub(crate) about: FindingSubject,
-    /// What the capture shows.
-    pub(crate) text: String,
-    /// Monotonic time of the last sign of normal work, and its frame.
-    pub(crate) began: (i64, u64),
-    /// End, and its frame; `None` if it lasts to the end of the capture.
-    pub(crate) ended: Option<(i64, u64)>,
-}
-
-/// Time around a failure in which its consequences begin, in ns.
-const AROUND: i64 = 1_000_000_000;
-
-impl Conclusion {
-    /// Times between which its consequences begin.
-    fn range(&self) -> (i64, i64) {
-        let end = self.ended.map_or(i64::MAX, |ended| ended.0);
-        (self.began.0.saturating_sub(AROUND), end.saturating_add(AROUND))
-    }
-}
 
 /// What fails on a bus. `end` is the monotonic time of its last frame.
 pub(crate) fn conclude(bus: &Bus, moments: &NodeMoments, groups: &[FindingGroup]) -> Vec<Conclusion> {
     let end = bus.now();
+    // Times before the clock was set have no place on the present one.
+    if moments.has_moment(NodeMoment::ClockStep, (bus.index(), None), (i64::MIN, i64::MAX)) {
+        return Vec::new();
+    }
     let senders = observe_senders(bus);
     let silences: Vec<SenderSilence> = senders.iter().flat_map(|sender| sender.silences(end)).collect();
     let silent = silences::conclude_silences(bus, &senders, silences, moments);

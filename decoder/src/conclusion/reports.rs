@@ -1,6 +1,6 @@
 //! Conclusions from EMCY messages that report communication again and again, with the messages that they follow.
 
-use super::Conclusion;
+use super::failure::Conclusion;
 use crate::finding::{FindingGroup, FindingSubject};
 use crate::observation::SenderSilence;
 use crate::session::{Bus, BusStream, StreamService};
@@ -50,6 +50,7 @@ fn conclusion(
         about: FindingSubject::Whole,
         text,
         began,
+        is_note: false,
         ended: None,
     })
 }

@@ -1,6 +1,6 @@
 //! Conclusions from silences of whole senders.
 
-use super::Conclusion;
+use super::failure::Conclusion;
 use crate::finding::FindingSubject;
 use crate::finding::phrase::format_interval;
 use crate::observation::{NodeMoment, NodeMoments, Sender, SenderSilence, SenderStreams};
@@ -17,6 +17,12 @@ const RETURNING: i64 = 2_000_000_000;
 
 /// Senders that end one after the other within this time before the end of the capture are switched off, in ns.
 const SWITCHED_OFF: i64 = 3_000_000_000;
+
+/// Silence in ns after which a node that returns was rather switched off than disconnected.
+const SWITCHED: i64 = 20_000_000_000;
+
+/// Shortest silence of one node in ns that is no pause of its application.
+const INTERRUPTED: i64 = 1_000_000_000;
 
 /// Conclusions, with all silences that have a cause.
 pub(super) struct SilentSenders {
@@ -54,6 +60,7 @@ pub(super) fn conclude_silences(
         !is_explained(bus, silence, moments) && !moments.is_machine_start(bus.index(), &nodes, until)
     });
     for moment in group_moments(bus, &silences, moments) {
+        let moment = without_followers(senders, moment);
         if witnesses(senders, &all, &moment, bus.now()) > 0 {
             conclusions.extend(conclude_moment(bus, &moment, moments));
         }
@@ -79,14 +86,22 @@ fn is_explained(bus: &Bus, silence: &SenderSilence, moments: &NodeMoments) -> bo
     let from = silence.last.0.saturating_sub(COMMANDED);
     let commanded = (from, silence.latest.saturating_add(after));
     let until = silence.until.map_or(silence.latest, |until| until.0);
-    moments.has_moment(NodeMoment::SwitchOff, (bus.index(), node), commanded)
+    // A node that claims another address continues there (SAE J1939-81 §4.4).
+    let moves = (silence.last.0, silence.latest.saturating_add(RETURNING));
+    let is_moved = silence.until.is_none()
+        && node.is_some_and(|node| node.j1939().is_some())
+        && moments
+            .restarts(bus.index())
+            .any(|(of, at)| Some(of) != node && (moves.0..=moves.1).contains(&at.0));
+    is_moved
+        || moments.has_moment(NodeMoment::SwitchOff, (bus.index(), node), commanded)
         || node.is_none() && moments.is_common_stop(bus.index(), commanded)
         || [NodeMoment::LostFrames, NodeMoment::BusSilent].into_iter().any(|what| {
             moments.has_moment(what, (bus.index(), None), (from, until.saturating_add(COMMANDED)))
         })
 }
 
-/// Restarts of nodes that were shorter than a silence: an address claim that nobody requested, a boot-up.
+/// Restarts of nodes that were shorter than a silence: an address claim without a request, a boot-up.
 fn restarts(
     bus: &Bus,
     senders: &[SenderStreams],
@@ -106,9 +121,16 @@ fn restarts(
                 && silence.until.is_none_or(|until| until.0.saturating_add(RETURNING) >= time)
         };
         let requested = (time.saturating_sub(RETURNING), time);
+        // Two claims in a row settle a conflict (SAE J1939-81 §4.4.3).
+        let around = (time.saturating_sub(RETURNING), time.saturating_add(RETURNING));
+        let claims = moments
+            .restarts(bus.index())
+            .filter(|(of, at)| *of == node && (around.0..=around.1).contains(&at.0));
+        let is_conflict = node.j1939().is_some() && claims.count() > 1;
         let is_requested = moments.has_moment(NodeMoment::ClaimRequest, (bus.index(), None), requested);
         if let Some(period) = period
             && !is_requested
+            && !is_conflict
             && !silences.iter().chain(&all).any(is_known)
         {
             let sender = Sender::Node(node);
@@ -159,6 +181,19 @@ fn group_moments(bus: &Bus, silences: &[SenderSilence], moments: &NodeMoments) -
     groups
 }
 
+/// A moment without nodes that only answer the controller, if the controller is silent, too: they have no heartbeat of their own.
+fn without_followers(senders: &[SenderStreams], moment: Vec<SenderSilence>) -> Vec<SenderSilence> {
+    let has_controller = moment.iter().any(|silence| silence.sender == Sender::Controller);
+    let has_heartbeat = |silence: &SenderSilence| {
+        let own = senders.iter().find(|sender| sender.sender == silence.sender);
+        own.is_some_and(SenderStreams::has_heartbeat)
+    };
+    let is_kept = |silence: &SenderSilence| {
+        !has_controller || silence.sender == Sender::Controller || has_heartbeat(silence)
+    };
+    moment.into_iter().filter(is_kept).collect()
+}
+
 /// Number of senders that send in the middle of a moment's silences: else the whole machine was off.
 fn witnesses(senders: &[SenderStreams], all: &[SenderSilence], moment: &[SenderSilence], end: i64) -> usize {
     let Some(first) = moment.first() else { return 0 };
@@ -193,9 +228,12 @@ fn conclude_moment(bus: &Bus, moment: &[SenderSilence], moments: &NodeMoments) -
     let has = |what| returns.contains(&what);
     let is_controller = moment.iter().any(|silence| silence.sender == Sender::Controller);
     let hypothesis = match nodes.len() {
+        // One message may end for its own reason.
+        0 | 1 if moment.len() == 1 && first.streams < 2 && !has(SenderReturn::Restarted) => return None,
         0 if has(SenderReturn::Never) => "controller-silent",
         0 => "controller-interrupted",
         1 if !is_controller && has(SenderReturn::Restarted) => "node-restarted",
+        1 if !is_controller && has(SenderReturn::Continued) && first.duration() < INTERRUPTED => return None,
         1 if !is_controller && has(SenderReturn::Continued) => "node-interrupted",
         1 if !is_controller && is_bus_off(bus, first, moments) => "node-bus-off",
         1 if !is_controller => "node-silent",
@@ -211,6 +249,7 @@ fn conclude_moment(bus: &Bus, moment: &[SenderSilence], moments: &NodeMoments) -
         about: FindingSubject::Whole,
         text: moment_text(moment, &returns),
         began: first.last,
+        is_note: hypothesis == "node-interrupted" && first.duration() > SWITCHED,
         ended,
         nodes,
     })

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::event::{Event, EventKind, SdoDirection, SdoTransfer, StateChange};
+use crate::event::{Event, EventKind, SdoDirection, SdoTransfer, StateCertainty, StateChange};
 use crate::frame::BusIndex;
 use crate::wire::NodeId;
 use crate::wire::canopen::nmt::NmtService;
@@ -39,6 +39,8 @@ pub(crate) enum NodeMoment {
     LostFrames,
     /// A change from operational to another NMT state.
     LeftOperational,
+    /// The clock of the recorder was set.
+    ClockStep,
     /// End of a time without any frame of the bus.
     BusSilent,
 }
@@ -90,7 +92,9 @@ struct KnownMoment {
 }
 
 fn is_end_of_operation(change: &StateChange) -> bool {
-    change.from == Some(NmtState::Operational) && change.to != NmtState::Operational
+    change.from == Some(NmtState::Operational)
+        && change.to != NmtState::Operational
+        && change.certainty == StateCertainty::Confirmed
 }
 
 impl NodeMoments {
@@ -110,6 +114,7 @@ impl NodeMoments {
             EventKind::NmtState(change) if is_end_of_operation(change) => {
                 (NodeMoment::LeftOperational, event.node)
             }
+            EventKind::ClockStep { .. } => (NodeMoment::ClockStep, None),
             EventKind::BusSilent { .. } => (NodeMoment::BusSilent, None),
             EventKind::LostFrames { .. } => (NodeMoment::LostFrames, None),
             EventKind::NmtCommand { service, target, .. } => {
@@ -216,9 +221,12 @@ impl NodeMoments {
     /// Starts of the whole machine after a silence of the bus: monotonic times from the last messages before it to the time at which
     /// the controller has started the nodes.
     pub(crate) fn machine_starts(&self, bus: BusIndex, nodes: &[NodeId]) -> Vec<(i64, i64)> {
-        let silent = self.known.iter().filter(|known| known.bus == bus && known.what == NodeMoment::BusSilent);
+        let silent =
+            self.known.iter().filter(|known| known.bus == bus && known.what == NodeMoment::BusSilent);
         let started = silent.filter(|known| self.is_machine_start(bus, nodes, known.time));
-        started.map(|known| (known.time.saturating_sub(ENDING), known.time.saturating_add(STARTING))).collect()
+        started
+            .map(|known| (known.time.saturating_sub(ENDING), known.time.saturating_add(STARTING)))
+            .collect()
     }
 
     /// Restarts of nodes on a bus, each with its monotonic time and frame.

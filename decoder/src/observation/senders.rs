@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::role::is_controller;
-use crate::session::{Bus, BusStream, StreamService};
+use crate::frame::CanId;
+use crate::session::{Bus, BusStream, Node, StreamService};
 use crate::wire::NodeId;
 
 /// Frames after which the period of a message is known.
@@ -18,6 +19,16 @@ const SHORTEST: i64 = 500_000_000;
 /// J1939 groups that sessions and requests consist of: transport protocol, extended transport protocol, requests,
 /// acknowledgements, address claims, peer-to-peer messages (SAE J1939-21 §5.4, §5.10).
 const NOT_PERIODIC: [u32; 8] = [0xC700, 0xC800, 0xE800, 0xEA00, 0xEB00, 0xEC00, 0xEE00, 0xEF00];
+
+/// Whether a J1939 message belongs to a session, or is meant for one node: it ends with its receiver.
+fn is_session_message(id: u32) -> bool {
+    let (group, is_peer) = (id >> 8 & 0x3_FF00, id >> 16 & 0xFF < 0xF0);
+    let is_for_one = is_peer && id >> 8 & 0xFF != u32::from(GLOBAL);
+    NOT_PERIODIC.contains(&group) || is_for_one
+}
+
+/// Destination of messages for all nodes (SAE J1939-21 §5.2.3).
+const GLOBAL: u8 = 0xFF;
 
 /// Who sends a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -48,12 +59,13 @@ pub(crate) struct PeriodicStream {
 impl PeriodicStream {
     fn new(stream: BusStream) -> Option<Self> {
         let is_session = match stream.id {
-            crate::frame::CanId::Extended(id) => NOT_PERIODIC.contains(&(id >> 8 & 0x3_FF00)),
-            crate::frame::CanId::Standard(_) => false,
+            CanId::Extended(id) => is_session_message(id),
+            CanId::Standard(_) => false,
         };
         let (usual, regular) = (stream.regularity.usual_interval(), stream.regularity.regular_count());
-        // Half of the intervals at least are usual ones.
-        let is_known = stream.count >= KNOWN && regular.saturating_mul(2) >= stream.count && usual > 0;
+        // Half of the intervals at least are usual ones, or parts of a usual one.
+        let usual_count = regular.saturating_add(stream.splits.0.saturating_mul(2));
+        let is_known = stream.count >= KNOWN && usual_count.saturating_mul(2) >= stream.count && usual > 0;
         (is_known && !is_session).then_some(Self { stream, period: usual })
     }
 
@@ -102,10 +114,21 @@ pub(crate) struct SenderSilence {
     pub(crate) is_certain: bool,
 }
 
+/// Whether the protocol of a message is proven on its bus: else its identifier names no sender.
+fn is_proven(bus: &Bus, stream: &BusStream) -> bool {
+    let is_guarded = || stream.node.and_then(|node| bus.node(node)).is_some_and(Node::is_guarded);
+    match stream.service {
+        // Responses to guarding end with its requests.
+        StreamService::ErrorControl if is_guarded() => false,
+        StreamService::J1939Message => bus.protocols().is_j1939(),
+        _ => bus.protocols().is_canopen() && !bus.protocols().is_canopen_presumed(),
+    }
+}
+
 /// Senders of periodic messages on a bus.
 pub(crate) fn observe_senders(bus: &Bus) -> Vec<SenderStreams> {
     let mut all: BTreeMap<Sender, SenderStreams> = BTreeMap::new();
-    for stream in bus.streams() {
+    for stream in bus.streams().filter(|stream| is_proven(bus, stream)) {
         let sender = match (stream.service, stream.node) {
             (StreamService::Sync | StreamService::ReceivedPdo, _) | (_, None) => Sender::Controller,
             (_, Some(node)) if is_controller(bus, node) => Sender::Controller,
@@ -137,6 +160,11 @@ pub(crate) fn observe_senders(bus: &Bus) -> Vec<SenderStreams> {
 }
 
 impl SenderStreams {
+    /// Whether the sender sends a heartbeat, which depends on no other message.
+    pub(crate) fn has_heartbeat(&self) -> bool {
+        self.streams.iter().any(|each| each.stream.service == StreamService::ErrorControl)
+    }
+
     /// Silences of the sender; `end` is the monotonic time of the last frame of the bus.
     pub(crate) fn silences(&self, end: i64) -> Vec<SenderSilence> {
         let mut all = self.passing_silences();
@@ -189,7 +217,7 @@ impl SenderStreams {
 
 impl SenderSilence {
     /// Duration in ns; 0 without an end.
-    fn duration(&self) -> i64 {
+    pub(crate) fn duration(&self) -> i64 {
         self.until.map_or(0, |until| until.0.saturating_sub(self.last.0))
     }
 
@@ -224,7 +252,7 @@ fn narrow_silence(silence: &mut SenderSilence, other: &PeriodicStream) -> bool {
     let own = other.stream.silences.iter().find(|own| own.times.0 < middle && middle < own.times.1);
     let Some(own) = own else {
         // A slow message, or one that ends with the silence.
-        return last <= middle || other.period.saturating_mul(3) >= to.saturating_sub(from);
+        return last <= middle || other.period.saturating_mul(4) >= to.saturating_sub(from);
     };
     let due = own.times.0.saturating_add(other.period).saturating_add(other.period / 5);
     // Messages that ended earlier than the last one of the sender ended for another reason.

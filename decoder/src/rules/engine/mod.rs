@@ -12,7 +12,7 @@ use std::sync::Arc;
 use self::bus_judge::BusJudge;
 use self::setup::RuleSetup;
 use super::ledger::causes::cause_table;
-use super::ledger::{FindingLedger, GroupChange, LedgerNews};
+use super::ledger::{FindingLedger, GroupChange, LedgerNews, add_conclusions, lower_power_cycles};
 use crate::event::{Event, EventKind, EventProtocol, Kind, KindSet};
 use crate::finding::CaptureFindings;
 use crate::frame::{Frame, FrameFlags};
@@ -188,8 +188,8 @@ impl RuleEngine {
         if is_timed {
             notes.extend(self.ledger.lower_explained(buses));
             for bus in buses {
-                self.ledger.lower_power_cycles(bus);
-                self.ledger.add_conclusions(bus);
+                lower_power_cycles(&mut self.ledger, bus);
+                add_conclusions(&mut self.ledger, bus);
             }
         }
         for bus in buses {

@@ -18,6 +18,7 @@ use std::sync::Arc;
 use foldhash::fast::FixedState;
 
 use self::causes::{CauseEffect, CauseExplanation};
+pub(super) use self::conclusions::{add_conclusions, lower_power_cycles};
 use self::facts::LedgerFacts;
 use self::reported_losses::ReportedLosses;
 use super::conformance::{CaseStanding, ConformanceRun};

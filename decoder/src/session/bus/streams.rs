@@ -60,6 +60,9 @@ impl Bus {
     pub(crate) fn streams(&self) -> impl Iterator<Item = BusStream> {
         self.routes.identifiers().filter_map(|(id, state)| {
             let pulse = state.intervals();
+            if matches!(state.service, IdentifierService::J1939(id) if self.protocols.sends_fast_packets(id.pgn)) {
+                return None;
+            }
             let (service, node) = stream_service(state.service)?;
             let (history, regularity) = (pulse.history(), pulse.regularity());
             let regular = regularity.regular_count();
@@ -77,7 +80,7 @@ impl Bus {
                 present_count: history.map_or(regular, |history| history.present_count(regular)),
                 splits: history.map_or_else(Default::default, |history| history.splits()),
                 burst: history.map_or_else(Default::default, |history| history.burst()),
-                jumps: history.and_then(|history| history.value_jumps(pulse.payload_changes().count)),
+                jumps: history.and_then(|history| history.value_jumps(pulse.payload_changes().count, pulse.count())),
                 changes: pulse.payload_changes(),
                 payload: state.last.word(),
             })

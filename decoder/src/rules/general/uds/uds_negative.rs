@@ -48,6 +48,9 @@ const CHANGES: [u8; 10] = [0x11, 0x14, 0x2E, 0x2F, 0x31, 0x34, 0x36, 0x37, 0x38,
 /// Services that all later steps of a tester need: diagnostic session control, security access.
 const PREREQUISITES: [u8; 2] = [0x10, 0x27];
 
+/// Security access.
+const SECURITY: u8 = 0x27;
+
 /// Refusals in a row of such a service after which a tester does not get on.
 const REPEATED: u32 = 2;
 
@@ -72,7 +75,12 @@ impl UdsNegative {
         }
         let subject = exchange_subject(event, exchange);
         if !is_refused {
-            self.refusals.remove(&subject);
+            // A seed (odd sub-function of security access) does not open anything yet.
+            let is_seed = exchange.service == SECURITY
+                && exchange.sub_function.as_ref().is_some_and(|sub| sub.value % 2 == 1);
+            if !is_seed {
+                self.refusals.remove(&subject);
+            }
             return false;
         }
         if self.refusals.len() >= COUNTED && !self.refusals.contains_key(&subject) {

@@ -177,9 +177,7 @@ impl IdentifierRoutes {
     }
 
     /// All identifiers with their states, in ascending order.
-    pub(in crate::session) fn identifiers(
-        &self,
-    ) -> impl Iterator<Item = (CanId, &IdentifierState)> {
+    pub(in crate::session) fn identifiers(&self) -> impl Iterator<Item = (CanId, &IdentifierState)> {
         let standard = (0..).zip(self.standard.iter()).map(|(id, slot)| (CanId::from_standard(id), *slot));
         let mut extended: Vec<_> =
             self.extended.iter().map(|(id, slot)| (CanId::from_extended(*id), *slot)).collect();

@@ -107,9 +107,9 @@ impl StreamHistory {
         self.splits = self.splits.saturating_add(1);
     }
 
-    /// A value that jumps, of a payload with so many changes.
-    pub(crate) fn value_jumps(&self, changes: u32) -> Option<ValueJumps> {
-        self.jumps.value(changes)
+    /// A value that jumps, of a payload with so many changes in so many frames.
+    pub(crate) fn value_jumps(&self, changes: u32, frames: u32) -> Option<ValueJumps> {
+        self.jumps.value(changes, frames)
     }
 
     /// The longest silences in order of time, at most eight.

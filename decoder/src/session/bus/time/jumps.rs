@@ -4,10 +4,16 @@
 const UPPER: u64 = 0xE0E0_E0E0_E0E0_E0E0;
 
 /// Jumps after which a byte is noise, if most of them do not return.
-const NOISE: u8 = 48;
+const NOISE: u16 = 48;
 
 /// Jumps of a value that show it.
 const SHOWN: u32 = 4;
+
+/// Frames before the first jump.
+const CLEAN: u32 = 30;
+
+/// Small changes of the byte that is part of a slow value.
+const STEPS: u16 = 3;
 
 /// Bytes of a payload.
 const BYTES: usize = 8;
@@ -23,9 +29,11 @@ pub(crate) struct ByteJumps {
 /// Jumps of one byte.
 #[derive(Debug, Clone, Copy, Default)]
 struct JumpingByte {
-    jumps: u8,
+    jumps: u16,
     /// Jumps to `target` that lasted a single frame.
-    returns: u8,
+    returns: u16,
+    /// Changes below a jump, while other bytes jump: the byte is part of a slow value.
+    steps: u16,
     /// Value of the first such jump.
     target: u8,
     /// Value before the last jump, and the number of its frame.
@@ -34,6 +42,8 @@ struct JumpingByte {
     count: u32,
     /// First return: monotonic time in ns, and frame.
     first: (i64, u64),
+    /// Number of frames before it.
+    clean: u32,
 }
 
 /// A value that jumps.
@@ -42,7 +52,7 @@ pub(crate) struct ValueJumps {
     /// Index of the byte that shows it, from 0.
     pub(crate) byte: usize,
     /// Number of single frames with the value `target` in this byte.
-    pub(crate) count: u8,
+    pub(crate) count: u16,
     pub(crate) target: u8,
     /// The first one: monotonic time in ns, and frame.
     pub(crate) first: (i64, u64),
@@ -63,11 +73,16 @@ impl ByteJumps {
         let mut noisy = self.noisy.to_le_bytes();
         let bits = jumping.to_le_bytes();
         let places = self.bytes.iter_mut().zip(noisy.iter_mut()).zip(bits).zip(now.into_iter().zip(last));
-        for (((byte, noisy), bits), (now, last)) in places.filter(|(((_, _), bits), _)| *bits != 0) {
-            let is_back = byte.jumps > 0 && count == byte.count.wrapping_add(1) && now.abs_diff(byte.before) <= 2;
+        for (((byte, noisy), bits), (now, last)) in places {
+            if bits == 0 {
+                byte.steps = byte.steps.saturating_add(u16::from(now != last));
+                continue;
+            }
+            let is_back =
+                byte.jumps > 0 && count == byte.count.wrapping_add(1) && now.abs_diff(byte.before) <= 2;
             if is_back && (byte.returns == 0 || byte.target == last) {
                 if byte.returns == 0 {
-                    (byte.target, byte.first) = (last, at);
+                    (byte.target, byte.first, byte.clean) = (last, at, count);
                 }
                 byte.returns = byte.returns.saturating_add(1);
             }
@@ -80,15 +95,23 @@ impl ByteJumps {
         self.noisy = u64::from_le_bytes(noisy);
     }
 
-    /// A value of which a byte jumps: the byte beside it changes all the time, and nearly all jumps return.
-    pub(crate) fn value(&self, changes: u32) -> Option<ValueJumps> {
+    /// A value of which a byte jumps: the byte next to it changes all the time, and nearly all jumps return.
+    pub(crate) fn value(&self, changes: u32, frames: u32) -> Option<ValueJumps> {
         let noisy = self.noisy.to_le_bytes();
-        let is_noisy = |place: Option<usize>| place.and_then(|place| noisy.get(place)).is_some_and(|bits| *bits != 0);
+        let is_noisy =
+            |place: Option<usize>| place.and_then(|place| noisy.get(place)).is_some_and(|bits| *bits != 0);
         let all = self.bytes.iter().enumerate();
         let found = all.filter(|(place, byte)| {
             let has_value = is_noisy(place.checked_sub(1)) || is_noisy(place.checked_add(1));
             let (jumps, returns) = (u32::from(byte.jumps), u32::from(byte.returns));
-            has_value && returns >= SHOWN && jumps <= returns * 2 + returns / 2 + 2 && jumps * 2 <= changes
+            // Without a time before it, jumps may be what the message always contains.
+            let begins = byte.clean >= CLEAN && byte.clean >= frames / 8;
+            has_value
+                && begins
+                && byte.steps >= STEPS
+                && returns >= SHOWN
+                && jumps <= returns * 2 + returns / 2 + 2
+                && jumps * 2 <= changes
         });
         let best = found.max_by_key(|(_, byte)| byte.returns);
         best.map(|(place, byte)| ValueJumps {
@@ -116,7 +139,7 @@ mod tests {
             }
             last = now;
         }
-        jumps.value(frames)
+        jumps.value(frames, frames)
     }
 
     #[test]

@@ -4,7 +4,7 @@
 const STEADY: u8 = 6;
 
 /// Usual intervals after which a longer one is a silence.
-const KNOWN: u32 = 4;
+const KNOWN: u32 = 2;
 
 /// Most intervals in a gap with single missing elements; a longer gap is a silence of the producer.
 const LONGEST_GAP: u32 = 3;
@@ -16,7 +16,7 @@ pub(super) enum Irregularity {
     Single,
     /// The interval is usual from now on; the one before, in ns.
     Period { from: i64 },
-    /// Together with the interval before it is a usual one: an element of another sender lies between.
+    /// Together with the interval before it is a usual one: an element of another sender is between.
     Split,
 }
 
@@ -72,7 +72,7 @@ impl StreamRegularity {
         let (interval, usual, before) = (to_units(interval), self.usual, (self.other, self.streak));
         self.count_other(interval, now);
         let is_second_part = before.1 == 0
-            && self.regular > u32::from(STEADY)
+            && self.regular > KNOWN
             && interval.max(before.0) < usual - usual / 8
             && interval.saturating_add(before.0).abs_diff(usual) <= usual >> 3;
         match () {
