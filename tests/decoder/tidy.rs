@@ -31,7 +31,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("session", &["words", "frame", "wire", "profile", "event", "bus_file", "standard_tables"]),
     ("suggestion", &["frame", "wire", "profile", "session"]),
     ("observation", &["words", "frame", "wire", "event", "session"]),
-    ("conclusion", &["words", "frame", "wire", "event", "finding", "session", "observation"]),
+    ("conclusion", &["words", "frame", "wire", "profile", "event", "finding", "session", "observation"]),
     ("query", &["words", "marked_line", "frame", "wire", "profile", "event", "standard_tables", "session"]),
     ("statistics", &["words", "frame", "wire", "profile", "event", "session", "query"]),
     (

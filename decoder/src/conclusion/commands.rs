@@ -69,7 +69,7 @@ fn second_master(bus: &Bus, senders: &[SenderStreams], moments: &NodeMoments) ->
     })
 }
 
-/// A single node that a command took out of operation, and that is not started again while the others work.
+/// A single node that a command took out of operation, without a start after it, while the others work.
 fn stopped_node(bus: &Bus, moments: &NodeMoments) -> Option<Conclusion> {
     let state = |node: &Node| node.nmt().map(|nmt| nmt.state);
     moments.switch_offs(bus.index()).find_map(|(target, (time, frame))| {

@@ -66,7 +66,7 @@ struct HypothesesFile {
 
 impl Hypothesis {
     /// The row as a rule of findings.
-    pub(crate) fn rule_info(&self) -> RuleInfo {
+    pub fn rule_info(&self) -> RuleInfo {
         RuleInfo {
             name: self.id.as_str().into(),
             severity: match self.severity {

@@ -137,7 +137,8 @@ impl MessageScene<'_> {
             let all = self.conclusion(("application-stalled", text), sender.sender, &first.stream, began);
             return Some(Conclusion { about: FindingSubject::Whole, ..all });
         }
-        if first.stream.count < STOPPED {
+        let life = last.1.saturating_sub(last.0);
+        if first.stream.count < STOPPED || life < EXPLAINED {
             return None;
         }
         let text = format!(

@@ -223,7 +223,8 @@ fn return_of(bus: &Bus, silence: &SenderSilence, moments: &NodeMoments) -> Sende
 
 fn conclude_moment(bus: &Bus, moment: &[SenderSilence], moments: &NodeMoments) -> Option<Conclusion> {
     let first = moment.first()?;
-    let nodes: Vec<NodeId> = moment.iter().filter_map(|silence| silence.sender.node()).collect();
+    let mut nodes: Vec<NodeId> = moment.iter().filter_map(|silence| silence.sender.node()).collect();
+    nodes.sort_unstable();
     let returns: Vec<SenderReturn> = moment.iter().map(|silence| return_of(bus, silence, moments)).collect();
     let has = |what| returns.contains(&what);
     let is_controller = moment.iter().any(|silence| silence.sender == Sender::Controller);

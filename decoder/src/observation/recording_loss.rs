@@ -67,6 +67,11 @@ impl RecordingLoss {
         self.missing == 1
     }
 
+    /// Whether one frame at least is probably missing in so many checks.
+    pub(crate) fn is_likely_in(self, checks: u64) -> bool {
+        checks.saturating_mul(self.missing) >= self.expected
+    }
+
     /// Most occurrences of a finding in so many checks that missing frames explain: twice the expected number, three standard
     /// deviations, and one.
     pub(crate) fn explained_count(self, checks: u64) -> u64 {
