@@ -111,7 +111,7 @@ impl IdentifierIntervals {
         }
     }
 
-    /// Registers the first frame, or one after an interval that is not usual.
+    /// Registers the first frame, or one after an unusual interval.
     #[cold]
     fn note_other(&mut self, now: i64, frame: u64) {
         if self.count == 0 {
@@ -121,11 +121,14 @@ impl IdentifierIntervals {
         }
         let interval = now.saturating_sub(self.last);
         self.longest = self.longest.max(interval);
-        if self.regularity.is_usual_in_units(interval) {
+        // Only intervals beyond the longest unit can be usual nevertheless.
+        if interval >> 42 != 0 && self.regularity.is_usual_in_units(interval) {
             return;
         }
-        self.settle(self.count);
-        // The present frame ends an interval that is not usual.
+        if self.settled != self.count {
+            self.settle(self.count);
+        }
+        // The present frame ends an unusual interval.
         self.settled = self.settled.wrapping_add(1);
         if self.regularity.is_silence(interval) {
             let silence = StreamSilence { times: (self.last, now), frames: (self.last_frame, frame) };

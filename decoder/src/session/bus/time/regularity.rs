@@ -109,22 +109,32 @@ impl StreamRegularity {
     }
 
     fn count_other(&mut self, interval: u32, now: i64) {
-        let settled = self.settled();
-        (self.gaps, self.missing, self.pending) = (settled.gaps, settled.missing, 0);
+        if self.pending > 0 {
+            let settled = self.settled();
+            (self.gaps, self.missing, self.pending) = (settled.gaps, settled.missing, 0);
+        }
         let is_steady = std::mem::take(&mut self.streak) >= STEADY;
+        let is_gap = is_steady && self.count_gap(interval, now);
+        if !is_gap && self.other > 0 && interval.abs_diff(self.other) <= self.other >> 3 {
+            self.set_usual(interval);
+        }
+        self.other = interval;
+    }
+
+    /// Counts an interval after usual ones as a gap or a silence; `false` if it is neither.
+    fn count_gap(&mut self, interval: u32, now: i64) -> bool {
         let usual = self.usual();
         let half = usual / 2;
         let intervals = interval.saturating_add(half).checked_div(usual).unwrap_or(0);
         let is_in_phase = interval.abs_diff(intervals.saturating_mul(usual)) <= half / 2;
-        if is_steady && (2..=LONGEST_GAP).contains(&intervals) && is_in_phase {
+        let is_gap = (2..=LONGEST_GAP).contains(&intervals) && is_in_phase;
+        if is_gap {
             self.pending = u8::try_from(intervals - 1).unwrap_or(0);
             self.gap_time = u32::try_from(now >> 20 & i64::from(u32::MAX)).unwrap_or(0);
-        } else if is_steady && intervals > LONGEST_GAP {
+        } else if intervals > LONGEST_GAP {
             self.silences = self.silences.saturating_add(1);
-        } else if self.other > 0 && interval.abs_diff(self.other) <= self.other >> 3 {
-            self.set_usual(interval);
         }
-        self.other = interval;
+        is_gap || intervals > LONGEST_GAP
     }
 
     /// The present counts; a gap counts once a usual interval follows.
