@@ -75,7 +75,7 @@ impl NodeId {
         }
     }
 
-    /// Node-ID or address of a slot in such a table; `None` for a slot that is not used.
+    /// Node-ID or address of a slot in such a table; `None` for an unused slot.
     pub(crate) fn of_place(place: usize) -> Option<Self> {
         let id = match place.checked_sub(128) {
             Some(address) => Self::J1939(u8::try_from(address).ok()?),
