@@ -80,9 +80,11 @@ fn not_enabled(bus: &Bus, node: &Node, streams: &[BusStream]) -> Option<Conclusi
     if !from.contains(&state) {
         return None;
     }
-    let began =
-        [control, status].map(|stream| (stream.changes.last.max(stream.times.0), stream.changes.frame));
-    let began = began.into_iter().max()?;
+    let since = |stream: &BusStream| match stream.changes.count {
+        0 => (stream.times.0, stream.last_frame),
+        _ => (stream.changes.last, stream.changes.frame),
+    };
+    let began = since(control).max(since(status));
     let voltage = if word & 0x10 == 0 { ", voltage enabled (bit 4) = 0" } else { "" };
     let text = format!(
         "control word {command:04X}h ({name}) without effect: status word {word:04X}h, {}{voltage} {{{}}}",
@@ -95,7 +97,7 @@ fn not_enabled(bus: &Bus, node: &Node, streams: &[BusStream]) -> Option<Conclusi
         nodes: vec![node.id()],
         about: FindingSubject::Whole,
         text,
-        began: (began.0, if began.1 == 0 { status.last_frame } else { began.1 }),
+        began,
         is_note: false,
         ended: None,
     })

@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 use serde::Deserialize;
 
 use crate::finding::{MergedFindings, RuleInfo, RuleOrigin, Severity};
+use crate::profile::read_compiled;
 
 /// A failure mode of a part of the machine.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -103,7 +104,7 @@ pub fn all_hypotheses() -> &'static [Hypothesis] {
     static ROWS: OnceLock<Vec<Hypothesis>> = OnceLock::new();
     // A unit test checks that the file is valid; an invalid file would yield no conclusions.
     ROWS.get_or_init(|| {
-        toml::from_str::<HypothesesFile>(include_str!("hypotheses.toml"))
+        read_compiled::<HypothesesFile>(include_str!(concat!(env!("OUT_DIR"), "/hypotheses")))
             .map_or_else(|_| Vec::new(), |file| file.hypothesis)
     })
 }
@@ -119,7 +120,8 @@ mod tests {
 
     #[test]
     fn the_rows_are_valid_and_differ() {
-        toml::from_str::<HypothesesFile>(include_str!("hypotheses.toml")).unwrap();
+        let text = toml::from_str::<HypothesesFile>(include_str!("hypotheses.toml")).unwrap();
+        assert_eq!(all_hypotheses(), text.hypothesis);
         let mut names: Vec<_> = all_hypotheses().iter().map(|row| row.id.as_str()).collect();
         names.sort_unstable();
         names.dedup();

@@ -388,12 +388,19 @@ impl BusDecoder {
 
     #[inline]
     fn advance_clock(&mut self, stamp: Timestamp, number: u64, out: &mut dyn Observer) {
-        let advance = self.shared.bus.clock.advance_to(stamp);
-        if advance.step.is_some() || advance.gap.is_some() {
-            self.on_irregular_time(stamp, number, (advance.step, advance.gap), out);
-        }
-        if self.shared.timers.is_due(advance.now) {
-            self.expire_deadlines(advance.now, out);
+        let clock = &mut self.shared.bus.clock;
+        let now = if let Some(now) = clock.regular_time(stamp) {
+            clock.advance_regularly(stamp, now);
+            now
+        } else {
+            let advance = clock.advance_to(stamp);
+            if advance.step.is_some() || advance.gap.is_some() {
+                self.on_irregular_time(stamp, number, (advance.step, advance.gap), out);
+            }
+            advance.now
+        };
+        if self.shared.timers.is_due(now) {
+            self.expire_deadlines(now, out);
         }
     }
 

@@ -322,7 +322,7 @@ impl FindingLedger {
             bus: Arc::clone(bus),
             node_name: node.and_then(Node::name).map(Arc::from),
             object_name: object_name(&claim.key.about, node),
-            next_step: rule.and_then(|rule| rule.next_step.clone()),
+            next_step: rule.and_then(RuleInfo::first_step),
             manual: rule.and_then(|rule| manual::cite_manual(rule, &claim.key.about, node)),
             severity: Severity::Note,
             text: String::new(),

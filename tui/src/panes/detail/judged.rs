@@ -138,9 +138,8 @@ fn push_explanation(rule: &RuleInfo, items: &mut Vec<DetailItem>) {
     let paragraphs = all_sections(&text);
     if paragraphs.is_empty() {
         items.push(DetailItem::new(&format!("  {}", rule.title), TextRole::Text));
-        items.extend(
-            rule.source.as_ref().map(|source| DetailItem::minor_item(&format!("  Source: {source}"))),
-        );
+        items
+            .extend(rule.cited_source().map(|source| DetailItem::minor_item(&format!("  Source: {source}"))));
     }
     for (heading, paragraph) in paragraphs {
         items.push(DetailItem::headed_item(&format!("  {heading}: "), &paragraph));

@@ -1,7 +1,7 @@
 //! Bytes of a payload that jump to one value for a single frame, as a sensor with a loose contact does.
 
 /// Upper bits of each byte: a change of them is a jump, a change below them is noise.
-const UPPER: u64 = 0xE0E0_E0E0_E0E0_E0E0;
+pub(super) const JUMPING: u64 = 0xE0E0_E0E0_E0E0_E0E0;
 
 /// Jumps after which a byte is noise, if most of them do not return.
 const NOISE: u16 = 48;
@@ -62,7 +62,7 @@ impl ByteJumps {
     /// Bits of a change that jump.
     #[inline]
     pub(super) fn jumping_bits(&self, change: u64) -> u64 {
-        change & UPPER & !self.noisy
+        change & JUMPING & !self.noisy
     }
 
     /// Registers a payload with jumping bytes; `count` is the number of frames before it.

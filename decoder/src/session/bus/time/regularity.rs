@@ -24,8 +24,9 @@ pub(super) enum Irregularity {
 /// at most 73 minutes.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct StreamRegularity {
-    /// Usual interval; 0 before it is known.
-    usual: u32,
+    /// Shortest usual interval, and number of usual ones from there on: one comparison per frame. 0 before the first frame.
+    least: u32,
+    width: u32,
     /// The last interval that differed from the usual one.
     other: u32,
     /// Number of usual intervals.
@@ -44,7 +45,8 @@ pub(crate) struct StreamRegularity {
 impl StreamRegularity {
     /// Before the first interval.
     pub(in crate::session) const NEW: Self = Self {
-        usual: 0,
+        least: 0,
+        width: 0,
         other: 0,
         regular: 0,
         gap_time: 0,
@@ -55,28 +57,49 @@ impl StreamRegularity {
         streak: 0,
     };
 
-    /// Registers an interval in ns; `false`, without any effect, if it is not usual.
+    /// Registers usual intervals in a row.
+    pub(super) fn note_usual(&mut self, count: u32) {
+        self.regular = self.regular.saturating_add(count);
+        self.streak = self.streak.saturating_add(u8::try_from(count).unwrap_or(u8::MAX));
+    }
+
+    /// Starts with the first frame.
+    pub(super) fn begin(&mut self) {
+        self.width = self.width.max(1);
+    }
+
+    /// Whether an interval in ns is usual; `false` for some that are longer than the longest unit.
     #[inline]
-    pub(super) fn note_usual(&mut self, interval: i64) -> bool {
-        let interval = to_units(interval);
-        let is_usual = interval.abs_diff(self.usual) <= self.usual >> 3;
-        if is_usual {
-            self.regular = self.regular.saturating_add(1);
-            self.streak = self.streak.saturating_add(1);
-        }
-        is_usual
+    pub(super) fn is_usual(&self, interval: i64) -> bool {
+        (interval >> 10).cast_unsigned().wrapping_sub(u64::from(self.least)) < u64::from(self.width)
+    }
+
+    /// As [`Self::is_usual`], for all intervals.
+    pub(super) fn is_usual_in_units(&self, interval: i64) -> bool {
+        let usual = self.usual();
+        to_units(interval).abs_diff(usual) <= usual >> 3
+    }
+
+    /// Usual interval; 0 before it is known.
+    fn usual(&self) -> u32 {
+        self.least + (self.width.saturating_sub(1) >> 1)
+    }
+
+    fn set_usual(&mut self, usual: u32) {
+        let margin = usual >> 3;
+        (self.least, self.width) = (usual - margin, 2 * margin + 1);
     }
 
     /// Registers an unusual interval in ns that ends at the monotonic time `now`.
     pub(super) fn note_other(&mut self, interval: i64, now: i64) -> Irregularity {
-        let (interval, usual, before) = (to_units(interval), self.usual, (self.other, self.streak));
+        let (interval, usual, before) = (to_units(interval), self.usual(), (self.other, self.streak));
         self.count_other(interval, now);
         let is_second_part = before.1 == 0
             && self.regular > KNOWN
             && interval.max(before.0) < usual - usual / 8
             && interval.saturating_add(before.0).abs_diff(usual) <= usual >> 3;
         match () {
-            () if self.usual != usual && usual > 0 => Irregularity::Period { from: i64::from(usual) << 10 },
+            () if self.usual() != usual && usual > 0 => Irregularity::Period { from: i64::from(usual) << 10 },
             () if is_second_part => Irregularity::Split,
             () => Irregularity::Single,
         }
@@ -89,21 +112,32 @@ impl StreamRegularity {
     }
 
     fn count_other(&mut self, interval: u32, now: i64) {
-        let settled = self.settled();
-        (self.gaps, self.missing, self.pending) = (settled.gaps, settled.missing, 0);
+        if self.pending > 0 {
+            let settled = self.settled();
+            (self.gaps, self.missing, self.pending) = (settled.gaps, settled.missing, 0);
+        }
         let is_steady = std::mem::take(&mut self.streak) >= STEADY;
-        let half = self.usual / 2;
-        let intervals = interval.saturating_add(half).checked_div(self.usual).unwrap_or(0);
-        let is_in_phase = interval.abs_diff(intervals.saturating_mul(self.usual)) <= half / 2;
-        if is_steady && (2..=LONGEST_GAP).contains(&intervals) && is_in_phase {
-            self.pending = u8::try_from(intervals - 1).unwrap_or(0);
-            self.gap_time = u32::try_from(now >> 20 & i64::from(u32::MAX)).unwrap_or(0);
-        } else if is_steady && intervals > LONGEST_GAP {
-            self.silences = self.silences.saturating_add(1);
-        } else if self.other > 0 && interval.abs_diff(self.other) <= self.other >> 3 {
-            self.usual = interval;
+        let is_gap = is_steady && self.count_gap(interval, now);
+        if !is_gap && self.other > 0 && interval.abs_diff(self.other) <= self.other >> 3 {
+            self.set_usual(interval);
         }
         self.other = interval;
+    }
+
+    /// Counts an interval after usual ones as a gap or a silence; `false` if it is neither.
+    fn count_gap(&mut self, interval: u32, now: i64) -> bool {
+        let usual = self.usual();
+        let half = usual / 2;
+        let intervals = interval.saturating_add(half).checked_div(usual).unwrap_or(0);
+        let is_in_phase = interval.abs_diff(intervals.saturating_mul(usual)) <= half / 2;
+        let is_gap = (2..=LONGEST_GAP).contains(&intervals) && is_in_phase;
+        if is_gap {
+            self.pending = u8::try_from(intervals - 1).unwrap_or(0);
+            self.gap_time = u32::try_from(now >> 20 & i64::from(u32::MAX)).unwrap_or(0);
+        } else if intervals > LONGEST_GAP {
+            self.silences = self.silences.saturating_add(1);
+        }
+        is_gap || intervals > LONGEST_GAP
     }
 
     /// The present counts; a gap counts once a usual interval follows.
@@ -132,7 +166,7 @@ impl StreamRegularity {
 
     /// Usual interval in ns; 0 before it is known.
     pub(crate) fn usual_interval(&self) -> i64 {
-        i64::from(self.usual) << 10
+        i64::from(self.usual()) << 10
     }
 
     /// Number of usual intervals.
@@ -159,7 +193,9 @@ mod tests {
         let mut now = 0;
         for interval in intervals {
             now += *interval << 20;
-            if !stream.note_usual(*interval << 20) {
+            if stream.is_usual_in_units(*interval << 20) {
+                stream.note_usual(1);
+            } else {
                 stream.note_other(*interval << 20, now);
             }
         }
@@ -168,6 +204,27 @@ mod tests {
 
     fn counts(stream: &StreamRegularity) -> (u16, u16, u16) {
         (stream.gap_count(), stream.missing_count(), stream.silence_count())
+    }
+
+    #[test]
+    fn an_interval_within_an_eighth_is_usual() {
+        let of = |usual| {
+            let mut stream = StreamRegularity::NEW;
+            stream.set_usual(usual);
+            assert_eq!(stream.usual(), usual);
+            stream
+        };
+        let found = [699, 700, 800, 900, 901].map(|units: i64| of(800).is_usual(units << 10));
+        assert_eq!(found, [false, true, true, true, false]);
+        assert!(of(800).is_usual((901 << 10) - 1), "a part of a unit does not count");
+        let longest = of(u32::MAX);
+        for (interval, is_usual) in [(0, false), (i64::MAX, true), (i64::from(u32::MAX) << 10, true)] {
+            assert_eq!(longest.is_usual_in_units(interval), is_usual);
+        }
+        let mut begun = StreamRegularity::NEW;
+        assert!(!begun.is_usual(0), "the first frame has no interval");
+        begun.begin();
+        assert_eq!([-1, 0, 1_023, 1_024].map(|it| begun.is_usual(it)), [false, true, true, false]);
     }
 
     #[test]
