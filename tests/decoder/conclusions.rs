@@ -312,7 +312,7 @@ fn reports_of_communication_name_the_message() {
 #[test]
 fn a_working_set_without_a_terminal_waits() {
     let set = (500_000, "1CFE0D8A#01FFFFFFFFFFFFFF".to_owned());
-    assert_eq!(concluded(&ecus(), &[set.clone()]), ["terminal-absent sa:0x8A"]);
+    assert_eq!(concluded(&ecus(), std::slice::from_ref(&set)), ["terminal-absent sa:0x8A"]);
     let status = (600_000, "0CE6FF26#FE80E80300000000".to_owned());
     assert_eq!(concluded(&ecus(), &[set, status]), [""; 0]);
 }

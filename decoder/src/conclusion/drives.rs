@@ -114,7 +114,5 @@ fn is_drive(node: &Node, control: u16, status: u16) -> bool {
 
 /// The first two bytes of a payload.
 fn low_word(payload: u64) -> u16 {
-    #[expect(clippy::cast_possible_truncation, reason = "masked")]
-    let word = (payload & 0xFFFF) as u16;
-    word
+    u16::try_from(payload & 0xFFFF).unwrap_or(0)
 }

@@ -91,9 +91,10 @@ impl Hypothesis {
 
     /// The row as text in Markdown.
     pub fn manual_text(&self) -> String {
-        let steps: String = self.steps.iter().map(|step| format!("- {step}\n")).collect();
+        let steps: Vec<String> = self.steps.iter().map(|step| format!("- {step}")).collect();
+        let steps = steps.join("\n");
         format!(
-            "# What it concludes\n{} ({}: {}).\n\n# What the capture must show\n{}\n\n# What to do\n{steps}\n# What to record next\n{}\n\n# Source\n{}",
+            "# What it concludes\n{} ({}: {}).\n\n# What the capture must show\n{}\n\n# What to do\n{steps}\n\n# What to record next\n{}\n\n# Source\n{}",
             self.title, self.component, self.mode, self.observed, self.record, self.source
         )
     }

@@ -54,35 +54,47 @@ pub(super) fn conclude_messages(
         all.extend(scene.stopped(sender));
         for each in &sender.streams {
             let changed = scene.slower(sender, each).or_else(|| scene.second_sender(sender, each));
-            all.extend(
-                changed.or_else(|| scene.frozen(sender, each)).or_else(|| scene.jumping(sender, each)),
-            );
+            all.extend(changed.or_else(|| scene.frozen(sender, each)).or_else(|| jumping(sender, each)));
         }
         all.extend(sender.bursts.iter().filter_map(|stream| scene.babbling(sender.sender, stream)));
     }
     all
 }
 
-impl MessageScene<'_> {
-    fn conclusion(
-        &self,
-        (hypothesis, text): (&'static str, String),
-        sender: Sender,
-        stream: &BusStream,
-        began: (i64, u64),
-    ) -> Conclusion {
-        Conclusion {
-            hypothesis,
-            node: sender.node().or(stream.node.filter(|_| stream.service != StreamService::Sync)),
-            nodes: sender.node().into_iter().collect(),
-            about: message_subject(stream.id),
-            text,
-            began,
-            is_note: false,
-            ended: None,
-        }
+/// A conclusion about one message of a sender.
+fn conclusion(
+    (hypothesis, text): (&'static str, String),
+    sender: Sender,
+    stream: &BusStream,
+    began: (i64, u64),
+) -> Conclusion {
+    Conclusion {
+        hypothesis,
+        node: sender.node().or(stream.node.filter(|_| stream.service != StreamService::Sync)),
+        nodes: sender.node().into_iter().collect(),
+        about: message_subject(stream.id),
+        text,
+        began,
+        is_note: false,
+        ended: None,
     }
+}
 
+/// A value that jumps to another value in single frames.
+fn jumping(sender: &SenderStreams, each: &PeriodicStream) -> Option<Conclusion> {
+    let jumps = each.stream.jumps.filter(|_| is_measured(&each.stream))?;
+    let text = format!(
+        "{}: a value jumps in {} single frames from {{{}}} on, byte {} to {:02X}h",
+        message_name(each.stream.id),
+        jumps.count,
+        jumps.first.1,
+        jumps.byte,
+        jumps.target
+    );
+    Some(conclusion(("value-jumps", text), sender.sender, &each.stream, jumps.first))
+}
+
+impl MessageScene<'_> {
     /// Whether a command, a restart or a silence of the sender explains what happened between two times.
     fn is_explained(&self, sender: Sender, from: i64, to: i64) -> bool {
         let range = (from.saturating_sub(EXPLAINED), to.saturating_add(EXPLAINED));
@@ -115,7 +127,7 @@ impl MessageScene<'_> {
         }
         if first.stream.service == StreamService::Sync {
             let text = format!("SYNC ended after {{{}}}; its sender continues", first.stream.last_frame);
-            return Some(self.conclusion(
+            return Some(conclusion(
                 ("sync-stopped", text),
                 sender.sender,
                 &first.stream,
@@ -134,7 +146,7 @@ impl MessageScene<'_> {
         let began = (last.1, first.stream.last_frame);
         if is_all {
             let text = format!("all process data ended after {{{}}}; other messages continue", began.1);
-            let all = self.conclusion(("application-stalled", text), sender.sender, &first.stream, began);
+            let all = conclusion(("application-stalled", text), sender.sender, &first.stream, began);
             return Some(Conclusion { about: FindingSubject::Whole, ..all });
         }
         let life = last.1.saturating_sub(last.0);
@@ -147,14 +159,14 @@ impl MessageScene<'_> {
             began.1,
             format_interval(first.period)
         );
-        Some(self.conclusion(("message-stopped", text), sender.sender, &first.stream, began))
+        Some(conclusion(("message-stopped", text), sender.sender, &first.stream, began))
     }
 
     /// Whether the node sends its messages all the time.
     fn is_expected(&self, sender: Sender, each: &PeriodicStream) -> bool {
         match (sender, each.stream.service) {
             (Sender::Node(node @ NodeId::Canopen(_)), StreamService::TransmittedPdo) => {
-                let nmt = self.bus.node(node).and_then(|node| node.nmt()).map(|nmt| nmt.state);
+                let nmt = self.bus.node(node).and_then(Node::nmt).map(|nmt| nmt.state);
                 // A TPDO that follows SYNC ends with it.
                 nmt == Some(NmtState::Operational) && !self.has_sync_ended()
             }
@@ -193,12 +205,7 @@ impl MessageScene<'_> {
             change.frame,
             format_interval(change.from)
         );
-        Some(self.conclusion(
-            ("message-slower", text),
-            sender.sender,
-            &each.stream,
-            (change.time, change.frame),
-        ))
+        Some(conclusion(("message-slower", text), sender.sender, &each.stream, (change.time, change.frame)))
     }
 
     /// A message with elements of a second sender.
@@ -226,7 +233,7 @@ impl MessageScene<'_> {
             message_name(each.stream.id),
             format_interval(each.period)
         );
-        Some(self.conclusion(("second-sender", text), sender.sender, &each.stream, (time, frame)))
+        Some(conclusion(("second-sender", text), sender.sender, &each.stream, (time, frame)))
     }
 
     /// A message that is sent far too often.
@@ -245,27 +252,13 @@ impl MessageScene<'_> {
             format!("{}: {count} frames in {}, {before}", message_name(stream.id), format_interval(duration));
         let is_over = self.end.saturating_sub(burst.ended.0) > EXPLAINED / 4;
         let ended = is_over.then_some(burst.ended);
-        Some(Conclusion { ended, ..self.conclusion(("babbling", text), sender, stream, burst.began) })
+        Some(Conclusion { ended, ..conclusion(("babbling", text), sender, stream, burst.began) })
     }
 
     /// First frame of a periodic message, as a monotonic time.
     fn start(&self) -> i64 {
         let streams = self.senders.iter().flat_map(|sender| &sender.streams);
         streams.map(|each| each.stream.times.0).min().unwrap_or(self.end)
-    }
-
-    /// A value that jumps to another value in single frames.
-    fn jumping(&self, sender: &SenderStreams, each: &PeriodicStream) -> Option<Conclusion> {
-        let jumps = each.stream.jumps.filter(|_| is_measured(&each.stream))?;
-        let text = format!(
-            "{}: a value jumps in {} single frames from {{{}}} on, byte {} to {:02X}h",
-            message_name(each.stream.id),
-            jumps.count,
-            jumps.first.1,
-            jumps.byte,
-            jumps.target
-        );
-        Some(self.conclusion(("value-jumps", text), sender.sender, &each.stream, jumps.first))
     }
 
     /// A message whose payload changed all the time and no longer does.
@@ -297,12 +290,7 @@ impl MessageScene<'_> {
             changes.count,
             format_interval(changes.longest)
         );
-        Some(self.conclusion(
-            ("value-frozen", text),
-            sender.sender,
-            &each.stream,
-            (changes.last, changes.frame),
-        ))
+        Some(conclusion(("value-frozen", text), sender.sender, &each.stream, (changes.last, changes.frame)))
     }
 }
 

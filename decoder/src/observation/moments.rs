@@ -105,9 +105,8 @@ impl NodeMoments {
             EventKind::CanError(error) if !error.is_only_receive_overflow() => {
                 return self.note_error(event.bus, time);
             }
-            EventKind::BootUp { .. } => (NodeMoment::Restart, event.node),
+            EventKind::BootUp { .. } | EventKind::AddressClaim(_) => (NodeMoment::Restart, event.node),
             EventKind::Emcy(emergency) if emergency.boot.is_some() => (NodeMoment::Restart, event.node),
-            EventKind::AddressClaim(_) => (NodeMoment::Restart, event.node),
             EventKind::J1939Request(request) if request.pgn.number() == CLAIM => {
                 (NodeMoment::ClaimRequest, None)
             }

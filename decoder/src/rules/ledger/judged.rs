@@ -89,7 +89,7 @@ impl FindingLedger {
                         quality.push(format!("{} is not exercised: {why}", info.name));
                     }
                     RuleOrigin::General | RuleOrigin::Device | RuleOrigin::Conclusion => {
-                        info.needs = why.as_str().into()
+                        info.needs = why.as_str().into();
                     }
                 }
             }

@@ -2,7 +2,9 @@
 
 use super::identifiers::IdentifierService;
 use super::state::Bus;
-use super::time::{PayloadChanges, PeriodChange, StreamBurst, StreamRegularity, StreamSilence, ValueJumps};
+use super::time::{
+    PayloadChanges, PeriodChange, StreamBurst, StreamHistory, StreamRegularity, StreamSilence, ValueJumps,
+};
 use crate::frame::CanId;
 use crate::profile::PdoDirection;
 use crate::wire::NodeId;
@@ -78,8 +80,8 @@ impl Bus {
                 silences: history.map_or_else(Vec::new, |history| history.silences().to_vec()),
                 periods: history.map_or_else(Vec::new, |history| history.changes().to_vec()),
                 present_count: history.map_or(regular, |history| history.present_count(regular)),
-                splits: history.map_or_else(Default::default, |history| history.splits()),
-                burst: history.map_or_else(Default::default, |history| history.burst()),
+                splits: history.map_or_else(Default::default, StreamHistory::splits),
+                burst: history.map_or_else(Default::default, StreamHistory::burst),
                 jumps: history.and_then(|history| history.value_jumps(pulse.payload_changes().count, pulse.count())),
                 changes: pulse.payload_changes(),
                 payload: state.last.word(),

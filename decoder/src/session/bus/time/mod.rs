@@ -12,7 +12,7 @@ mod skipped_times;
 pub(in crate::session) use cadence::Cadence;
 pub(crate) use clock::AmbiguousGap;
 pub(in crate::session) use clock::BusClock;
-pub(crate) use history::{PeriodChange, StreamBurst, StreamSilence};
+pub(crate) use history::{PeriodChange, StreamBurst, StreamHistory, StreamSilence};
 pub(crate) use jumps::ValueJumps;
 pub(in crate::session) use moment::FrameMoment;
 pub(in crate::session) use pulse::IdentifierIntervals;

@@ -73,10 +73,10 @@ impl ChannelState {
     pub(super) fn open_bytes(&self) -> usize {
         let present = self.transfer.as_ref().map_or(0, |transfer| transfer.kept_bytes());
         // Called twice per message; most channels have one transfer at a time.
-        match self.queue.is_empty() {
-            true => present,
-            false => present + self.queue.iter().map(|transfer| transfer.kept_bytes()).sum::<usize>(),
+        if self.queue.is_empty() {
+            return present;
         }
+        present + self.queue.iter().map(|transfer| transfer.kept_bytes()).sum::<usize>()
     }
 
     /// Phase of a side, in which `data` is to be read.
