@@ -211,7 +211,7 @@ fn a_silent_node_in_plain_canopen() {
     // The node restarts at 7.000 s; why it was silent is not in the capture.
     assert!(page.contains("FIRST EFFECT   2/02  no heartbeat after {21} (last state operational)"), "{page}");
     assert!(page.contains("\n  operational, silent\n"), "{page}");
-    assert!(page.contains("1 check supply and connector of the node"), "{page}");
+    assert!(page.contains("1 if all messages of the node are missing: check its supply"), "{page}");
     assert_eq!(
         text(&["--node", "5", capture], "").lines().next().unwrap(),
         "no fault of node 5/05 in this capture"
