@@ -9,6 +9,9 @@ use super::uds::{PairDecision, has_known_end};
 use crate::frame::{CanId, Frame, FrameFlags, Timestamp};
 use crate::wire::j1939::J1939Id;
 
+/// Last PGN of data page 0.
+const LAST_OF_PAGE_0: u32 = 0xFFFF;
+
 impl BusDecoder {
     /// Whether a frame may belong to an undecided pair of identifiers of UDS.
     #[inline]
@@ -45,7 +48,9 @@ impl BusDecoder {
         let group = match service {
             IdentifierService::J1939(id) if !is_undecoded && !is_described => {
                 let is_named = cx.bus.protocols.named.concerns_named(id) || cx.bus.database.is_j1939();
-                Some((slot, id)).filter(|_| !is_named && !cx.bus.protocols.j1939.is_evidence(id))
+                // Fast packets of NMEA 2000 are on data page 1; their frames must not change their order.
+                let may_wait = id.pgn.number() <= LAST_OF_PAGE_0 && !is_named;
+                Some((slot, id)).filter(|_| may_wait && !cx.bus.protocols.j1939.is_evidence(id))
             }
             _ => None,
         };

@@ -10,6 +10,9 @@ use crate::standard_tables::standard_group;
 use crate::wire::NodeId;
 use crate::wire::j1939::{ALL, J1939Id, Pgn};
 
+/// Last PGN of data page 0; on page 1, few protocols other than NMEA 2000 have public groups.
+const LAST_OF_PAGE_0: u32 = 0xFFFF;
+
 /// Max message size without transport protocol, in bytes.
 const FRAME_BYTES: usize = 8;
 
@@ -54,7 +57,8 @@ impl Bus {
         if let Some(group) = self.database_group(id.pgn, payload.len()) {
             return group;
         }
-        if !self.protocols.is_settled(Some(NodeId::J1939(id.source)))
+        if id.pgn.number() <= LAST_OF_PAGE_0
+            && !self.protocols.is_settled(Some(NodeId::J1939(id.source)))
             && !self.protocols.named.concerns_named(id)
         {
             // Other protocols use the same numbers.
