@@ -2,7 +2,6 @@
 
 use super::bus::{IdentifierService, UdsLink};
 use super::decoder::BusDecoder;
-use super::identity::refresh_messages;
 use super::j1939::is_followed;
 use super::observer::Observer;
 use super::uds::{PairDecision, has_known_end};
@@ -75,13 +74,11 @@ impl BusDecoder {
         }
     }
 
-    /// Whether to decode a frame before J1939 is confirmed. The frame that confirms it releases the withheld ones, and
-    /// messages get their names.
+    /// Whether to decode a frame before J1939 is confirmed. The frame that confirms it releases the withheld ones.
     #[cold]
     pub(super) fn follows_group(&mut self, id: J1939Id, frame: &Frame, out: &mut dyn Observer) -> bool {
         let is_decoded = is_followed(id, frame, &mut self.shared.lend_context(out));
         if self.shared.bus.protocols.j1939.is_confirmed() {
-            refresh_messages(&mut self.shared.lend_context(out));
             self.release_withheld(None, out);
         }
         is_decoded

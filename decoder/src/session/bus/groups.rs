@@ -7,17 +7,12 @@ use super::state::Bus;
 use crate::frame::CanId;
 use crate::profile::{EntryResolver, LayoutOrigin, NoValues, PayloadLayout, isobus, pgn_name};
 use crate::standard_tables::standard_group;
-use crate::wire::NodeId;
 use crate::wire::j1939::{ALL, J1939Id, Pgn};
-
-/// Last PGN of data page 0; on page 1, few protocols other than NMEA 2000 have public groups.
-const LAST_OF_PAGE_0: u32 = 0xFFFF;
 
 /// Max message size without transport protocol, in bytes.
 const FRAME_BYTES: usize = 8;
 
 /// Name and layout of a parameter group for one sender.
-#[derive(Default)]
 pub(in crate::session) struct SenderGroup {
     pub(in crate::session) name: Option<Arc<str>>,
     pub(in crate::session) layout: Option<Arc<PayloadLayout>>,
@@ -56,13 +51,6 @@ impl Bus {
         }
         if let Some(group) = self.database_group(id.pgn, payload.len()) {
             return group;
-        }
-        if id.pgn.number() <= LAST_OF_PAGE_0
-            && !self.protocols.is_settled(Some(NodeId::J1939(id.source)))
-            && !self.protocols.named.concerns_named(id)
-        {
-            // Other protocols use the same numbers.
-            return SenderGroup::default();
         }
         match of_standard(id.pgn) {
             Some((name, layout)) => SenderGroup::new(Some(name.into()), Some(Arc::new(layout))),
