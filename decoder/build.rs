@@ -1,5 +1,5 @@
-//! Embeds all TOML files below `profiles/` as (path, text, compiled). The compiled form saves parsing at each
-//! program start. `src/profile/compiled.rs` describes and reads it.
+//! Embeds all TOML files below `profiles/` as (path, text, compiled), and the rows of the conclusions compiled. The
+//! compiled form saves parsing at each program start. `src/profile/compiled.rs` describes and reads it.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,8 @@ use toml::de::{DeTable, DeValue};
 
 #[expect(clippy::disallowed_methods, reason = "a build script has only its environment")]
 fn main() -> io::Result<()> {
-    let root = PathBuf::from(env::var("CARGO_MANIFEST_DIR").map_err(io::Error::other)?).join("profiles");
+    let manifest = PathBuf::from(env::var("CARGO_MANIFEST_DIR").map_err(io::Error::other)?);
+    let root = manifest.join("profiles");
     let out = PathBuf::from(env::var("OUT_DIR").map_err(io::Error::other)?);
     let mut files = Vec::new();
     collect(&root, &mut files)?;
@@ -27,6 +28,9 @@ fn main() -> io::Result<()> {
     }
     table.push_str("];\n");
     fs::write(out.join("profiles.rs"), table)?;
+    let hypotheses = manifest.join("src/conclusion/hypotheses.toml");
+    println!("cargo::rerun-if-changed={}", hypotheses.display());
+    fs::write(out.join("hypotheses"), compile(&hypotheses)?)?;
     println!("cargo::rerun-if-changed={}", root.display());
     Ok(())
 }

@@ -66,6 +66,7 @@ mod ascii;
 pub mod bus_file;
 pub mod capture;
 pub mod comparison;
+pub mod conclusion;
 pub mod decoder;
 pub mod diagnosis;
 pub mod escape;

@@ -175,9 +175,9 @@ fn extended_identifiers() {
     // Reported once, not again for each further identifier.
     assert_eq!(scene.evicted("29-bit identifier"), 1);
 
-    // 4,096 prepared events, each identifier with the regularity of its intervals in 24 bytes.
+    // 4,096 prepared events, each identifier with its intervals and their history in 168 bytes.
     let footprint = scene.decoder.footprint();
-    assert!(footprint < (2 << 20) + 4_096 * 24, "{footprint}");
+    assert!(footprint < (2 << 20) + 4_096 * 168, "{footprint}");
     // Messages beyond the limit are reported all the same.
     let reported = scene.checker.kept.iter().flatten().filter(|line| line.contains("\"j1939-message\""));
     assert_eq!(reported.count(), 10_000);

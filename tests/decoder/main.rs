@@ -6,6 +6,7 @@
 mod absent_nodes;
 mod assumed_mapping;
 mod both_sides;
+mod conclusions;
 mod controller;
 mod corpus;
 mod corpus_conformance;

@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::PathBuf;
 
+use cobscope_decoder::finding::{FindingCause, FindingGroup, RuleOrigin};
 use cobscope_decoder::rules::all_declarations;
 use serde::Deserialize;
 
@@ -116,7 +117,15 @@ fn fired(name: &str, known: &str, frames: &[Line]) -> BTreeMap<String, (bool, St
     let annotated = parse(name, &format!("{known}{}", text(frames)));
     let (_, findings) = judge(&annotated.frames, &annotated.options, annotated.setup);
     let mut fired = BTreeMap::<_, (bool, String)>::new();
-    for group in &findings.groups {
+    // A conclusion explains findings of rules; a mutation is one for a rule.
+    let explains = |id: u64| {
+        let mut effects = findings.reported_groups();
+        effects.any(|group| matches!(group.cause, Some(FindingCause::Group(cause)) if cause == id))
+    };
+    let is_explanation = |group: &&FindingGroup| {
+        findings.rules[usize::from(group.key.rule)].origin == RuleOrigin::Conclusion && explains(group.id)
+    };
+    for group in findings.groups.iter().filter(|group| !is_explanation(group)) {
         let node = group.key.node.map_or_else(String::new, |node| node.to_string());
         let (severity, about, at) =
             (group.severity.name(), &group.key.about, group.first_occurrence().frames.last);

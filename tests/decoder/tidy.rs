@@ -30,7 +30,8 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("standard_tables", &["frame", "wire", "profile"]),
     ("session", &["words", "frame", "wire", "profile", "event", "bus_file", "standard_tables"]),
     ("suggestion", &["frame", "wire", "profile", "session"]),
-    ("observation", &["words", "frame", "wire", "session"]),
+    ("observation", &["words", "frame", "wire", "event", "session"]),
+    ("conclusion", &["words", "frame", "wire", "profile", "event", "finding", "session", "observation"]),
     ("query", &["words", "marked_line", "frame", "wire", "profile", "event", "standard_tables", "session"]),
     ("statistics", &["words", "frame", "wire", "profile", "event", "session", "query"]),
     (
@@ -46,11 +47,12 @@ const LAYERS: &[(&str, &[&str])] = &[
             "session",
             "suggestion",
             "observation",
+            "conclusion",
             "query",
             "statistics",
         ],
     ),
-    ("diagnosis", &["words", "figures", "frame", "wire", "profile", "event", "finding"]),
+    ("diagnosis", &["words", "figures", "frame", "wire", "profile", "event", "finding", "conclusion"]),
     (
         "sink",
         &[

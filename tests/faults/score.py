@@ -27,8 +27,9 @@ def run(program, command, path, more):
 
 def claim(story):
     """Component, nodes and modes that a story names, and whether it names a cause."""
-    nodes = set(story.get("nodes") or ([story["node"]] if story.get("node") is not None else []))
-    if "component" in story:
+    nodes = {story["node"]} if story.get("node") is not None else set()
+    if story.get("component"):
+        nodes |= set(story["nodes"])
         modes = [story["mode"]] if story.get("mode") else []
         return story["component"], nodes, modes, bool(story.get("mode"))
     rule = story["rules"][0] if story.get("rules") else ""

@@ -58,7 +58,7 @@ fn run_with(arguments: Vec<OsString>) -> ExitStatus {
         };
     }
     let arguments = cmd::with_default_command(arguments.into_iter(), std::io::stdout().is_terminal());
-    match cmd::Cli::try_parse_from(arguments) {
+    match cmd::Cli::parse_arguments(&arguments) {
         Ok(cli) => cmd::run(cli),
         Err(error) => cmd::print_refusal(&error),
     }

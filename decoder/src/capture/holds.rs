@@ -269,7 +269,18 @@ impl LossCounter {
     }
 
     /// Counts the losses of a frame. Frames must be passed in the order in which they are written.
+    #[inline]
     pub fn count_frame(&mut self, frame: &Frame) {
+        // Of most frames, only the time can be lost.
+        let is_plain = frame.flags.is_classic_data() && frame.raw_dlc <= 8;
+        match frame.time.filter(|_| is_plain && self.holds.directions == DirectionSupport::Whole) {
+            Some(time) => self.see_time(time),
+            None => self.count_losses(frame),
+        }
+    }
+
+    #[inline(never)]
+    fn count_losses(&mut self, frame: &Frame) {
         let (holds, flags) = (self.holds, frame.flags);
         let is_error = flags.contains(FrameFlags::ERROR);
         if flags.contains(FrameFlags::FD) && !holds.fd {

@@ -197,6 +197,7 @@ mod tests {
             downgraded: None,
             suppressed: None,
             is_open: false,
+            nodes: Vec::new(),
         }
     }
 

@@ -23,6 +23,7 @@ use std::sync::Arc;
 use self::incident::group_incidents;
 use self::plot::{StoryPlot, join_incidents};
 use self::ranking::load_ranking;
+use crate::conclusion::find_hypothesis;
 use crate::finding::{Advice, CaptureFindings, FindingGroup, Occurrence, Severity};
 use crate::frame::{BusIndex, Timestamp};
 use crate::wire::NodeId;
@@ -70,6 +71,8 @@ pub struct Story {
     pub node: Option<NodeId>,
     /// Highest severity of its findings.
     pub severity: Severity,
+    /// Part of the machine that fails, and how; `None` if only rules judged.
+    pub failure: Option<StoryFailure>,
     /// Whether the capture shows the cause; else the first finding is only its first effect.
     pub is_cause_visible: bool,
     /// Text of the cause, or of the first effect.
@@ -91,6 +94,15 @@ pub struct Story {
     /// All lines in order.
     pub lines: Vec<StoryLine>,
     rank: f64,
+}
+
+/// Part of the machine that fails, and how it fails; see [`Hypothesis`](crate::conclusion::Hypothesis).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StoryFailure {
+    /// Part of the machine.
+    pub component: &'static str,
+    /// Failure mode.
+    pub mode: &'static str,
 }
 
 impl Story {
@@ -185,6 +197,9 @@ fn build_story(plot: &StoryPlot<'_>, page: &lines::DiagnosisPage<'_>) -> Option<
         bus: root.key.bus,
         node: plot.fact.as_ref().and_then(|fact| fact.node).or(root.key.node),
         severity: plot.severity(),
+        failure: find_hypothesis(&root.rule)
+            .filter(|_| plot.fact.is_none())
+            .map(|row| StoryFailure { component: &row.component, mode: &row.mode }),
         is_cause_visible: plot.fact.is_some() || ranking.record_hint(root).is_none(),
         title: plot.fact.as_ref().map_or_else(|| page.title_text(root), |fact| page.fact_text(root, fact)),
         findings: all().map(|group| group.id).collect(),

@@ -22,7 +22,9 @@ impl<'a> StoryPlot<'a> {
 
     /// Nodes that the findings concern, in ascending order.
     pub(super) fn nodes(&self) -> Vec<(BusIndex, NodeId)> {
-        let of_nodes = self.findings.iter().filter_map(|it| Some((it.group.key.bus, it.group.key.node?)));
+        let of_nodes = self.findings.iter().flat_map(|it| {
+            it.group.nodes.iter().chain(&it.group.key.node).map(|node| (it.group.key.bus, *node))
+        });
         let mut nodes: Vec<_> = of_nodes.collect();
         nodes.sort_unstable();
         nodes.dedup();

@@ -1,6 +1,7 @@
 //! What to do now: steps from manual, rule and state machine.
 
 use super::plot::StoryPlot;
+use crate::conclusion::find_hypothesis;
 use crate::finding::{Advice, AdviceSource, FindingGroup};
 use crate::profile;
 
@@ -24,6 +25,9 @@ pub(super) fn propose_steps(plot: &StoryPlot<'_>) -> Vec<Advice> {
     }
     add_advice(root, &mut all, |it| it.by == AdviceSource::Code);
     add_hints(&root.rule, &mut all);
+    for step in find_hypothesis(&root.rule).iter().flat_map(|row| &row.steps) {
+        add_step(&mut all, step, "", AdviceSource::General);
+    }
     for finding in &plot.findings {
         add_advice(finding.group, &mut all, |it| it.by == AdviceSource::State);
     }

@@ -3,9 +3,11 @@
 //! Occurrences with the same rule, bus, node and subject form one [`FindingGroup`]. This key is also the fingerprint
 //! in baselines and SARIF.
 
+pub(crate) mod documentation;
 pub mod phrase;
 mod scene;
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
 use std::sync::Arc;
@@ -38,6 +40,8 @@ pub enum RuleOrigin {
     Device,
     /// Rule of the user, from the bus file.
     Expectation,
+    /// Failure of a part of the machine, concluded from several messages.
+    Conclusion,
 }
 
 impl RuleOrigin {
@@ -47,6 +51,7 @@ impl RuleOrigin {
             Self::General => "general",
             Self::Device => "device",
             Self::Expectation => "expectation",
+            Self::Conclusion => "conclusion",
         }
     }
 }
@@ -75,7 +80,7 @@ pub struct RuleInfo {
     /// Title: the defect in a few words.
     pub title: Arc<str>,
     /// Documentation in Markdown: headings and paragraphs.
-    pub explanation: Arc<str>,
+    pub explanation: Cow<'static, str>,
     /// What a capture must contain for a verdict of the rule. In [`CaptureFindings`] of a capture without one: what
     /// was missing.
     pub needs: Arc<str>,
@@ -93,11 +98,30 @@ pub struct RuleInfo {
     pub is_on: bool,
     /// KIND column of its events in text output.
     pub word: &'static str,
-    /// Section of the manual, clause, or the user's reason.
+    /// Section of the manual, or the user's reason; `None` for a rule of a standard, see [`RuleInfo::cited_source`].
     pub source: Option<Arc<str>>,
-    /// First step for the reader: an imperative without a full stop, such as `check the cycle time of the
-    /// node`.
+    /// First step for the reader; `None` for a rule of a standard, see [`RuleInfo::first_step`].
     pub next_step: Option<Arc<str>>,
+}
+
+impl RuleInfo {
+    /// Section of the manual, clause, or the user's reason.
+    pub fn cited_source(&self) -> Option<Arc<str>> {
+        self.source.clone().or_else(|| self.section("Source").map(|text| text.trim().into()))
+    }
+
+    /// First step for the reader: an imperative without a full stop, such as `check the cycle time of the node`.
+    pub fn first_step(&self) -> Option<Arc<str>> {
+        let described = || self.section("What to look at first").and_then(documentation::next_step);
+        self.next_step.clone().or_else(|| described().map(Into::into))
+    }
+
+    /// Section of the documentation of a rule of a standard. It is read when it is needed: the sections of all rules
+    /// take longer to read than a small capture to decode.
+    fn section(&self, heading: &str) -> Option<&str> {
+        let is_general = self.origin == RuleOrigin::General;
+        is_general.then(|| documentation::section_text(&self.explanation, heading))?
+    }
 }
 
 /// Subject of a finding within a node or bus.
@@ -233,6 +257,8 @@ pub struct FindingGroup {
     pub suppressed: Option<Arc<str>>,
     /// The condition still holds, or the last occurrence was recent.
     pub is_open: bool,
+    /// All nodes that it is about: several for a group of nodes that fails together.
+    pub nodes: Vec<NodeId>,
 }
 
 impl FindingGroup {
@@ -288,7 +314,7 @@ impl FindingGroup {
             downgraded: self.downgraded.clone(),
             count: self.count,
             is_at_end: false,
-            source: self.manual.clone().or_else(|| rule.source.clone()),
+            source: self.manual.clone().or_else(|| rule.cited_source()),
             is_manual: self.manual.is_some(),
         }
     }

@@ -30,6 +30,9 @@ struct SenderElements {
 /// Gaps of several senders within this time are one gap of the bus, in units of 1.05 ms: they do not show single frames.
 const SHARED: u32 = 300;
 
+/// Missing elements that show a share of lost frames.
+const MANY: u64 = 5;
+
 impl RecordingLoss {
     /// Estimate for a bus; `None` without a missing element, if one sender alone misses several, or if all senders miss them at
     /// the same time: then the messages were missing on the bus.
@@ -65,6 +68,11 @@ impl RecordingLoss {
     /// Whether one element only is missing.
     pub(crate) fn is_single(self) -> bool {
         self.missing == 1
+    }
+
+    /// Whether one frame at least is probably missing in so many checks.
+    pub(crate) fn is_likely_in(self, checks: u64) -> bool {
+        self.missing >= MANY && checks.saturating_mul(self.missing) >= self.expected
     }
 
     /// Most occurrences of a finding in so many checks that missing frames explain: twice the expected number, three standard

@@ -22,7 +22,7 @@ use toml::de::Error;
 ///
 /// # Errors
 /// Keys and values unknown to `T`, unexpected end of the data.
-pub(super) fn read_compiled<'de, T: Deserialize<'de>>(compiled: &'de str) -> Result<T, Error> {
+pub(crate) fn read_compiled<'de, T: Deserialize<'de>>(compiled: &'de str) -> Result<T, Error> {
     T::deserialize(CompiledText(compiled).take_value()?)
 }
 

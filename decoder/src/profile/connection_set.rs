@@ -45,6 +45,17 @@ impl IdentifierOwner {
             _ => None,
         }
     }
+
+    /// The same service of another node.
+    const fn of_node(self, node: u8) -> Self {
+        match self {
+            Self::Emcy(_) => Self::Emcy(node),
+            Self::Pdo(name, _) => Self::Pdo(name, node),
+            Self::Sdo(side, _) => Self::Sdo(side, node),
+            Self::ErrorControl(_) => Self::ErrorControl(node),
+            other => other,
+        }
+    }
 }
 
 /// Owners of all 2,048 identifiers of 11 bits.
@@ -102,7 +113,9 @@ impl ConnectionSet {
     }
 }
 
-fn entry_owner(cob: &CobEntry, node: u8) -> IdentifierOwner {
+/// Owner of the identifiers of an entry, for node 0.
+fn entry_owner(cob: &CobEntry) -> IdentifierOwner {
+    let node = 0;
     let pdo = |direction| IdentifierOwner::Pdo(PdoName { direction, number: cob.number }, node);
     match cob.service.as_str() {
         "nmt" => IdentifierOwner::Nmt,
@@ -130,10 +143,11 @@ pub fn connection_set() -> &'static ConnectionSet {
         for cob in &file.cob {
             let last = if cob.nodes { cob.base + 127 } else { cob.to.unwrap_or(cob.base) };
             let first = if cob.nodes { cob.base + 1 } else { cob.base };
+            let owner = entry_owner(cob);
             for id in first..=last {
                 let node = u8::try_from(id - cob.base).unwrap_or(0);
                 if let Some(slot) = owners.get_mut(usize::from(id)) {
-                    *slot = entry_owner(cob, node);
+                    *slot = owner.of_node(node);
                 }
             }
         }

@@ -39,6 +39,7 @@ mod written;
 pub(crate) use authored::TextProblem;
 pub use catalogue::{Catalogue, ProfileError, ReportedIdentity, is_bus_file};
 pub use check::{check_device, check_ids};
+pub(crate) use compiled::read_compiled;
 pub use connection_set::{ConnectionSet, IdentifierOwner, connection_set};
 pub(crate) use cut::IntegerPosition;
 pub(crate) use data_type::little_endian;

@@ -124,7 +124,7 @@ pub(super) fn sources_of(story: &Story, findings: &CaptureFindings) -> Vec<RuleS
     let mut all: Vec<RuleSource> = Vec::new();
     for group in story_groups(story, findings) {
         let Some(rule) = findings.rules.get(usize::from(group.key.rule)) else { continue };
-        let source = group.manual.as_deref().or(rule.source.as_deref()).unwrap_or_default();
+        let source = group.manual.clone().or_else(|| rule.cited_source()).unwrap_or_default();
         let own = RuleSource {
             rule: rule.name.to_string(),
             title: rule.title.to_string(),

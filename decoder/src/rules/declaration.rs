@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::event::KindSet;
+use crate::finding::documentation::section_text;
 use crate::finding::{MergedFindings, RuleInfo, RuleOrigin, Severity};
 
 /// Headings of every rule documentation, in this order.
@@ -122,8 +123,9 @@ impl Declaration {
             merge: self.merge,
             is_on: self.is_on,
             word: self.word,
-            source: self.doc_section("Source").map(|text| text.trim().into()),
-            next_step: self.doc_section("What to look at first").and_then(next_step).map(Into::into),
+            // Both are in the documentation.
+            source: None,
+            next_step: None,
         }
     }
 
@@ -143,31 +145,6 @@ impl Declaration {
     pub fn doc_section(&self, heading: &str) -> Option<&'static str> {
         section_text(self.explanation, heading)
     }
-}
-
-/// First sentence of a section, in the form of a clause: `Check the cable.` becomes `check the cable`.
-fn next_step(section: &str) -> Option<String> {
-    let text = section.split_whitespace().collect::<Vec<_>>().join(" ");
-    let sentence = text.split(". ").next()?.trim_end_matches('.');
-    let mut letters = sentence.chars();
-    let first = letters.next()?;
-    let is_word = letters.clone().next().is_some_and(char::is_lowercase);
-    let first = if is_word { first.to_ascii_lowercase() } else { first };
-    Some(format!("{first}{}", letters.as_str()))
-}
-
-/// Text below a heading of a rule documentation.
-pub fn section_text<'a>(explanation: &'a str, heading: &str) -> Option<&'a str> {
-    let mut at = 0;
-    for line in explanation.split_inclusive('\n') {
-        at += line.len();
-        if line.trim().strip_prefix("# ") == Some(heading) {
-            let rest = explanation.get(at..)?;
-            let end = rest.find("\n # ").or_else(|| rest.find("\n# ")).unwrap_or(rest.len());
-            return rest.get(..end);
-        }
-    }
-    None
 }
 
 /// All headings with their text, each joined to one paragraph.
@@ -199,14 +176,6 @@ pub fn format_manual(explanation: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_next_step_is_the_first_sentence() {
-        let next = |text| next_step(text).unwrap_or_default();
-        assert_eq!(next("\n Check the cable\n and 1.5 V. Then more.\n"), "check the cable and 1.5 V");
-        assert_eq!(next(" SYNC first."), "SYNC first");
-        assert_eq!(next_step("\n"), None);
-    }
 
     #[test]
     fn sections_end_at_the_next_heading() {

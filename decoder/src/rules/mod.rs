@@ -21,13 +21,14 @@ mod policy;
 mod rule;
 mod selection;
 
+pub use crate::finding::documentation::section_text;
 pub use context::meter::{BusSecond, FrameMeter};
 pub use context::pdo_slot::PdoSlot;
 pub(crate) use context::traffic::BySlot;
 pub use context::traffic::PdoTraffic;
 pub use context::{FindingAlarm, RuleContext};
 pub use declaration::{
-    Declaration, HEADINGS, PdoSubset, Tolerance, TransferSubset, all_sections, format_manual, section_text,
+    Declaration, HEADINGS, PdoSubset, Tolerance, TransferSubset, all_sections, format_manual,
 };
 pub use engine::RuleEngine;
 pub use engine::names::check_names;

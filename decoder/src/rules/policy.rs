@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::declaration::Declaration;
 use super::selection::{self, RuleSelection};
 use crate::bus_file::{NodeRule, Suppression};
+use crate::conclusion::{all_hypotheses, find_hypothesis};
 use crate::finding::{FindingGroup, FindingSubject, RuleInfo, Severity, SuppressionUse};
 use crate::wire::NodeId;
 
@@ -29,12 +30,17 @@ impl RulePolicy {
     /// Whether a rule exists. A name with a colon is accepted: it names a device rule, known once the device
     /// is identified.
     pub(super) fn knows_rule(&self, rule: &str) -> bool {
-        rule.contains(':') || self.rules.iter().any(|known| *known.name == *rule)
+        rule.contains(':')
+            || self.rules.iter().any(|known| *known.name == *rule)
+            || find_hypothesis(rule).is_some()
     }
 
     /// Whether a pattern on the command line means a rule; one with a colon may mean a device rule.
     pub(super) fn knows_pattern(&self, pattern: &str) -> bool {
-        pattern.contains(':') || self.rules.iter().any(|known| selection::matches_rule(pattern, &known.name))
+        let is_meant = |name: &str| selection::matches_rule(pattern, name);
+        pattern.contains(':')
+            || self.rules.iter().any(|known| is_meant(&known.name))
+            || all_hypotheses().iter().any(|row| is_meant(&row.id))
     }
 
     /// Value of a tolerance: from the bus file, else the default.

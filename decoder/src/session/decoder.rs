@@ -140,7 +140,13 @@ impl BusDecoder {
         let slot = identifier.or_else(|| self.add_slot(frame, out));
         let Some(slot) = slot else { return self.on_frame_without_slot(frame, out) };
         let bus = &mut self.shared.bus;
-        let Some(service) = bus.routes.note_frame(slot, bus.clock.now()) else { return };
+        // A request by a remote frame is not a message of the node that the identifier belongs to.
+        let noted = if frame.flags.contains(FrameFlags::REMOTE) {
+            bus.routes.slot(slot).map(|state| state.service)
+        } else {
+            bus.routes.note_frame(slot, (bus.clock.now(), frame.number))
+        };
+        let Some(service) = noted else { return };
         if self.is_pair_undecided(service, frame) && self.on_undecided_frame((slot, service), frame, out) {
             return;
         }
@@ -361,12 +367,19 @@ impl BusDecoder {
 
     #[inline]
     fn advance_clock(&mut self, stamp: Timestamp, number: u64, out: &mut dyn Observer) {
-        let advance = self.shared.bus.clock.advance_to(stamp);
-        if advance.step.is_some() || advance.gap.is_some() {
-            self.on_irregular_time(stamp, number, (advance.step, advance.gap), out);
-        }
-        if self.shared.timers.is_due(advance.now) {
-            self.expire_deadlines(advance.now, out);
+        let clock = &mut self.shared.bus.clock;
+        let now = if let Some(now) = clock.regular_time(stamp) {
+            clock.advance_regularly(stamp, now);
+            now
+        } else {
+            let advance = clock.advance_to(stamp);
+            if advance.step.is_some() || advance.gap.is_some() {
+                self.on_irregular_time(stamp, number, (advance.step, advance.gap), out);
+            }
+            advance.now
+        };
+        if self.shared.timers.is_due(now) {
+            self.expire_deadlines(now, out);
         }
     }
 

@@ -18,11 +18,17 @@ const PATIENCE: u8 = 64;
 /// Frames between two questions to such an observer.
 const PAUSE: u64 = 64;
 
+/// Whether an observer that may need each event is asked about this frame.
+#[cold]
+fn ends_pause(number: u64) -> bool {
+    number.is_multiple_of(PAUSE)
+}
+
 impl BusDecoder {
     /// Whether to ask the observer about a frame. The answer saves work only; events without a question are correct, too.
     #[inline]
     fn may_skip(&self, frame: &Frame) -> bool {
-        self.needed_in_a_row < PATIENCE || frame.number.is_multiple_of(PAUSE)
+        self.needed_in_a_row < PATIENCE || ends_pause(frame.number)
     }
 
     /// Handles a frame that the session itself does not need: updates times and counters, and sends the event of a PDO if
@@ -68,13 +74,18 @@ impl Bus {
     #[inline]
     fn preview_frame(&self, identifier: usize, frame: &Frame) -> Option<MessagePreview> {
         let state = self.routes.slot(identifier)?;
-        let needed = state.needed?;
+        let needed = state.needed_bits()?;
         let time = frame.time?;
         let now = self.clock.regular_time(time)?;
         let (payload, change) = state.last.next(frame)?;
+        if change & needed != 0 {
+            return None;
+        }
         let sender = self.nodes.node_at(usize::from(state.sender));
-        let is_settled = change & needed == 0 && self.protocols.is_settled_sender(state.service, sender);
-        is_settled.then_some(MessagePreview { identifier, frame: frame.number, time, now, payload, change })
+        if !self.protocols.is_settled_sender(state.service, sender) {
+            return None;
+        }
+        Some(MessagePreview { identifier, frame: frame.number, time, now, payload, change })
     }
 
     /// Updates clock, identifier and sender at a frame that the session does not need; `has_event` if an observer needs it.
@@ -84,7 +95,10 @@ impl Bus {
         self.clock.advance_regularly(preview.time, preview.now);
         (self.last_frame, self.last_time) = (preview.frame, Some(preview.time));
         let Some(state) = self.routes.slot_mut(preview.identifier) else { return };
-        state.note_frame(preview.now);
+        state.note_frame(preview.now, preview.frame);
+        if preview.change != 0 {
+            state.pulse.note_change((preview.now, preview.frame), preview.payload, preview.change);
+        }
         state.last.set_word(preview.payload);
         if !has_event && state.is_received() {
             state.skipped.get_or_insert_default().push(preview.time, preview.frame);

@@ -75,16 +75,19 @@ impl TableIndex {
         let mut open: Option<(&'static str, usize)> = None;
         let mut start: usize = 0;
         for line in text.split_inclusive('\n') {
-            let mut columns = line.trim_end().split('\t');
-            match (columns.next(), columns.next()) {
-                (Some("%G" | "%R"), Some(key)) if open.is_none_or(|(present, _)| present != key) => {
-                    index.close_group(text, open, start);
-                    open = Some((key, start));
+            // Lines of fields are most lines, and have no mark.
+            if line.starts_with('%') {
+                let mut columns = line.trim_end().split('\t');
+                match (columns.next(), columns.next()) {
+                    (Some("%G" | "%R"), Some(key)) if open.is_none_or(|(present, _)| present != key) => {
+                        index.close_group(text, open, start);
+                        open = Some((key, start));
+                    }
+                    (Some("%L" | "%B" | "%K"), Some(name)) => {
+                        index.values.insert(name, ValueTable::new(line.trim_end()));
+                    }
+                    _ => {}
                 }
-                (Some("%L" | "%B" | "%K"), Some(name)) => {
-                    index.values.insert(name, ValueTable::new(line.trim_end()));
-                }
-                _ => {}
             }
             start = start.saturating_add(line.len());
         }

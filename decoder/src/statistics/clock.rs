@@ -35,18 +35,21 @@ impl RecorderClock {
 
     /// Takes frames without any step; `false`, and none is taken, if there are or were steps.
     pub(super) fn take_steady(&mut self, frames: &[Frame]) -> bool {
+        if !self.is_steady() {
+            return false;
+        }
         let mut latest = self.latest.unwrap_or(i64::MIN);
-        let mut times = frames.iter().filter_map(|frame| frame.time);
-        let is_steady = self.is_steady()
-            && times.all(|Timestamp(time)| {
-                let is_after = time >= latest.saturating_sub(JITTER);
-                latest = latest.max(time);
-                is_after
-            });
-        if is_steady && latest > i64::MIN {
+        for Timestamp(time) in frames.iter().filter_map(|frame| frame.time) {
+            if time >= latest {
+                latest = time;
+            } else if time < latest.saturating_sub(JITTER) {
+                return false;
+            }
+        }
+        if latest > i64::MIN {
             self.latest = Some(latest);
         }
-        is_steady
+        true
     }
 
     /// Takes a frame; whether the clock was set before it, so that no time across it is known.

@@ -75,6 +75,15 @@ impl NodeId {
         }
     }
 
+    /// Node-ID or address of a slot in such a table; `None` for an unused slot.
+    pub(crate) fn of_place(place: usize) -> Option<Self> {
+        let id = match place.checked_sub(128) {
+            Some(address) => Self::J1939(u8::try_from(address).ok()?),
+            None => Self::Canopen(u8::try_from(place).ok()?),
+        };
+        id.is_valid().then_some(id)
+    }
+
     /// All valid node-IDs, then all valid addresses.
     pub fn all_ids() -> impl Iterator<Item = Self> {
         (1..=127).map(Self::Canopen).chain((0..=LAST_ADDRESS).map(Self::J1939))
@@ -139,6 +148,7 @@ mod tests {
         places.dedup();
         assert_eq!((places.len(), count), (127 + 254, 127 + 254));
         assert!(places.iter().all(|place| *place < NODE_PLACES));
+        assert!((0..=NODE_PLACES).filter_map(NodeId::of_place).eq(NodeId::all_ids()), "in the same order");
         for invalid in [NodeId::Canopen(0), NodeId::Canopen(128), NodeId::J1939(254)] {
             assert_eq!(invalid.table_place(), NODE_PLACES);
         }

@@ -110,7 +110,10 @@ impl<T> NodeMap<T> {
 
     /// All entries.
     pub fn iter(&self) -> impl Iterator<Item = (NodeId, &T)> {
-        NodeId::all_ids().filter_map(|node| Some((node, self.get(node)?)))
+        self.0
+            .iter()
+            .enumerate()
+            .filter_map(|(place, value)| Some((NodeId::of_place(place)?, value.as_ref()?)))
     }
 }
 

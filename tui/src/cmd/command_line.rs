@@ -23,7 +23,7 @@ use super::shell::{CompletionsArgs, ManArgs};
 use super::stats::StatsArgs;
 use super::view::ViewArgs;
 use super::why::WhyArgs;
-use crate::run::arguments::{EXIT_STATUS, InputArgs, NodeOption};
+use crate::run::arguments::{EXIT_STATUS, InputArgs, NodeOption, parse_words};
 
 /// Decode CAN captures and live buses: events and faults of CANopen, J1939 and UDS devices
 ///
@@ -42,6 +42,20 @@ pub struct Cli {
     /// Command to run.
     #[command(subcommand)]
     pub command: CliCommand,
+}
+
+impl Cli {
+    /// Parses the arguments of the process. The definitions of all commands take longer to build than a small capture to
+    /// decode: they are built for a command that reads no capture, for help and for messages about mistakes.
+    ///
+    /// # Errors
+    /// If the arguments are not valid, and for a request for help or the version.
+    pub fn parse_arguments(arguments: &[OsString]) -> Result<Self, clap::Error> {
+        match CliCommand::parse_alone(arguments) {
+            Some(command) => Ok(Self { command }),
+            None => Self::try_parse_from(arguments),
+        }
+    }
 }
 
 /// The subcommands, in the order of the help. Their arguments have their descriptions.
@@ -70,6 +84,27 @@ pub enum CliCommand {
 }
 
 impl CliCommand {
+    /// Parses the arguments of a command that reads captures, without the definitions of the others; `None` for all other
+    /// commands, for mistakes and for requests for help.
+    fn parse_alone(arguments: &[OsString]) -> Option<Self> {
+        let [_, name, words @ ..] = arguments else { return None };
+        let words = words.iter().cloned();
+        let command = match name.to_str()? {
+            "view" => Self::View(parse_words("view", words).ok()?),
+            "live" => Self::Live(parse_words("live", words).ok()?),
+            "decode" => Self::Decode(parse_words("decode", words).ok()?),
+            "convert" => Self::Convert(parse_words("convert", words).ok()?),
+            "stats" => Self::Stats(parse_words("stats", words).ok()?),
+            "objects" => Self::Objects(parse_words("objects", words).ok()?),
+            "why" => Self::Why(parse_words("why", words).ok()?),
+            "diff" => Self::Diff(parse_words("diff", words).ok()?),
+            "report" => Self::Report(parse_words("report", words).ok()?),
+            "check" => Self::Check(parse_words("check", words).ok()?),
+            _ => return None,
+        };
+        Some(command)
+    }
+
     /// Options for reading, and the option that selects a node if `--node` only assigns profiles; `None` for commands
     /// that read no capture.
     fn input(&self) -> Option<(&InputArgs, Option<NodeOption>)> {
@@ -145,7 +180,7 @@ pub fn with_default_command(
     };
     if needs_default {
         arguments.insert(1, "view".into());
-        let is_view = is_on_terminal && Cli::try_parse_from(&arguments).is_ok();
+        let is_view = is_on_terminal && Cli::parse_arguments(&arguments).is_ok();
         if let (false, Some(command)) = (is_view, arguments.get_mut(1)) {
             *command = "decode".into();
         }
@@ -305,7 +340,26 @@ mod tests {
                         if at % 2 == 1 { vec![part] } else { part.split_whitespace().collect() }
                     },
                 );
-            Cli::try_parse_from(words).unwrap_or_else(|error| panic!("{example}: {error}"));
+            let words: Vec<OsString> = words.map(OsString::from).collect();
+            let whole = Cli::try_parse_from(&words).unwrap_or_else(|error| panic!("{example}: {error}"));
+            if let Some(alone) = CliCommand::parse_alone(&words) {
+                assert_eq!(format!("{alone:?}"), format!("{:?}", whole.command), "{example}");
+            }
+        }
+    }
+
+    #[test]
+    fn mistakes_and_help_have_the_texts_of_the_whole_definition() {
+        for line in ["decode --help", "chek x.log", "check --fail-on x", "convert", "view --bus", "", "rules"]
+        {
+            let words: Vec<OsString> =
+                std::iter::once("cobscope").chain(line.split_whitespace()).map(OsString::from).collect();
+            let text = |parsed: Result<Cli, clap::Error>| parsed.map_err(|error| error.to_string());
+            assert_eq!(
+                format!("{:?}", text(Cli::parse_arguments(&words))),
+                format!("{:?}", text(Cli::try_parse_from(&words))),
+                "{line}"
+            );
         }
     }
 

@@ -46,7 +46,7 @@ fn understood(text: &str) -> Option<(SessionOptions, Arc<RuleSetup>)> {
     let file = BusFile::parse(text).inspect_err(refused).ok()?;
     let setup = RuleSetup::new(&file, text, None).inspect_err(refused).ok()?;
     for rule in setup.rules() {
-        assert!(!rule.title.is_empty() && rule.source.is_some() && rule.word.len() <= 6);
+        assert!(!rule.title.is_empty() && rule.cited_source().is_some() && rule.word.len() <= 6);
     }
     Some((SessionOptions { bus_file: file, ..SessionOptions::default() }, Arc::new(setup)))
 }

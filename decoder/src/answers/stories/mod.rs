@@ -67,14 +67,20 @@ pub struct StoryAnswer {
     pub bus: Option<String>,
     /// Whether the capture shows the cause.
     pub cause_visible: bool,
+    /// Part of the machine that fails; null if only rules judged.
+    pub component: Option<&'static str>,
     /// Numbers of all findings, as in decode and check.
     pub findings: Vec<u64>,
     /// First and last frame.
     pub frames: Option<[u64; 2]>,
     /// The lines of the text.
     pub lines: Vec<StoryText>,
+    /// How the part of the machine fails.
+    pub mode: Option<&'static str>,
     /// Node-ID or J1939 address of the cause; null for the bus.
     pub node: Option<u8>,
+    /// Node-IDs or J1939 addresses of all nodes that the story concerns.
+    pub nodes: Vec<u8>,
     /// Rules of the printed findings, cause first.
     pub rules: Vec<String>,
     /// Begin of the cause, from the first frame.
@@ -216,10 +222,13 @@ impl StoryAnswer {
         Self {
             bus: ground.bus_name(story.bus),
             cause_visible: story.is_cause_visible,
+            component: story.failure.map(|failure| failure.component),
             findings: story.findings.clone(),
             frames: frames(story.began),
             lines: story.lines.iter().map(|line| StoryText::new(line, ground)).collect(),
+            mode: story.failure.map(|failure| failure.mode),
             node: story.node.map(NodeId::number),
+            nodes: story.nodes.iter().map(|(_, node)| node.number()).collect(),
             rules: story.rules.iter().map(ToString::to_string).collect(),
             seconds: ground.seconds(story.began),
             severity: story.severity.name(),

@@ -49,8 +49,10 @@ pub(super) const FORMAT: CaptureFormat = CaptureFormat {
 
 /// Whether the details of a CAN packet occur, after the line of a frame.
 fn has_details(head: &[u8]) -> bool {
+    let is_network = |line: &[u8]| line.starts_with(NETWORK);
     let mut lines = first_lines(head, DETECTING_LINES);
-    lines.any(is_packet_start) && lines.any(|line| line.starts_with(NETWORK))
+    // Most captures of other programs have no such line, which is cheaper to find.
+    first_lines(head, DETECTING_LINES).any(is_network) && lines.any(is_packet_start) && lines.any(is_network)
 }
 
 /// Whether the first lines are the bytes of a CAN packet.

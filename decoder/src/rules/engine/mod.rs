@@ -12,7 +12,7 @@ use std::sync::Arc;
 use self::bus_judge::BusJudge;
 use self::setup::RuleSetup;
 use super::ledger::causes::cause_table;
-use super::ledger::{FindingLedger, GroupChange, LedgerNews};
+use super::ledger::{FindingLedger, GroupChange, LedgerNews, add_conclusions, lower_power_cycles};
 use crate::event::{Event, EventKind, EventProtocol, Kind, KindSet};
 use crate::finding::CaptureFindings;
 use crate::frame::{Frame, FrameFlags};
@@ -34,7 +34,16 @@ const LIMITING: KindSet = KindSet::of(&[
 ]);
 
 /// Event kinds with facts that may explain findings.
-const FACTS: KindSet = KindSet::of(&[Kind::NmtCommand, Kind::SdoTransfer, Kind::CanError]);
+const FACTS: KindSet = KindSet::of(&[
+    Kind::NmtCommand,
+    Kind::NmtState,
+    Kind::SdoTransfer,
+    Kind::CanError,
+    Kind::BootUp,
+    Kind::Emcy,
+    Kind::AddressClaim,
+    Kind::J1939Request,
+]);
 
 /// Runs the rules over one capture. Each bus has its own instances of the rules.
 pub struct RuleEngine {
@@ -178,6 +187,10 @@ impl RuleEngine {
         let mut notes = self.quality.limit_texts();
         if is_timed {
             notes.extend(self.ledger.lower_explained(buses));
+            for bus in buses {
+                lower_power_cycles(&mut self.ledger, bus);
+                add_conclusions(&mut self.ledger, bus);
+            }
         }
         for bus in buses {
             self.emit_news(bus, is_timed, out);

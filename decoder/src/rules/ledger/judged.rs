@@ -88,7 +88,9 @@ impl FindingLedger {
                     RuleOrigin::Expectation => {
                         quality.push(format!("{} is not exercised: {why}", info.name));
                     }
-                    RuleOrigin::General | RuleOrigin::Device => info.needs = why.as_str().into(),
+                    RuleOrigin::General | RuleOrigin::Device | RuleOrigin::Conclusion => {
+                        info.needs = why.as_str().into()
+                    }
                 }
             }
         }

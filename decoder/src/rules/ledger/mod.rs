@@ -2,6 +2,7 @@
 
 mod absent_nodes;
 pub(super) mod causes;
+mod conclusions;
 mod explained;
 mod fact_row;
 mod facts;
@@ -17,6 +18,7 @@ use std::sync::Arc;
 use foldhash::fast::FixedState;
 
 use self::causes::{CauseEffect, CauseExplanation};
+pub(super) use self::conclusions::{add_conclusions, lower_power_cycles};
 use self::facts::LedgerFacts;
 use self::reported_losses::ReportedLosses;
 use super::conformance::{CaseStanding, ConformanceRun};
@@ -27,6 +29,7 @@ use crate::finding::{
     KEPT_OCCURRENCES, MergedFindings, Occurrence, RuleInfo, Severity,
 };
 use crate::frame::{BusIndex, Timestamp};
+use crate::observation::NodeMoments;
 use crate::session::{Bus, Node};
 use crate::wire::NodeId;
 use crate::wire::canopen::test_marker::TestMarker;
@@ -164,6 +167,8 @@ pub(super) struct FindingLedger {
     /// Buses that proved not to be CANopen.
     doubted: Vec<BusIndex>,
     reported_losses: ReportedLosses,
+    /// Commands and restarts.
+    moments: NodeMoments,
 }
 
 impl FindingLedger {
@@ -188,6 +193,7 @@ impl FindingLedger {
             unexercised: Vec::new(),
             doubted: Vec::new(),
             reported_losses: ReportedLosses::default(),
+            moments: NodeMoments::default(),
         }
     }
 
@@ -236,6 +242,8 @@ impl FindingLedger {
     /// Records a command, a write or an error frame that may explain findings.
     pub(super) fn observe_event(&mut self, event: &Event, bus: &Bus, now: i64) {
         self.reported_losses.note_event(event);
+        // Silences of the bus do not stop the clock of its messages.
+        self.moments.observe_event(event, event.time.map_or(bus.now(), |time| bus.monotonic(time)));
         self.facts.observe_event(event, bus, now);
     }
 
@@ -314,7 +322,7 @@ impl FindingLedger {
             bus: Arc::clone(bus),
             node_name: node.and_then(Node::name).map(Arc::from),
             object_name: object_name(&claim.key.about, node),
-            next_step: rule.and_then(|rule| rule.next_step.clone()),
+            next_step: rule.and_then(RuleInfo::first_step),
             manual: rule.and_then(|rule| manual::cite_manual(rule, &claim.key.about, node)),
             severity: Severity::Note,
             text: String::new(),
@@ -331,6 +339,7 @@ impl FindingLedger {
             downgraded: None,
             suppressed: None,
             is_open: false,
+            nodes: claim.key.node.into_iter().collect(),
         };
         group.suppressed = self.policy.suppression_reason(&group);
         self.groups.push(group);

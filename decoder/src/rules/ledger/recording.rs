@@ -14,7 +14,7 @@ const NOT_CAPTURED: &str = "single frames missing from the capture may be the ca
 const REPORTED_LOSS: &str = "lost frames in the capture may be the cause";
 
 /// Rules whose findings one missing frame causes: a periodic message of this service, or any frame.
-const MISSING_FRAMES: [(&str, Option<StreamService>); 18] = [
+const MISSING_FRAMES: [(&str, Option<StreamService>); 21] = [
     ("sync-period", Some(StreamService::Sync)),
     ("node-lost", Some(StreamService::ErrorControl)),
     ("pdo-event-timer", Some(StreamService::TransmittedPdo)),
@@ -29,9 +29,12 @@ const MISSING_FRAMES: [(&str, Option<StreamService>); 18] = [
     ("pdo-sync-acyclic", None),
     ("pdo-sync-cyclic", None),
     ("sdo-no-response", None),
+    ("sdo-answer-mismatch", None),
+    ("sdo-client-does-not-wait", None),
     ("sdo-toggle", None),
     ("sync-counter", None),
     ("request-unanswered", None),
+    ("transport-violation", None),
     ("uds-no-response", None),
 ];
 
@@ -63,14 +66,17 @@ impl FindingLedger {
                 continue;
             }
             let rule = MISSING_FRAMES.iter().find(|(rule, _)| **rule == *group.rule);
+            let place = usize::from(group.key.rule);
+            let is_timing = self.rules.get(place).is_some_and(|rule| rule.is_timing);
             let explained = match rule {
-                None => 0,
+                None if !is_timing => 0,
                 Some((_, Some(service))) => {
                     loss.explained_gaps(gap_count(&streams, *service, group.key.node))
                 }
-                Some((_, None)) => {
-                    let tally = self.tallies.get(usize::from(group.key.rule)).copied().unwrap_or_default();
-                    loss.explained_count(tally.passed.saturating_add(tally.failed))
+                Some((_, None)) | None => {
+                    let tally = self.tallies.get(place).copied().unwrap_or_default();
+                    let checks = tally.passed.saturating_add(tally.failed);
+                    if rule.is_some() || loss.is_likely_in(checks) { loss.explained_count(checks) } else { 0 }
                 }
             };
             if group.count <= explained {

@@ -184,7 +184,7 @@ impl Bus {
 
     /// All nodes in ascending order, CANopen first.
     pub fn nodes(&self) -> impl Iterator<Item = &Node> {
-        NodeId::all_ids().filter_map(|id| self.node(id))
+        self.nodes.in_order()
     }
 
     /// All gates of all set points of a node received so far, closed ones first.

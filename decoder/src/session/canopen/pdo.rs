@@ -55,6 +55,9 @@ impl ProtocolMachine for PdoMachine {
             None => Some(u64::MAX),
         };
         let same = change.is_none();
+        if let Some(change) = change {
+            entry.pulse.note_change((bus.clock.now(), frame.number), entry.last.word(), change);
+        }
         let is_resized = !same && pdo.length != frame.length && !is_request;
         event.time = frame.time;
         event.frames = FrameRange::one(frame.number);
@@ -156,7 +159,7 @@ fn first_pdo(slot: usize, name: PdoName, id: NodeId, frame: &Frame, cx: &mut Mac
     if let Some(entry) = cx.bus.routes.slot_mut(slot) {
         entry.prepared = Some(Box::new(event));
         entry.last = LastPayload::payload_of(frame);
-        entry.needed = plan.as_ref().map_or(Some(0), WatchPlan::needed_bits);
+        entry.set_needed_bits(plan.as_ref().map_or(Some(0), WatchPlan::needed_bits));
         entry.plan = plan.map(|plan| {
             let mut recent = RecentFrames::default();
             recent.push(frame.number, now);

@@ -55,6 +55,9 @@ impl ProtocolMachine for MessageMachine {
             // A field of the message decides how the message is decoded.
             return first_message(slot, id, frame, cx);
         }
+        if let Some(change) = change {
+            entry.pulse.note_change((bus.clock.now(), frame.number), entry.last.word(), change);
+        }
         event.time = frame.time;
         event.frames = FrameRange::one(frame.number);
         event.presumed = !believed;
@@ -139,7 +142,8 @@ fn first_message(slot: usize, id: J1939Id, frame: &Frame, cx: &mut MachineContex
     let needed = needed_bits(id, plan.as_ref(), cadence.as_ref(), cx.bus.protocols.has_nmea2000);
     if let Some(entry) = cx.bus.routes.slot_mut(slot) {
         event.routine = false;
-        (entry.last, entry.needed) = (LastPayload::payload_of(frame), needed);
+        entry.last = LastPayload::payload_of(frame);
+        entry.set_needed_bits(needed);
         entry.version = entry.version.wrapping_add(1);
         let before = entry.plan.take();
         entry.prepared = Some(Box::new(event));

@@ -12,6 +12,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
+use cobscope_decoder::conclusion::find_hypothesis;
 use cobscope_decoder::profile::{self, Catalogue, DeviceProfile, ProfileError};
 use cobscope_decoder::wire::canopen::ObjectAddress;
 
@@ -27,7 +28,7 @@ use asked::LookupScope;
 const LAST_IDENTIFIER: u32 = 0x1FFF_FFFF;
 
 /// Error text with all accepted forms.
-const FORMS: &str = "expected a rule (node-lost; see cobscope rules), an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 1018sub1, \
+const FORMS: &str = "expected a rule (node-lost; see cobscope rules), a conclusion (nodes-restarted), an SDO abort code (06020000), an EMCY code (8130), an object (1018:01, 1018sub1, \
                      1018h:01h), a COB-ID (185), a 29-bit identifier (18FECA80), a PGN (pgn:65226), a J1939 fault \
                      (298985/19: SPN/FMI, or 938FE9: its three bytes in either order), a UDS response code (nrc:31) or identifier (did:F190), or a frame (701#05, \
                      or a line of any capture)";
@@ -41,8 +42,8 @@ const EXAMPLES: &str = examples![
 
 /// Explain a code, an identifier, an object, a frame or a rule
 ///
-/// THING is a rule (node-lost, rexroth-sydfec:NAME; see cobscope rules), an SDO abort code (06020000), an
-/// EMCY error code (8130), an object (1018:01, 0x1018:01, 1018h:01h, 1018sub1), a COB-ID (185), a 29-bit
+/// THING is a rule (node-lost, rexroth-sydfec:NAME; see cobscope rules), a conclusion (nodes-restarted; see
+/// docs/diagnosis.md), an SDO abort code (06020000), an EMCY error code (8130), an object (1018:01, 0x1018:01, 1018h:01h, 1018sub1), a COB-ID (185), a 29-bit
 /// identifier (18FECA80), a J1939 PGN (pgn:65226, pgn:0xFECA), a J1939 fault (298985/19: SPN/FMI; 938FE9: as a
 /// number or as sent), a UDS
 /// response code (nrc:31) or identifier (did:F190), or a frame: in candump's log form (701#05), or a line of any capture
@@ -90,6 +91,9 @@ pub(super) fn find_meanings(
     let thing = thing.trim();
     if let Some(rule) = rules::find_rule(&asked.catalogue, thing) {
         return Ok(rules::rule_page(&rule));
+    }
+    if let Some(row) = find_hypothesis(thing) {
+        return Ok(format!("{}  {}\n\n{}\n", row.id, row.title, row.manual_text()));
     }
     let mut readings = if thing.contains('#') {
         frame::explain_frame(thing, &asked).into_iter().collect()

@@ -6,6 +6,7 @@
 //!   What it checks: …
 //! ```
 
+use cobscope_decoder::conclusion::find_hypothesis;
 use cobscope_decoder::finding::phrase::fact_text;
 use cobscope_decoder::finding::{CaptureFindings, FindingCause, FindingGroup, Occurrence, RuleInfo};
 use cobscope_decoder::rules::{all_declarations, all_sections, format_manual};
@@ -125,6 +126,8 @@ fn so_far(core: &UiState, survey: &SurveyResults, frames: &[u64], items: &mut Ve
         }
         if let Some(rule) = all_declarations().find(|rule| *rule.name == *news.rule) {
             push_explanation(&rule.rule_info(), items);
+        } else if let Some(row) = find_hypothesis(&news.rule) {
+            push_explanation(&row.rule_info(), items);
         }
     }
 }
@@ -135,9 +138,8 @@ fn push_explanation(rule: &RuleInfo, items: &mut Vec<DetailItem>) {
     let paragraphs = all_sections(&text);
     if paragraphs.is_empty() {
         items.push(DetailItem::new(&format!("  {}", rule.title), TextRole::Text));
-        items.extend(
-            rule.source.as_ref().map(|source| DetailItem::minor_item(&format!("  Source: {source}"))),
-        );
+        items
+            .extend(rule.cited_source().map(|source| DetailItem::minor_item(&format!("  Source: {source}"))));
     }
     for (heading, paragraph) in paragraphs {
         items.push(DetailItem::headed_item(&format!("  {heading}: "), &paragraph));

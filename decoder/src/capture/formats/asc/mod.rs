@@ -27,7 +27,9 @@ use header::AscHeader;
 use crate::capture::text::bus_labels::BusLabels;
 use crate::capture::text::columns::NumberBase;
 use crate::capture::text::evidence::{LineClass, is_proven};
-use crate::capture::text::line_format::{CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine};
+use crate::capture::text::line_format::{
+    CaptureAssumptions, LineFault, LineFormat, LineParser, ParsedLine, split_at,
+};
 use crate::capture::text::lines::SkippedLines;
 use crate::capture::{
     Batch, CaptureFormat, DirectionSupport, ErrorFrames, FormatCapabilities, WritableFormat,
@@ -79,7 +81,8 @@ fn classify_row(line: &[u8]) -> LineClass {
 fn has_header(head: &[u8]) -> bool {
     let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
     let whole = memchr::memrchr(b'\n', head).and_then(|end| head.get(..end)).unwrap_or_default();
-    let mut lines = whole.split(|byte| *byte == b'\n').take(DETECTING_LINES).map(<[u8]>::trim_ascii);
+    let lines = split_at(whole, |text| memchr::memchr(b'\n', text));
+    let mut lines = lines.take(DETECTING_LINES).map(<[u8]>::trim_ascii);
     lines.any(|line| matches!(header::parse_header(line), Ok(AscHeader::Date(_) | AscHeader::Base { .. })))
 }
 

@@ -7,7 +7,7 @@ use crate::capture::TimeUnit;
 use crate::capture::text::columns::NumberBase;
 
 /// Column separators, in the order in which they are tried.
-const SEPARATORS: &[u8] = b",;\t";
+const SEPARATORS: [u8; 3] = *b",;\t";
 
 /// Maximum number of columns read: 64 bytes and the other fields.
 const MOST_COLUMNS: usize = 96;
@@ -349,10 +349,13 @@ pub(super) struct CsvLayout {
 impl CsvLayout {
     /// Layout of the rows after the header `line`; `None` if it is not the header of a known program.
     pub(super) fn of_header(line: &[u8]) -> Option<Self> {
+        // No coding of a character contains a separator.
+        let [first, second, third] = SEPARATORS;
+        memchr::memchr3(first, second, third, line)?;
         let is_gbk = std::str::from_utf8(line).is_err();
         let line = decode_text(line, is_gbk);
         let line = line.as_bytes();
-        for separator in SEPARATORS.iter().copied().filter(|separator| line.contains(separator)) {
+        for separator in SEPARATORS.into_iter().filter(|separator| line.contains(separator)) {
             let fields = CsvFields::new(line, separator).take(MOST_COLUMNS);
             let name = |field: CsvField<'_>| {
                 let name = String::from_utf8_lossy(field.text.trim_ascii());

@@ -83,6 +83,9 @@ impl RequestUnanswered {
 
     /// Closes the requests for a group from an address.
     fn on_response(&mut self, by: u8, pgn: Pgn, context: &mut RuleContext<'_>) {
+        if !self.open.iter().any(|asked| (asked.of, asked.pgn) == (by, pgn)) {
+            return;
+        }
         self.open.retain(|asked| {
             let is_it = (asked.of, asked.pgn) == (by, pgn);
             if is_it {

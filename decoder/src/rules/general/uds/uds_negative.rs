@@ -1,5 +1,6 @@
 //! Negative responses of a UDS server.
 
+use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::sync::Arc;
 
@@ -13,8 +14,9 @@ use crate::rules::{Rule, RuleContext, RulePolicy};
 declare_rule! {
     /// # What it checks
     /// A server sends a negative response. It is a warning if the request writes, starts, transfers, clears
-    /// or resets something, otherwise a note. A read of a service, sub-function or identifier that the server
-    /// does not support is exempt, and so is "response pending" (78).
+    /// or resets something, or if the server refuses a session or security access twice in a row, otherwise a
+    /// note. A read of a service, sub-function or identifier that the server does not support is exempt, and so
+    /// is "response pending" (78).
     ///
     /// # Why it matters
     /// The setting, routine or download has no effect, regardless of the display of the tester.
@@ -43,10 +45,51 @@ const NO_SERVICE: u8 = 0x11;
 /// Services that change something: reset, clear, write, control, routine and transfer services.
 const CHANGES: [u8; 10] = [0x11, 0x14, 0x2E, 0x2F, 0x31, 0x34, 0x36, 0x37, 0x38, 0x3D];
 
-struct UdsNegative;
+/// Services that all later steps of a tester need: diagnostic session control, security access.
+const PREREQUISITES: [u8; 2] = [0x10, 0x27];
+
+/// Security access.
+const SECURITY: u8 = 0x27;
+
+/// Refusals in a row of such a service after which a tester does not get on.
+const REPEATED: u32 = 2;
+
+/// Most servers whose refusals are counted.
+const COUNTED: usize = 256;
+
+#[derive(Default)]
+struct UdsNegative {
+    /// Refusals in a row of a service by a server.
+    refusals: HashMap<Arc<str>, u32>,
+}
 
 fn new(_policy: &RulePolicy) -> UdsNegative {
-    UdsNegative
+    UdsNegative::default()
+}
+
+impl UdsNegative {
+    /// Counts a response to a service that later steps need; whether the server refuses it again and again.
+    fn is_refused_again(&mut self, event: &Event, exchange: &UdsExchange, is_refused: bool) -> bool {
+        if !PREREQUISITES.contains(&exchange.service) {
+            return false;
+        }
+        let subject = exchange_subject(event, exchange);
+        if !is_refused {
+            // A seed (odd sub-function of security access) does not open anything yet.
+            let is_seed = exchange.service == SECURITY
+                && exchange.sub_function.as_ref().is_some_and(|sub| sub.value % 2 == 1);
+            if !is_seed {
+                self.refusals.remove(&subject);
+            }
+            return false;
+        }
+        if self.refusals.len() >= COUNTED && !self.refusals.contains_key(&subject) {
+            return false;
+        }
+        let count = self.refusals.entry(subject).or_default();
+        *count = count.saturating_add(1);
+        *count >= REPEATED
+    }
 }
 
 /// `20: 2E 0102`: server, service, identifier. The server is omitted if the finding has a node.
@@ -75,11 +118,15 @@ impl Rule for UdsNegative {
     fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let EventKind::UdsExchange(exchange) = &event.kind else { return };
         let code = match (exchange.outcome, exchange.nrc) {
-            (ExchangeOutcome::Positive, _) => return context.count_pass(),
+            (ExchangeOutcome::Positive, _) => {
+                self.is_refused_again(event, exchange, false);
+                return context.count_pass();
+            }
             (ExchangeOutcome::Negative, Some(code)) => code,
             _ => return,
         };
-        let changes = CHANGES.contains(&exchange.service);
+        let is_again = self.is_refused_again(event, exchange, true);
+        let changes = CHANGES.contains(&exchange.service) || is_again;
         if code == NO_SERVICE || !changes && NOT_THERE.contains(&code) {
             return;
         }

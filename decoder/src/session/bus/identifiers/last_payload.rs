@@ -48,6 +48,11 @@ impl LastPayload {
         frame.flags.is_classic_data().then_some((word, word ^ self.word))
     }
 
+    /// The payload, little-endian; unused bytes are 0.
+    pub(in crate::session) fn word(&self) -> u64 {
+        self.word
+    }
+
     /// Takes the next payload of the same length.
     #[inline]
     pub(in crate::session) fn set_word(&mut self, word: u64) {

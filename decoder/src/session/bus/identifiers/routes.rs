@@ -26,8 +26,9 @@ pub(in crate::session) struct IdentifierState {
     pub(in crate::session) service: IdentifierService,
     /// Last data frame.
     pub(in crate::session) last: LastPayload,
-    /// Payload bits that the session itself needs; `None` if it needs each frame.
-    pub(in crate::session) needed: Option<u64>,
+    /// Payload bits that the session itself needs, unless it needs each frame; see [`Self::needed_bits`].
+    needed: u64,
+    needs_each: bool,
     /// Index of the sender of a TPDO or J1939 message in tables by node; [`NO_SENDER`] for other services.
     pub(in crate::session) sender: u16,
     /// Number of the prepared event; it changes with node, service and layout.
@@ -43,7 +44,7 @@ pub(in crate::session) struct IdentifierState {
     pub(in crate::session) skipped: Option<Box<SkippedTimes>>,
     /// Last frame, if only a database describes it.
     pub(in crate::session) described: Option<Box<Frame>>,
-    pulse: IdentifierIntervals,
+    pub(in crate::session) pulse: IdentifierIntervals,
 }
 
 impl IdentifierState {
@@ -51,7 +52,8 @@ impl IdentifierState {
         Self {
             service,
             last: LastPayload::NONE,
-            needed: None,
+            needed: 0,
+            needs_each: true,
             sender: sender_slot(service),
             version: 0,
             prepared: None,
@@ -65,8 +67,19 @@ impl IdentifierState {
 
     /// Drops the prepared event; the next frame uses the present layout.
     pub(in crate::session) fn drop_event(&mut self) {
-        (self.prepared, self.needed) = (None, None);
+        (self.prepared, self.needs_each) = (None, true);
         self.version = self.version.wrapping_add(1);
+    }
+
+    /// Payload bits that the session itself needs; `None` if it needs each frame.
+    #[inline]
+    pub(in crate::session) fn needed_bits(&self) -> Option<u64> {
+        (!self.needs_each).then_some(self.needed)
+    }
+
+    /// Sets the payload bits that the session itself needs; `None` if it needs each frame.
+    pub(in crate::session) fn set_needed_bits(&mut self, needed: Option<u64>) {
+        (self.needed, self.needs_each) = (needed.unwrap_or(0), needed.is_none());
     }
 
     /// Whether nodes receive the PDO or message, and its sender is not known.
@@ -75,14 +88,28 @@ impl IdentifierState {
         self.sender == NO_SENDER
     }
 
+    /// Intervals of its frames.
+    pub(in crate::session) fn intervals(&self) -> &IdentifierIntervals {
+        &self.pulse
+    }
+
     /// Registers a frame at a monotonic time.
     #[inline]
-    pub(in crate::session) fn note_frame(&mut self, now: i64) {
-        self.pulse.note_frame(now);
+    pub(in crate::session) fn note_frame(&mut self, now: i64, frame: u64) {
+        self.pulse.note_frame(now, frame);
     }
 }
 
 const NO_SLOT: u16 = u16::MAX;
+
+/// Places of [`IdentifierRoutes::front`].
+const FRONT_PLACES: usize = 512;
+
+/// Place of a 29-bit identifier: the highest bits of a product with 2³² by the golden ratio, which all bits change.
+#[inline]
+fn front_place(id: u32) -> usize {
+    usize::try_from(id.wrapping_mul(0x9E37_79B1) >> 23).unwrap_or(FRONT_PLACES)
+}
 
 /// No node has this index.
 const NO_SENDER: u16 = u16::MAX;
@@ -103,6 +130,8 @@ pub struct IdentifierRoutes {
     standard: Box<[u16; 2048]>,
     /// The same for 29-bit identifiers.
     extended: HashMap<u32, u16, FixedState>,
+    /// Most of `extended`, by [`front_place`]: one comparison instead of a search per frame. Empty before the first one.
+    front: Vec<(u32, u16)>,
     slots: Vec<IdentifierState>,
     /// Services from the user; they override all others.
     given: Arc<BTreeMap<CanId, IdentifierService>>,
@@ -120,6 +149,7 @@ impl Default for IdentifierRoutes {
         Self {
             standard: Box::new([NO_SLOT; 2048]),
             extended: HashMap::default(),
+            front: Vec::new(),
             slots: Vec::new(),
             given: Arc::default(),
             learnt: Arc::default(),
@@ -147,24 +177,44 @@ impl IdentifierRoutes {
     pub(crate) fn find_slot(&self, id: CanId) -> Option<usize> {
         let slot = match id {
             CanId::Standard(id) => self.standard.get(usize::from(id)).copied()?,
-            CanId::Extended(id) => self.extended.get(&id).copied()?,
+            CanId::Extended(id) => match self.front.get(front_place(id)) {
+                Some((known, slot)) if *known == id => *slot,
+                _ => self.extended.get(&id).copied()?,
+            },
         };
         (slot != NO_SLOT).then_some(usize::from(slot))
     }
 
-    /// Registers a frame at a monotonic time; service of its slot.
+    /// Registers a frame at a monotonic time, if its service can be periodic; service of its slot.
     #[inline]
-    pub(in crate::session) fn note_frame(&mut self, slot: usize, now: i64) -> Option<IdentifierService> {
+    pub(in crate::session) fn note_frame(
+        &mut self,
+        slot: usize,
+        (now, frame): (i64, u64),
+    ) -> Option<IdentifierService> {
         let slot = self.slots.get_mut(slot)?;
-        slot.pulse.note_frame(now);
+        if slot.service.is_periodic() {
+            slot.pulse.note_frame(now, frame);
+        }
         Some(slot.service)
     }
 
     /// Services of all slots with their intervals.
     pub(in crate::session) fn pulses(
         &self,
-    ) -> impl Iterator<Item = (IdentifierService, IdentifierIntervals)> {
-        self.slots.iter().map(|slot| (slot.service, slot.pulse))
+    ) -> impl Iterator<Item = (IdentifierService, &IdentifierIntervals)> {
+        self.slots.iter().map(|slot| (slot.service, &slot.pulse))
+    }
+
+    /// All identifiers with their states, in ascending order.
+    pub(in crate::session) fn identifiers(&self) -> impl Iterator<Item = (CanId, &IdentifierState)> {
+        let standard = (0..).zip(self.standard.iter()).filter(|(_, slot)| **slot != NO_SLOT);
+        let standard = standard.map(|(id, slot)| (CanId::from_standard(id), *slot));
+        let mut extended: Vec<_> =
+            self.extended.iter().map(|(id, slot)| (CanId::from_extended(*id), *slot)).collect();
+        extended.sort_unstable();
+        let known = |(id, slot): (CanId, u16)| Some((id, self.slots.get(usize::from(slot))?));
+        standard.chain(extended).filter_map(known)
     }
 
     /// Whether a node sent a TPDO whose next one is not late at a monotonic time.
@@ -217,6 +267,11 @@ impl IdentifierRoutes {
                     return None;
                 }
                 self.extended.insert(id, slot);
+                // No identifier has 32 bits.
+                self.front.resize(FRONT_PLACES, (u32::MAX, NO_SLOT));
+                if let Some(place) = self.front.get_mut(front_place(id)) {
+                    *place = (id, slot);
+                }
             }
         }
         self.slots.push(IdentifierState::new(service));
@@ -474,7 +529,25 @@ impl IdentifierRoutes {
         let events = self.slots.iter().filter(|slot| slot.prepared.is_some()).count() * size_of::<Event>();
         size_of::<[u16; 2048]>()
             + self.extended.capacity() * 8
+            + self.front.capacity() * size_of::<(u32, u16)>()
             + self.slots.capacity() * size_of::<IdentifierState>()
             + events
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_identifier_of_a_full_table_is_found() {
+        let mut routes = IdentifierRoutes::default();
+        let ids = (0..1_000_u32).map(|n| CanId::from_extended(n * 0x100 + n % 7));
+        for id in ids.clone() {
+            assert_eq!(routes.find_slot(id), None);
+            routes.add_slot(id, IdentifierService::Unclassified);
+        }
+        assert!(ids.clone().enumerate().all(|(place, id)| routes.find_slot(id) == Some(place)));
+        assert_eq!(routes.find_slot(CanId::from_extended(0xFFFF)), None);
     }
 }

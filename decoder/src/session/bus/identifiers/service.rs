@@ -43,6 +43,12 @@ impl IdentifierService {
         matches!(self, Self::Unclassified | Self::Named(_))
     }
 
+    /// Whether messages of the service can be periodic, so that their intervals are kept.
+    #[inline]
+    pub(in crate::session) const fn is_periodic(self) -> bool {
+        matches!(self, Self::Sync | Self::ErrorControl(_) | Self::Pdo(..) | Self::J1939(_))
+    }
+
     /// Whether remote frames go to the service's machine. Only PDOs and error control are requested by remote
     /// frames (CiA 301 §7.2.2, §7.2.8.3.2.1). Frames of unknown services are emitted undecoded.
     pub(in crate::session) const fn has_remote_frames(self) -> bool {

@@ -31,8 +31,8 @@ fn periodic_producer(service: IdentifierService) -> Option<PeriodicProducer> {
 
 /// Time after which a bus without frames since `received` is silent as a whole: so many producers that were active then have
 /// missed all their messages. `None` if there are too few.
-pub(in crate::session) fn shared_gap(
-    pulses: impl Iterator<Item = (IdentifierService, IdentifierIntervals)>,
+pub(in crate::session) fn shared_gap<'a>(
+    pulses: impl Iterator<Item = (IdentifierService, &'a IdentifierIntervals)>,
     received: i64,
 ) -> Option<i64> {
     let mut missing: BTreeMap<PeriodicProducer, i64> = BTreeMap::new();
@@ -57,9 +57,15 @@ mod tests {
     fn every(milliseconds: i64, last: i64) -> IdentifierIntervals {
         let mut pulse = IdentifierIntervals::NEW;
         for back in (0..6).rev() {
-            pulse.note_frame((last - back * milliseconds) * MS);
+            pulse.note_frame((last - back * milliseconds) * MS, 0);
         }
         pulse
+    }
+
+    fn of(
+        pulses: &[(IdentifierService, IdentifierIntervals)],
+    ) -> impl Iterator<Item = (IdentifierService, &IdentifierIntervals)> {
+        pulses.iter().map(|(service, pulse)| (*service, pulse))
     }
 
     fn heartbeat(node: u8) -> IdentifierService {
@@ -74,8 +80,8 @@ mod tests {
             (IdentifierService::Sync, every(20, 995)),
         ];
         // 990 + 120, 1000 + 60 and 995 + 24: the last of the three is node 1.
-        assert_eq!(shared_gap(pulses.into_iter(), 1_000 * MS), Some(1_110 * MS));
-        assert_eq!(shared_gap(pulses.into_iter().take(2), 1_000 * MS), None);
+        assert_eq!(shared_gap(of(&pulses), 1_000 * MS), Some(1_110 * MS));
+        assert_eq!(shared_gap(of(&pulses).take(2), 1_000 * MS), None);
     }
 
     /// A node whose PDOs stop while its heartbeat is not due yet has missed nothing that shows its absence.
@@ -83,7 +89,7 @@ mod tests {
     fn all_messages_of_a_producer_count() {
         let both = |node: u8| [(heartbeat(node), every(1_000, 700)), (heartbeat(node), every(10, 1_000))];
         let pulses = [both(1), both(2), both(3)].concat();
-        assert_eq!(shared_gap(pulses.into_iter(), 1_000 * MS), Some(1_900 * MS));
+        assert_eq!(shared_gap(of(&pulses), 1_000 * MS), Some(1_900 * MS));
     }
 
     #[test]
@@ -93,6 +99,6 @@ mod tests {
             (heartbeat(2), every(50, 1_000)),
             (IdentifierService::Sync, every(20, 995)),
         ];
-        assert_eq!(shared_gap(pulses.into_iter(), 1_000 * MS), None);
+        assert_eq!(shared_gap(of(&pulses), 1_000 * MS), None);
     }
 }

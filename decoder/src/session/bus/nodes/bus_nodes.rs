@@ -61,7 +61,13 @@ impl BusNodes {
         &self.list
     }
 
-    /// The same, mutable.
+    /// All nodes in ascending order, CANopen first.
+    pub(in crate::session) fn in_order(&self) -> impl Iterator<Item = &Node> {
+        let known = self.by_id.iter().filter(|index| **index > 0);
+        known.filter_map(|index| self.list.get(usize::from(*index).checked_sub(1)?))
+    }
+
+    /// The same as [`Self::all`], mutable.
     pub(in crate::session) fn all_mut(&mut self) -> &mut [Node] {
         &mut self.list
     }

@@ -31,7 +31,7 @@ pub struct NmtStatus {
     /// Frame that changed the state.
     pub frame: u64,
     /// Monotonic time of that frame, in ns.
-    pub(in crate::session) since: i64,
+    pub(crate) since: i64,
 }
 
 /// State of one node.

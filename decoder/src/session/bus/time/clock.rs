@@ -78,10 +78,11 @@ impl BusClock {
     #[inline]
     pub(in crate::session) fn regular_time(&self, stamp: Timestamp) -> Option<i64> {
         let last = self.last_stamp.filter(|_| self.is_regular)?;
-        // The difference of two timestamps always fits an unsigned number, if it is not negative.
-        let gap = stamp.0.wrapping_sub(last).cast_unsigned();
+        // A negative gap is a large unsigned number.
+        let gap = stamp.0.checked_sub(last)?.cast_unsigned();
         let is_short = gap <= self.gaps.longest.cast_unsigned();
-        is_short.then_some(stamp.0.wrapping_add(self.offset))
+        // Times that saturate are not regular.
+        stamp.0.checked_add(self.offset).filter(|_| is_short)
     }
 
     /// Applies a timestamp for which [`Self::regular_time`] returned `now`.
@@ -291,6 +292,16 @@ mod tests {
             assert_eq!(clock.usual_gap(), other.usual_gap(), "{number}");
         }
         assert!(regular > 2_000, "{regular}");
+    }
+
+    #[test]
+    fn a_time_that_saturates_is_not_regular() {
+        let mut clock =
+            BusClock { last_stamp: Some(0), offset: i64::MAX, now: i64::MAX, ..BusClock::default() };
+        (clock.received, clock.is_regular, clock.gaps.longest) = (i64::MAX, true, i64::MAX);
+        assert_eq!(clock.regular_time(Timestamp(0)), Some(i64::MAX));
+        assert_eq!(clock.regular_time(Timestamp(1)), None);
+        assert_eq!(clock.advance_to(Timestamp(1)).now, i64::MAX);
     }
 
     #[test]

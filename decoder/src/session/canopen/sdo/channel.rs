@@ -76,7 +76,12 @@ fn is_end_message(data: &[u8]) -> bool {
 impl ChannelState {
     /// Data bytes held by the open transfers.
     pub(super) fn open_bytes(&self) -> usize {
-        self.transfer.iter().chain(&self.queue).map(|transfer| transfer.kept_bytes()).sum()
+        let present = self.transfer.as_ref().map_or(0, |transfer| transfer.kept_bytes());
+        // Called twice per message; most channels have one transfer at a time.
+        match self.queue.is_empty() {
+            true => present,
+            false => present + self.queue.iter().map(|transfer| transfer.kept_bytes()).sum::<usize>(),
+        }
     }
 
     /// Phase of a side, in which `data` is to be read.

@@ -7,7 +7,8 @@ use crate::session::limits::OPEN_DATA_LIMIT;
 use crate::wire::canopen::sdo::{SdoMessage, SdoSide, TransferPhase};
 
 /// Objects whose write the server confirms after it has stored or restored parameters (CiA 301 §7.5.2.13, §7.5.2.14).
-const STORES: [u16; 2] = [0x1010, 0x1011];
+const STORE: u16 = 0x1010;
+const RESTORE: u16 = 0x1011;
 
 /// Time-outs of other transfers that such a server has.
 const STORE_SILENCES: i64 = 5;
@@ -58,7 +59,7 @@ impl SdoTransfers {
         let Some(channel) = self.get_mut(channel) else { return false };
         for open in channel.transfer.iter_mut().chain(&mut channel.queue) {
             if std::mem::take(&mut open.is_touched) {
-                let is_store = open.object.is_some_and(|object| STORES.contains(&object.index));
+                let is_store = open.object.is_some_and(|object| matches!(object.index, STORE | RESTORE));
                 let factor = if is_store { STORE_SILENCES } else { 1 };
                 open.deadline = Some(now.saturating_add(silence.saturating_mul(factor)));
             }
