@@ -235,7 +235,15 @@ const CLASSIC_BIT: i64 = 1_000;
 /// Time of a bit in ns at 8 Mbit/s, the fastest data phase of CAN FD.
 const FD_BIT: i64 = 125;
 
+/// Class of reports that contain only error counters (linux/can/error.h, `CAN_ERR_CNT`).
+const COUNTERS_ONLY: u32 = 0x200;
+
 impl Frame {
+    /// Whether this is an error frame. New error counters alone are a state of the controller, not an error on the bus.
+    pub fn reports_error(&self) -> bool {
+        self.flags.contains(FrameFlags::ERROR) && self.id.number() != COUNTERS_ONLY
+    }
+
     /// Shortest time on a bus in ns: at 1 Mbit/s, or 8 Mbit/s for an FD frame, without stuff bits. 0 for an error frame.
     pub fn shortest_time(&self) -> i64 {
         if self.flags.contains(FrameFlags::ERROR) {

@@ -9,10 +9,11 @@ use cobscope_decoder::profile::connection_set;
 use cobscope_decoder::rules::{all_declarations, section_text};
 use regex::Regex;
 
-use crate::support::workspace;
+use crate::support::{files_below, workspace};
 
 /// Rules whose limit is a decision of the session.
 const LIMITS_ELSEWHERE: &[(&str, &str)] = &[
+    ("node-lost", "session/bus/nodes/monitoring.rs"),
     ("sdo-client-does-not-wait", "session/canopen/sdo/pending.rs"),
     ("uds-no-response", "session/uds/exchange.rs"),
 ];
@@ -89,5 +90,23 @@ fn the_restricted_identifiers_are_those_of_the_text() {
     for id in 0..0x800 {
         let is_stated = ranges.iter().any(|range| range.contains(&id));
         assert_eq!(is_stated, connection_set().restriction_reason(id).is_some(), "{id:03X}");
+    }
+}
+
+/// Each row of the table of words names a test that exists.
+#[test]
+fn each_word_has_a_test() {
+    let text = fs::read_to_string(workspace().join("docs/decisions.md")).unwrap();
+    let table = text.split("\n## Words\n").nth(1).unwrap().split("\n## ").next().unwrap();
+    let last_column = Regex::new(r"\| `(\w+)` \|\n").unwrap();
+    let names: Vec<_> = last_column.captures_iter(table).map(|name| name[1].to_owned()).collect();
+    assert_eq!(names.len(), table.lines().filter(|line| line.starts_with("| ")).count() - 2);
+    let sources: String = ["decoder/src", "tests"]
+        .into_iter()
+        .flat_map(|folder| files_below(folder, "rs"))
+        .map(|path| fs::read_to_string(path).unwrap())
+        .collect();
+    for name in names {
+        assert!(sources.contains(&format!("fn {name}(")), "{name}");
     }
 }

@@ -30,13 +30,18 @@ pub fn step(usual: usize) -> usize {
 
 /// Captures in candump text in and below a folder of the workspace, in order.
 pub fn captures_below(folder: &str) -> Vec<String> {
+    files_below(folder, "log")
+}
+
+/// Files with a suffix in and below a folder of the workspace, in order.
+pub fn files_below(folder: &str, suffix: &str) -> Vec<String> {
     let (mut folders, mut found) = (vec![workspace().join(folder)], Vec::new());
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
             if path.is_dir() {
                 folders.push(path);
-            } else if path.extension().is_some_and(|suffix| suffix == "log") {
+            } else if path.extension().is_some_and(|extension| extension == suffix) {
                 found.push(path.to_str().unwrap().to_owned());
             }
         }

@@ -38,8 +38,8 @@ pub use node::{
     StateCertainty, StateChange,
 };
 pub use transfer::{
-    CrcCheck, DataRange, DecodedPdo, SdoAbort, SdoDirection, SdoIrregularity, SdoIrregularityKind, SdoMode,
-    SdoOutcome, SdoTransfer,
+    CrcCheck, DataRange, DecodedPdo, MisplacedResponse, SdoAbort, SdoDirection, SdoIrregularity,
+    SdoIrregularityKind, SdoMode, SdoOutcome, SdoTransfer,
 };
 pub use uds::{ExchangeOutcome, IsoTpTransfer, MessageOutcome, UdsEndpoints, UdsExchange, UdsMessage};
 pub use undecoded::UndecodedFrame;

@@ -131,8 +131,20 @@ pub struct NodeSilence {
     pub gap: i64,
     /// Message that was expected.
     pub monitored_by: MonitoringMethod,
-    /// Only the expected message is missing: PDOs of the node continue.
+    /// Only the expected message is missing: other messages of the node continue.
     pub others_continue: bool,
+    /// Frame of the boot-up since which the heartbeat is missing; `None` if there was one after it.
+    pub boot_frame: Option<u64>,
+}
+
+impl NodeSilence {
+    /// Which messages of the node continue, as text.
+    pub(crate) const fn others_text(&self) -> &'static str {
+        match (self.monitored_by, self.boot_frame) {
+            (MonitoringMethod::Heartbeat, None) => "PDOs continue",
+            _ => "other messages continue",
+        }
+    }
 }
 
 /// Effect of an EMCY on the set of active errors.

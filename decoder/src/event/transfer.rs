@@ -158,6 +158,15 @@ pub struct SdoIrregularity {
     pub frame: u64,
 }
 
+/// A response that a server sent on another identifier than that of its responses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MisplacedResponse {
+    /// Identifier of the response.
+    pub id: CanId,
+    /// Frame of the response.
+    pub frame: u64,
+}
+
 /// Contiguous captured bytes of a transfer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DataRange {
@@ -240,6 +249,10 @@ pub struct SdoTransfer {
     pub is_ambiguous: bool,
     /// A response or an abort message without a request.
     pub is_unrequested: bool,
+    /// Responses that the client did not request, during the transfer.
+    pub unrequested_responses: u64,
+    /// Response on another identifier than `response`; none arrived there.
+    pub misplaced: Option<MisplacedResponse>,
     /// The server sent the last frame.
     pub awaits_client: bool,
     /// The first frames are not in the capture.

@@ -224,7 +224,7 @@ impl<F: FnMut(PlacedEvent<'_>)> Observer for EventForwarder<'_, F> {
     fn on_event(&mut self, event: &Event, bus: &Bus) {
         match &event.kind {
             EventKind::LostFrames { count } => self.counts.lost += count.unwrap_or(1),
-            EventKind::CanError(_) => self.counts.errors += 1,
+            EventKind::CanError(error) if !error.is_only_counters() => self.counts.errors += 1,
             _ => {}
         }
         let mut earlier = EarlierPayloads::default();

@@ -12,16 +12,16 @@ use super::device::DeviceMachine;
 use super::given::{apply_given, emit_given_states};
 use super::j1939::{
     ClaimMachine, FastPackets, GroupPayload, MessageMachine, RequestMachine, TransportMachine,
-    TroubleCodeMachine, is_followed, mark_sender_alive,
+    TroubleCodeMachine, mark_sender_alive,
 };
 use super::learning::learn_object;
 use super::machine::{ProtocolMachine, TimedMachine};
 use super::observer::Observer;
 use super::options::SessionOptions;
 use super::timers::DeadlineSubject;
-use super::uds::{IsoTpMachine, ObdPairs, PairSearch, UdsMachine, has_known_end};
+use super::uds::{IsoTpMachine, ObdPairs, PairSearch, UdsMachine};
 use crate::event::{Event, EventKind, EventProtocol, EvictedState, FrameRange};
-use crate::frame::{BusIndex, CanId, Frame, FrameFlags, Timestamp};
+use crate::frame::{BusIndex, Frame, FrameFlags, Timestamp};
 use crate::wire::canopen::lss;
 use crate::wire::error_frame;
 use crate::wire::j1939::{ALL, J1939Id, NO_ADDRESS, Pgn};
@@ -48,9 +48,11 @@ pub struct BusDecoder {
     trouble_codes: TroubleCodeMachine,
     isotp: IsoTpMachine,
     obd: ObdPairs,
-    pairs: PairSearch,
+    pub(super) pairs: PairSearch,
     uds: UdsMachine,
     devices: DeviceMachine,
+    /// Error counters that the controller reported last: of transmitting, of receiving.
+    error_counters: Option<(u8, u8)>,
     /// Consecutive frames that only the observer needed.
     pub(super) needed_in_a_row: u8,
 }
@@ -82,6 +84,7 @@ impl BusDecoder {
             pairs: PairSearch::default(),
             uds: UdsMachine::default(),
             devices: DeviceMachine,
+            error_counters: None,
             needed_in_a_row: 0,
         }
     }
@@ -106,11 +109,16 @@ impl BusDecoder {
         }
     }
 
-    /// An error frame; an overflow of the receive buffer also shows that frames are missing from the capture.
+    /// An error frame; equal error counters are routine. An overflow of the receive buffer also shows that frames are missing from the capture.
     fn on_error_frame(&mut self, frame: &Frame, out: &mut dyn Observer) {
         let error = error_frame::parse_error_frame(frame.id.number(), frame.data());
+        let counters = error.is_only_counters().then_some((error.transmit_errors, error.receive_errors));
+        let is_same = counters.is_some() && self.error_counters == counters;
+        self.error_counters = counters.or(self.error_counters);
         let mut cx = self.shared.lend_context(out);
-        cx.emit_can(frame, EventKind::CanError(error));
+        let mut event = cx.canopen_event(frame, EventKind::CanError(error));
+        (event.protocol, event.presumed, event.routine) = (EventProtocol::Can, false, is_same);
+        cx.send_event(&event);
         if error.is_receive_overflow() {
             cx.emit_can(frame, EventKind::LostFrames { count: None });
         }
@@ -139,7 +147,7 @@ impl BusDecoder {
             bus.routes.note_frame(slot, (bus.clock.now(), frame.number))
         };
         let Some(service) = noted else { return };
-        if self.is_pair_undecided(service, frame) && self.on_undecided_frame(service, frame, out) {
+        if self.is_pair_undecided(service, frame) && self.on_undecided_frame((slot, service), frame, out) {
             return;
         }
         if frame.flags.contains(FrameFlags::FD) && !matches!(service, IdentifierService::IsoTp(_)) {
@@ -198,7 +206,7 @@ impl BusDecoder {
         self.lss.on_frame(from_master, frame, cx);
     }
 
-    fn on_isotp(&mut self, link: UdsLink, frame: &Frame, out: &mut dyn Observer) {
+    pub(super) fn on_isotp(&mut self, link: UdsLink, frame: &Frame, out: &mut dyn Observer) {
         let cx = &mut self.shared.lend_context(out);
         if ObdPairs::is_functional(frame.id) {
             self.obd.note_request(frame);
@@ -206,42 +214,6 @@ impl BusDecoder {
         if let Some(message) = self.isotp.on_frame(link, frame, cx) {
             self.uds.on_frame(message, frame, cx);
         }
-    }
-
-    /// Whether a frame may belong to an undecided pair of identifiers of UDS.
-    #[inline]
-    fn is_pair_undecided(&self, service: IdentifierService, frame: &Frame) -> bool {
-        matches!(frame.id, CanId::Extended(_))
-            && match service {
-                IdentifierService::J1939(_) => !self.shared.bus.protocols.j1939.is_confirmed(),
-                _ => service == IdentifierService::Unclassified,
-            }
-    }
-
-    /// Handles a frame that proves a pair of identifiers of UDS, with the frames held before it; `false`, without any
-    /// event, for all other frames.
-    #[cold]
-    fn on_undecided_frame(
-        &mut self,
-        service: IdentifierService,
-        frame: &Frame,
-        out: &mut dyn Observer,
-    ) -> bool {
-        let cx = &mut self.shared.lend_context(out);
-        if let Some(link) = UdsLink::link_of(frame.id).filter(|link| has_known_end(*link, cx)) {
-            cx.bus.routes.assign_link(frame.id, link);
-            self.on_isotp(link, frame, out);
-            return true;
-        }
-        let is_undecoded = service == IdentifierService::Unclassified
-            || cx.bus.protocols.j1939.is_rejected()
-            || frame.flags.contains(FrameFlags::FD);
-        let is_counted = is_undecoded && cx.described_message(frame).is_none();
-        let Some(pair) = self.pairs.take_frame(frame, is_counted, cx) else { return false };
-        for (link, frame) in pair.frames {
-            self.on_isotp(link, &frame, out);
-        }
-        true
     }
 
     /// Handles a frame on an identifier of OBD that is not decoded; the first response to a request is.
@@ -262,11 +234,18 @@ impl BusDecoder {
     }
 
     /// Handles a frame on a J1939 identifier; `slot` is `None` if the table of 29-bit identifiers is full.
-    fn on_j1939(&mut self, slot: Option<usize>, id: J1939Id, frame: &Frame, out: &mut dyn Observer) {
+    pub(super) fn on_j1939(
+        &mut self,
+        slot: Option<usize>,
+        id: J1939Id,
+        frame: &Frame,
+        out: &mut dyn Observer,
+    ) {
         let cx = &mut self.shared.lend_context(out);
-        if !cx.bus.protocols.j1939.is_confirmed() && !is_followed(id, frame, cx) {
+        if !cx.bus.protocols.j1939.is_confirmed() && !self.follows_group(id, frame, out) {
             return;
         }
+        let cx = &mut self.shared.lend_context(out);
         if id.pgn == Pgn::ADDRESS_CLAIMED && id.destination == ALL && id.source <= NO_ADDRESS {
             return self.claims.on_frame(id, frame, cx);
         }
@@ -507,6 +486,7 @@ impl BusDecoder {
 
     /// Closes open transfers at the end of the capture and reports the number of undecoded frames.
     pub fn finish_bus(&mut self, out: &mut dyn Observer) {
+        self.release_withheld(None, out);
         let cx = &mut self.shared.lend_context(out);
         self.sdo.on_end(cx);
         self.transports.on_end(cx);

@@ -30,6 +30,7 @@ mod short_path;
 mod snapshot;
 mod timers;
 mod uds;
+mod undecided;
 
 pub use crate::profile::device::GateStatus;
 pub use bus::{

@@ -6,8 +6,24 @@ use crate::session::bus::Node;
 use crate::session::context::MachineContext;
 use crate::wire::NodeId;
 
-/// Registers a frame of the node; a lost node is back.
+/// Registers a frame of the node other than its error control. If guarding had reported it as lost, only the responses
+/// to guarding are missing; otherwise a lost node is back.
 pub(in crate::session) fn mark_alive(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
+    let now = cx.bus.clock.now();
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
+    let unanswered = node.guarding.last_reply.filter(|_| node.lost && node.guarding.is_reported);
+    if let Some(last) = unanswered {
+        node.lost = false;
+        node.refresh_attention();
+        let silence = build_silence(node, now.saturating_sub(last), MonitoringMethod::Guarding);
+        let silence = NodeSilence { others_continue: true, ..silence };
+        cx.emit_event(frame, id, false, EventKind::NodeLost(silence));
+    }
+    mark_returned(id, frame, cx);
+}
+
+/// Registers a frame of the node; a lost node is back.
+pub(in crate::session) fn mark_returned(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
     let now = cx.bus.clock.now();
     let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     if std::mem::replace(&mut node.lost, false) {
@@ -55,13 +71,26 @@ pub(in crate::session) fn emit_heartbeat_gap(
     cx: &mut MachineContext<'_>,
 ) {
     let Some(node) = cx.bus.nodes.node_mut(id) else { return };
-    let since = if is_missing { node.heartbeat.last } else { node.heartbeat.missing_since };
+    let rebooted = node.heartbeat.rebooted.map(|(time, _)| time);
+    let since = if is_missing { node.heartbeat.last.or(rebooted) } else { node.heartbeat.missing_since };
     node.heartbeat.missing_since = since.filter(|_| is_missing);
     let gap = since.map_or(0, |since| now.saturating_sub(since));
     let silence = build_silence(node, gap, MonitoringMethod::Heartbeat);
     let silence = NodeSilence { others_continue: true, ..silence };
     let kind = if is_missing { EventKind::NodeLost(silence) } else { EventKind::NodeBack(silence) };
     cx.emit_event(frame, id, false, kind);
+}
+
+/// Reports that a node responds to guarding again, after only these responses were missing.
+pub(in crate::session) fn emit_guarding_return(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
+    let now = cx.bus.clock.now();
+    let Some(node) = cx.bus.nodes.known_node_mut(id) else { return };
+    let last = node.guarding.last_reply.filter(|_| node.guarding.is_reported && !node.lost);
+    if let Some(last) = last {
+        let silence = build_silence(node, now.saturating_sub(last), MonitoringMethod::Guarding);
+        let silence = NodeSilence { others_continue: true, ..silence };
+        cx.emit_event(frame, id, false, EventKind::NodeBack(silence));
+    }
 }
 
 fn build_silence(node: &Node, gap: i64, monitored_by: MonitoringMethod) -> NodeSilence {
@@ -72,5 +101,6 @@ fn build_silence(node: &Node, gap: i64, monitored_by: MonitoringMethod) -> NodeS
         gap,
         monitored_by,
         others_continue: false,
+        boot_frame: node.heartbeat.rebooted.map(|(_, frame)| frame),
     }
 }

@@ -153,6 +153,7 @@ impl CaptureGap {
         let at = event.frames.last;
         let node = event.node.map_or_else(String::new, |node| format!(" of node {node}"));
         match &event.kind {
+            EventKind::CanError(error) if error.is_only_counters() => None,
             EventKind::CanError(_) => Some((GapCause::DeadBus, format!("error frame {{{at}}}"))),
             EventKind::Link { .. } => Some((GapCause::DeadBus, "change of the link".to_owned())),
             EventKind::BootUp { cause: BootCause::PresumedPowerOn { .. }, .. } => {

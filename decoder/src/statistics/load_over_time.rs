@@ -1,7 +1,7 @@
 //! Bus load over time in a bounded number of steps.
 
 use super::frame_bits;
-use crate::frame::{Frame, FrameFlags};
+use crate::frame::Frame;
 
 /// Initial length of a step, in ns.
 const FIRST_STEP: i64 = 100_000_000;
@@ -50,7 +50,7 @@ impl LoadOverTime {
         if let Some(step) = self.steps.get_mut(place) {
             step.frames += 1;
             step.bits += u64::from(frame_bits(frame).unwrap_or(0));
-            step.errors += u64::from(frame.flags.contains(FrameFlags::ERROR));
+            step.errors += u64::from(frame.reports_error());
         }
     }
 

@@ -5,6 +5,7 @@ use super::span::format_span;
 use crate::event::{Event, EventKind};
 use crate::frame::{BusIndex, Frame, FrameFlags, FrameRate, Timestamp};
 use crate::profile;
+use crate::wire::error_frame::ErrorFrameFields;
 use crate::words::{NO_FRAMES, UNKNOWN_ZONE, count_noun};
 
 /// Number of frames used to assess the timestamps.
@@ -63,9 +64,6 @@ struct TimestampSource {
     /// Rates of the buses.
     rates: Vec<(BusIndex, FrameRate)>,
 }
-
-/// Class of reports that contain only error counters (linux/can/error.h, `CAN_ERR_CNT`).
-const COUNTERS: u32 = 0x200;
 
 impl CaptureQuality {
     /// Counts a frame.
@@ -128,10 +126,9 @@ impl CaptureQuality {
 
     #[cold]
     fn error_frame(&mut self, frame: &Frame) {
-        // New counters alone are a state of the controller, not an error on the bus.
-        self.error_frames += u64::from(frame.id.number() != COUNTERS);
+        self.error_frames += u64::from(frame.reports_error());
         let names = &profile::can_errors().classes;
-        for name in names.set_names(frame.id.number() & !COUNTERS) {
+        for name in names.set_names(frame.id.number() & !ErrorFrameFields::COUNTERS) {
             match self.error_classes.iter_mut().find(|(known, _)| known == name) {
                 Some((_, count)) => *count += 1,
                 None => self.error_classes.push((name.to_owned(), 1)),

@@ -26,6 +26,7 @@ pub(super) fn change_scope(event: &Event) -> Option<ChangeScope> {
         EventKind::NmtCommand { target, .. } => {
             return Some(if *target == 0 { ChangeScope::Bus } else { ChangeScope::Node((*target).into()) });
         }
+        EventKind::CanError(error) if error.is_only_counters() => return None,
         EventKind::CanError(_)
         | EventKind::BusSilent { .. }
         | EventKind::LostFrames { .. }

@@ -44,6 +44,11 @@ impl ErrorFrameFields {
         classes == Self::CONTROLLER && self.controller == Self::RECEIVE_OVERFLOW
     }
 
+    /// Whether it reports nothing but the error counters of the controller: a state, no error on the bus.
+    pub const fn is_only_counters(&self) -> bool {
+        self.classes == Self::COUNTERS
+    }
+
     /// Class bit of lost arbitration.
     pub const LOST_ARBITRATION: u32 = 0x002;
     /// Class bit of `controller`.

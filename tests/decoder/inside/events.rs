@@ -8,11 +8,11 @@ use crate::decoder::Decoder;
 use crate::event::{
     BitsChanged, BootCause, ByteOrderSource, ChangeOrigin, CrcCheck, DataRange, DecodedPdo, DeviceCause,
     DeviceState, EffectiveState, EmcyAction, Emergency, Event, EventKind, EventProtocol, EvictedState,
-    ExchangeOutcome, FindingNews, FrameRange, IsoTpTransfer, MessageOutcome, ModeChange, MonitoringMethod,
-    NodeIdSource, NodeIdentified, NodeSilence, ObjectChange, PowerSign, ProcedureEvent, ProcedurePhase,
-    Quantity, SdoAbort, SdoDirection, SdoIrregularity, SdoIrregularityKind, SdoMode, SdoOutcome, SdoTransfer,
-    SetPoint, SourceConflict, StateCause, StateCertainty, StateChange, StatePath, UdsEndpoints, UdsExchange,
-    UdsMessage, UndecodedFrame,
+    ExchangeOutcome, FindingNews, FrameRange, IsoTpTransfer, MessageOutcome, MisplacedResponse, ModeChange,
+    MonitoringMethod, NodeIdSource, NodeIdentified, NodeSilence, ObjectChange, PowerSign, ProcedureEvent,
+    ProcedurePhase, Quantity, SdoAbort, SdoDirection, SdoIrregularity, SdoIrregularityKind, SdoMode,
+    SdoOutcome, SdoTransfer, SetPoint, SourceConflict, StateCause, StateCertainty, StateChange, StatePath,
+    UdsEndpoints, UdsExchange, UdsMessage, UndecodedFrame,
 };
 use crate::finding::Severity;
 use crate::frame::{BusIndex, CanId, Frame, FrameFlags, LinkState, MAX_DATA, Timestamp};
@@ -113,6 +113,7 @@ fn nodes() -> Vec<EventKind> {
         gap: 3_000_000_000,
         monitored_by: MonitoringMethod::Heartbeat,
         others_continue: true,
+        boot_frame: Some(1),
     };
     let mut object_change = ObjectChange {
         object: ObjectAddress::new(0x1017, 0),
@@ -369,10 +370,36 @@ fn write() -> SdoTransfer {
         retries: 0,
         is_ambiguous: false,
         is_unrequested: false,
+        unrequested_responses: 0,
+        misplaced: None,
         awaits_client: true,
         cut_start: false,
         cut_end: false,
         frame_count: 2,
+    }
+}
+
+/// A transfer with segments that were not captured, and responses without a request.
+fn with_gap(write: &SdoTransfer) -> SdoTransfer {
+    SdoTransfer {
+        meaning: None,
+        size: 21,
+        announced: None,
+        unseen: 7,
+        data: vec![1; 7],
+        later_data: vec![DataRange { offset: 14, data: vec![2; 7] }],
+        missing_segments: 1,
+        losses: 1,
+        first_loss: Some((2, Some(8))),
+        overlap: Some(2_000_000),
+        retries: 1,
+        is_ambiguous: true,
+        is_unrequested: true,
+        unrequested_responses: 3,
+        misplaced: Some(MisplacedResponse { id: CanId::from_standard(0x602), frame: 9 }),
+        truncated: true,
+        crc: Some(CrcCheck::Unchecked),
+        ..write.clone()
     }
 }
 
@@ -415,24 +442,7 @@ fn transfers() -> Vec<EventKind> {
         data: b"ABCD".to_vec(),
         ..write.clone()
     };
-    let with_gap = SdoTransfer {
-        meaning: None,
-        size: 21,
-        announced: None,
-        unseen: 7,
-        data: vec![1; 7],
-        later_data: vec![DataRange { offset: 14, data: vec![2; 7] }],
-        missing_segments: 1,
-        losses: 1,
-        first_loss: Some((2, Some(8))),
-        overlap: Some(2_000_000),
-        retries: 1,
-        is_ambiguous: true,
-        is_unrequested: true,
-        truncated: true,
-        crc: Some(CrcCheck::Unchecked),
-        ..write.clone()
-    };
+    let with_gap = with_gap(&write);
     [write, aborted, refused, plain, text, with_gap]
         .map(|transfer| EventKind::SdoTransfer(Box::new(transfer)))
         .into()

@@ -136,7 +136,13 @@ pub fn can_error_text(error: ErrorFrameFields) -> String {
         };
         parts.push(format!("{details}{at}"));
     }
-    if parts.is_empty() { format!("unknown error class {:08X}", error.classes) } else { parts.join("; ") }
+    if error.is_only_counters() {
+        "error counters of the controller".to_owned()
+    } else if parts.is_empty() {
+        format!("unknown error class {:08X}", error.classes)
+    } else {
+        parts.join("; ")
+    }
 }
 
 /// Converts a TIME message to a date (CiA 301 §7.1.6.5: days since 1984-01-01).

@@ -103,6 +103,9 @@ pub(super) fn node_silence(silence: &NodeSilence, fields: &mut dyn FieldConsumer
     if silence.others_continue {
         fields.add_field("others_continue", FieldValue::Bool(true));
     }
+    if let Some(boot) = silence.boot_frame {
+        fields.add_field("boot_frame", FieldValue::Unsigned(boot));
+    }
 }
 
 pub(super) fn visit_emcy(emergency: &Emergency, device: &DeviceProfile, fields: &mut dyn FieldConsumer) {

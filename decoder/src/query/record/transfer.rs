@@ -212,6 +212,15 @@ fn exchange_order(transfer: &SdoTransfer, fields: &mut dyn FieldConsumer) {
             fields.add_field(key, FieldValue::Bool(true));
         }
     }
+    if transfer.unrequested_responses > 0 {
+        fields.add_field("unrequested_responses", FieldValue::Unsigned(transfer.unrequested_responses));
+    }
+    if let Some(misplaced) = transfer.misplaced {
+        fields.open_group("misplaced");
+        fields.add_field("id", FieldValue::Id(misplaced.id));
+        fields.add_field("frame", FieldValue::Unsigned(misplaced.frame));
+        fields.close_group();
+    }
 }
 
 /// Data of a transfer; with its positions if the capture lacks some.

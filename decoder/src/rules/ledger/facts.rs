@@ -48,7 +48,9 @@ impl LedgerFacts {
                 (EventKind::SdoTransfer(transfer), FactEvent::Write) => {
                     known.write_text(transfer).map(|text| (event.node, text))
                 }
-                (EventKind::CanError(error), FactEvent::CanError) if !error.is_only_receive_overflow() => {
+                (EventKind::CanError(error), FactEvent::CanError)
+                    if !error.is_only_receive_overflow() && !error.is_only_counters() =>
+                {
                     Some((None, "error frames on the bus".to_owned()))
                 }
                 _ => None,

@@ -8,7 +8,8 @@ use crate::session::context::MachineContext;
 use crate::session::device::on_device_restart;
 use crate::session::identity::apply_node_id_change;
 use crate::session::objects::{count_lost_settings, emit_restart_changes, restart_values};
-use crate::session::presence::mark_alive;
+use crate::session::presence::mark_returned;
+use crate::session::timers::DeadlineSubject;
 use crate::wire::NodeId;
 use crate::wire::canopen::NmtState;
 
@@ -19,14 +20,30 @@ const TOGETHER: i64 = 2_000_000_000;
 pub(in crate::session) fn on_boot_up(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
     apply_node_id_change(id, frame, cx);
     let cause = boot_cause(&mut cx.bus, id);
-    mark_alive(id, frame, cx);
+    mark_returned(id, frame, cx);
     let lost = count_lost_settings(&cx.bus, id);
     let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     node.errors.clear_all();
+    let limit = node.heartbeat.restart_limit().filter(|_| matches!(cause, BootCause::PresumedPowerOn { .. }));
     node.guarding.restart_series();
     node.heartbeat.restart_series();
     cx.emit_event(frame, id, false, EventKind::BootUp { cause, lost });
     on_restart(id, cause, frame, cx);
+    if let Some(limit) = limit.filter(|_| cx.bus.clock.has_timestamps()) {
+        expect_heartbeat(id, limit, frame, cx);
+    }
+}
+
+/// Monitors the first heartbeat after a boot-up; it must follow within `limit` ns.
+fn expect_heartbeat(id: NodeId, limit: i64, frame: &Frame, cx: &mut MachineContext<'_>) {
+    let now = cx.bus.clock.now();
+    let Some(node) = cx.bus.nodes.node_mut(id) else { return };
+    let deadline = now.saturating_add(limit);
+    node.heartbeat.rebooted = Some((now, frame.number));
+    node.heartbeat.deadline = Some(deadline);
+    if !std::mem::replace(&mut node.heartbeat.queued, true) {
+        cx.timers.add_deadline(deadline, DeadlineSubject::Heartbeat(id));
+    }
 }
 
 /// Handles a restart, after any boot sign.

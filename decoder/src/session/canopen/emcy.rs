@@ -12,9 +12,9 @@ use crate::session::detection::ProtocolStatus;
 use crate::session::device::on_emcy_code;
 use crate::session::machine::ProtocolMachine;
 use crate::session::presence::mark_alive;
-use crate::wire::NodeId;
 use crate::wire::canopen::emcy::{self, EmcyByteOrder, EmcyMessage as Message};
 use crate::wire::canopen::{NmtState, ObjectAddress};
+use crate::wire::{MalformedPayload, NodeId};
 
 /// Life guard or heartbeat error (CiA 301 §7.2.7.1, table 26), for devices without a code of their own.
 const LIFE_GUARD_ERROR: u16 = 0x8130;
@@ -94,7 +94,6 @@ impl ProtocolMachine for EmcyMachine {
         if !is_admitted(id, frame, cx) {
             return self.hold_frame(id, frame, cx);
         }
-        // CiA 301 §7.2.7.2: eight bytes; version 3 allows shorter ones.
         if frame.length == 1 {
             cx.emit_contradicted_name(id, frame, "EMCY of 8 bytes");
         }
@@ -133,6 +132,7 @@ impl ProtocolMachine for EmcyMachine {
             boot,
         };
         cx.emit_event(frame, id, false, EventKind::Emcy(emergency));
+        emit_short(id, frame, cx);
         if !fits {
             cx.emit_event(frame, id, false, EventKind::Evicted { what: EvictedState::ActiveError, count: 1 });
         }
@@ -144,6 +144,17 @@ impl ProtocolMachine for EmcyMachine {
             apply_emcy_to_nmt(id, code, frame, cx);
             on_emcy_code(id, code, frame, cx);
         }
+    }
+}
+
+/// Reports an EMCY that lacks bytes of CiA 301 §7.2.7.2, after its event; a device without boot-up message follows version
+/// 3, which has shorter ones.
+fn emit_short(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
+    let is_early = cx.bus.node(id).is_some_and(|node| node.device.nmt.boot == BootSign::ReadyTelegram);
+    if !is_early && (1..EMCY_LENGTH).contains(&frame.length) {
+        let error =
+            MalformedPayload { layer: "emcy", offset: 0, needed: EMCY_LENGTH, available: frame.length };
+        cx.emit_malformed(frame, id, error, "an EMCY has eight bytes");
     }
 }
 

@@ -7,7 +7,7 @@ use crate::frame::{Frame, FrameFlags};
 use crate::session::bus::{Bus, UNANSWERED};
 use crate::session::context::MachineContext;
 use crate::session::machine::{ProtocolMachine, TimedMachine};
-use crate::session::presence::{emit_heartbeat_gap, emit_node_lost, mark_alive};
+use crate::session::presence::{emit_guarding_return, emit_heartbeat_gap, emit_node_lost, mark_returned};
 use crate::session::timers::DeadlineSubject;
 use crate::wire::canopen::error_control::{self, ErrorControlByte as Message};
 use crate::wire::canopen::{NmtState, ObjectAddress};
@@ -100,14 +100,17 @@ impl TimedMachine for ErrorControlMachine {
         }
         node.heartbeat.deadline = None;
         let last_frame = node.last_frame;
-        if cx.bus.routes.sends_pdos(id, deadline) {
+        let rebooted = node.heartbeat.rebooted.map(|(time, _)| time);
+        // Any frame after the boot-up shows that only the heartbeat is missing.
+        let is_alive = rebooted.is_some_and(|boot| node.last_received > boot);
+        if is_alive || cx.bus.routes.sends_pdos(id, deadline) {
             let mut frame = Frame { number: last_frame, ..Frame::EMPTY };
             frame.time = cx.bus.clock.stamp_of(deadline);
             return emit_heartbeat_gap(id, true, deadline, &frame, cx);
         }
         let Some(node) = cx.bus.nodes.known_node_mut(id) else { return };
         // A silence of the whole bus postpones the heartbeat, but not the last frame of the node.
-        let last = node.heartbeat.last.map(|last| last.min(node.last_received));
+        let last = node.heartbeat.last.or(rebooted).map(|last| last.min(node.last_received));
         let gap = last.map_or(0, |last| deadline.saturating_sub(last));
         // The event has the time of the deadline, and the last frame of the node as evidence.
         let mut frame = Frame { number: node.last_frame, ..Frame::EMPTY };
@@ -121,7 +124,7 @@ fn on_heartbeat(id: NodeId, message: Message, frame: &Frame, cx: &mut MachineCon
         let now = cx.bus.clock.now();
         emit_heartbeat_gap(id, false, now, frame, cx);
     }
-    mark_alive(id, frame, cx);
+    mark_returned(id, frame, cx);
     let kind = EventKind::Heartbeat { state: message.state, code: message.code };
     // A defined state has an event of its own; only an undefined one is not routine.
     cx.emit_event(frame, id, message.state.is_some(), kind);
@@ -157,7 +160,8 @@ fn on_guard_request(id: NodeId, frame: &Frame, cx: &mut MachineContext<'_>) {
 }
 
 fn on_guard_reply(id: NodeId, message: Message, frame: &Frame, cx: &mut MachineContext<'_>) {
-    mark_alive(id, frame, cx);
+    emit_guarding_return(id, frame, cx);
+    mark_returned(id, frame, cx);
     let now = cx.bus.clock.now();
     let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     let is_renewed = node.guarding.missed >= UNANSWERED || node.guarding.has_outlived(&node.store, now);
@@ -191,6 +195,7 @@ fn rearm_heartbeat(id: NodeId, cx: &mut MachineContext<'_>) {
     let now = cx.bus.clock.now();
     let Some(node) = cx.bus.nodes.node_mut(id) else { return };
     let heartbeat = &mut node.heartbeat;
+    heartbeat.rebooted = None;
     if let Some(last) = heartbeat.last.replace(now) {
         let [newest, second, third, _] = heartbeat.intervals;
         heartbeat.intervals = [now.saturating_sub(last).max(1), newest, second, third];

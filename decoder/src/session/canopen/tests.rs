@@ -100,9 +100,46 @@ fn guarding_without_response_is_no_loss_while_the_node_answers_sdo() {
         |from: i64| guarding.clone().chain(replies.clone()).chain(sdo(from)).chain(other_node(30_000));
     // SDO continues over the end of the responses.
     assert_eq!(life(frames(1_000).collect()), (vec![], false));
-    // The node is silent for 3.5 s, then only guarding stays without response: one loss, one return.
+    // The node is silent for 3.5 s, then only guarding stays without response: it is not lost, and not back either.
     let (changes, is_lost) = life(frames(8_000).collect());
-    let found: Vec<_> = changes.iter().map(|change| (change.0, change.3)).collect();
-    assert_eq!(found, [(true, MonitoringMethod::Guarding), (false, MonitoringMethod::Guarding)]);
+    let found: Vec<_> = changes.iter().map(|change| (change.0, change.1, change.3)).collect();
+    let by = MonitoringMethod::Guarding;
+    assert_eq!(found, [(true, false, by), (true, true, by)]);
     assert!(!is_lost);
+    // A response ends it, with the time since the response before: 28.003 s - 4.503 s.
+    let reply = (28_003, 0x709, Some(vec![0x05]));
+    let (changes, _) = life(frames(8_000).chain([reply]).collect());
+    assert_eq!(changes.last(), Some(&(false, true, 23_500, by)));
+}
+
+/// A node with a heartbeat restarts. Without a heartbeat for 5 s and three earlier intervals, it is lost, or only its
+/// heartbeat is missing if other frames follow; a reset by NMT, a late heartbeat and 1017 = 0 cause no loss.
+#[test]
+fn a_heartbeat_that_does_not_return_after_a_restart_is_missing() {
+    for period in [100, 500, 1_000, 3_000] {
+        let boot = 10 * period + period / 3;
+        let limit = (3 * period).max(5_000);
+        let end = boot + limit + 2_000;
+        let before = || heartbeats((0..10).map(move |beat| beat * period)).chain(other_node(end));
+        let restart = || [(boot, 0x709, Some(vec![0]))];
+        let by = MonitoringMethod::Heartbeat;
+        let (changes, is_lost) = life(before().chain(restart()).collect());
+        assert_eq!((changes, is_lost), (vec![(true, false, limit, by)], true), "{period}");
+        let pdos = || tpdos((boot + 3..end).step_by(100));
+        let (changes, is_lost) = life(before().chain(restart()).chain(pdos()).collect());
+        assert_eq!((changes, is_lost), (vec![(true, true, limit, by)], false), "{period}");
+        let late = heartbeats(std::iter::once(boot + limit - 1));
+        assert_eq!(life(before().chain(restart()).chain(late).collect()).0, vec![], "{period}");
+        let return_at = boot + limit + 1_000;
+        let (changes, _) =
+            life(before().chain(restart()).chain(heartbeats(std::iter::once(return_at))).collect());
+        assert_eq!(changes.len(), 2, "{period}");
+        let reset = (boot - 20, 0x000, Some(vec![0x81, 9]));
+        assert_eq!(life(before().chain([reset]).chain(restart()).collect()).0, vec![], "{period}");
+        let off = [
+            (boot + 10, 0x609, Some(vec![0x2B, 0x17, 0x10, 0, 0, 0, 0, 0])),
+            (boot + 11, 0x589, Some(vec![0x60, 0x17, 0x10, 0, 0, 0, 0, 0])),
+        ];
+        assert_eq!(life(before().chain(restart()).chain(off).collect()).0, vec![], "{period}");
+    }
 }

@@ -70,6 +70,11 @@ impl J1939Detection {
         }
     }
 
+    /// Whether messages of a group can prove or contradict J1939.
+    pub(in crate::session) fn is_evidence(&self, id: J1939Id) -> bool {
+        !self.is_confirmed() && (group_evidence(id, &[]).is_some() || id.pgn == Pgn::ADDRESS_CLAIMED)
+    }
+
     /// Evaluates a frame as evidence or contradiction; called only until J1939 is confirmed.
     pub(in crate::session) fn weigh_frame(&mut self, id: J1939Id, data: &[u8], is_plain: bool) {
         if self.is_reported && self.status == J1939Status::Rejected {

@@ -50,15 +50,15 @@ impl PublicGroups {
         }
     }
 
-    /// Whether the traffic is that of J1939: several steady public groups, from at least two addresses, and not
-    /// fewer public than undefined groups.
+    /// Whether the traffic is that of J1939: several steady public groups, and more public than undefined groups; of
+    /// one address alone, no undefined ones.
     pub(super) fn are_evidence(&self) -> bool {
         let steady = || self.public.iter().filter(|(_, _, count)| *count >= STEADY);
         let mut sources = steady().map(|(_, source, _)| source);
         let first = sources.next();
         steady().count() >= ENOUGH
             && self.public.len() > self.others.len()
-            && sources.any(|source| Some(source) != first)
+            && (self.others.is_empty() || sources.any(|source| Some(source) != first))
     }
 }
 
@@ -81,9 +81,10 @@ mod tests {
     fn steady_groups_of_two_addresses() {
         assert!(taken(&TRUCK, 3));
         assert!(!taken(&TRUCK, 2), "not steady yet");
-        assert!(!taken(&TRUCK[..3], 9), "three groups of one address");
         let of_one: Vec<u32> = TRUCK.iter().map(|id| id & !0xFF).collect();
-        assert!(!taken(&of_one, 9), "one address");
+        assert!(taken(&of_one, 9), "one address");
+        assert!(!taken(&of_one[..3], 9), "three groups of one address");
+        assert!(!taken(&[&of_one[..], &[0x1021_0000]].concat(), 9), "one address, and an undefined group");
         // Proprietary B groups neither help nor hinder.
         let own: Vec<u32> = (0..40).map(|number| 0x18FF_0000 | number << 8).collect();
         assert!(!taken(&own, 9));

@@ -20,5 +20,5 @@ mod transfer;
 
 pub(in crate::session) use isotp::IsoTpMachine;
 pub(in crate::session) use obd::ObdPairs;
-pub(in crate::session) use pairs::{PairSearch, has_known_end};
+pub(in crate::session) use pairs::{PairDecision, PairSearch, has_known_end};
 pub(in crate::session) use requests::UdsMachine;

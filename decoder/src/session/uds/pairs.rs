@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use crate::bus_file::UdsPair;
-use crate::frame::{CanId, Frame, FrameFlags};
+use crate::frame::{CanId, Frame, FrameFlags, Timestamp};
 use crate::profile;
 use crate::session::bus::UdsLink;
 use crate::session::context::MachineContext;
@@ -40,6 +40,8 @@ struct HeldFrame {
     frame: Frame,
     /// The frame was emitted undecoded and counted.
     is_counted: bool,
+    /// The frame may be a message of J1939 instead, and no event of it was emitted: slot and identifier.
+    withheld: Option<(usize, J1939Id)>,
 }
 
 /// A pair with one exchange that does not prove it alone.
@@ -55,7 +57,29 @@ struct SuspectedPair {
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct PairSearch {
     held: VecDeque<HeldFrame>,
+    /// Withheld frames that are no longer held, until they are decoded.
+    evicted: VecDeque<((usize, J1939Id), Frame)>,
     suspects: Vec<SuspectedPair>,
+}
+
+impl HeldFrame {
+    /// Whether a response at `now` no longer belongs to the frame.
+    fn is_old(&self, now: Option<Timestamp>) -> bool {
+        match (now, self.frame.time) {
+            (Some(now), Some(then)) => !(0..=HELD_TIME).contains(&now.since(then)),
+            _ => false,
+        }
+    }
+}
+
+/// What a frame decides.
+pub(in crate::session) enum PairDecision {
+    /// Nothing: the frame is decoded without this search.
+    Open,
+    /// The frame waits for a response; no event of it is emitted yet.
+    Withheld,
+    /// The frame proves a pair.
+    Proven(ProvenPair),
 }
 
 /// A pair that its exchange proved.
@@ -65,18 +89,56 @@ pub(in crate::session) struct ProvenPair {
 }
 
 impl PairSearch {
-    /// Evaluates a data frame of an undecided identifier; `is_counted` if it becomes an undecoded frame.
-    /// Returns the pair that it proves; its identifiers belong to ISO-TP from now on.
+    /// Evaluates a data frame of an undecided identifier; `is_counted` if it becomes an undecoded frame, `withheld` the slot
+    /// and identifier of J1939 if it would become a presumed message of J1939.
+    /// The identifiers of a proven pair belong to ISO-TP from now on.
     #[cold]
     pub(in crate::session) fn take_frame(
+        &mut self,
+        (frame, withheld): (&Frame, Option<(usize, J1939Id)>),
+        is_counted: bool,
+        cx: &mut MachineContext<'_>,
+    ) -> PairDecision {
+        if frame.flags.contains(FrameFlags::REMOTE) || cx.bus.protocols.choice == ProtocolChoice::None {
+            return PairDecision::Open;
+        }
+        let before = self.held.back().map(|held| held.frame.number);
+        if let Some(pair) = self.prove_pair(frame, is_counted, cx) {
+            return PairDecision::Proven(pair);
+        }
+        match self.held.back_mut().filter(|held| before != Some(held.frame.number)) {
+            Some(held) if withheld.is_some() => {
+                held.withheld = withheld;
+                PairDecision::Withheld
+            }
+            _ => PairDecision::Open,
+        }
+    }
+
+    /// Whether frames wait without any event.
+    pub(in crate::session) fn withholds_frames(&self) -> bool {
+        !self.evicted.is_empty() || self.held.iter().any(|held| held.withheld.is_some())
+    }
+
+    /// Takes the oldest withheld frame that is no longer held at `time`; without a time, the oldest one.
+    pub(in crate::session) fn take_withheld(
+        &mut self,
+        time: Option<Timestamp>,
+    ) -> Option<((usize, J1939Id), Frame)> {
+        if let Some(evicted) = self.evicted.pop_front() {
+            return Some(evicted);
+        }
+        let held = self.held.iter_mut().find(|held| held.withheld.is_some())?;
+        let is_due = time.is_none_or(|now| held.is_old(Some(now)));
+        held.withheld.take_if(|_| is_due).map(|group| (group, held.frame))
+    }
+
+    fn prove_pair(
         &mut self,
         frame: &Frame,
         is_counted: bool,
         cx: &mut MachineContext<'_>,
     ) -> Option<ProvenPair> {
-        if frame.flags.contains(FrameFlags::REMOTE) || cx.bus.protocols.choice == ProtocolChoice::None {
-            return None;
-        }
         let (request, response) = self.find_exchange(frame, is_counted)?;
         if cx.bus.routes.is_given(request) || cx.bus.routes.is_given(response) {
             return None;
@@ -133,14 +195,12 @@ impl PairSearch {
     }
 
     fn hold_frame(&mut self, frame: &Frame, is_counted: bool) {
-        let is_old = |held: &HeldFrame| match (frame.time, held.frame.time) {
-            (Some(now), Some(then)) => !(0..=HELD_TIME).contains(&now.since(then)),
-            _ => false,
-        };
-        while self.held.front().is_some_and(|held| self.held.len() >= HELD_FRAMES || is_old(held)) {
-            self.held.pop_front();
+        let is_over = |oldest: &HeldFrame, count: usize| count >= HELD_FRAMES || oldest.is_old(frame.time);
+        while self.held.front().is_some_and(|oldest| is_over(oldest, self.held.len())) {
+            let Some(oldest) = self.held.pop_front() else { break };
+            self.evicted.extend(oldest.withheld.map(|group| (group, oldest.frame)));
         }
-        self.held.push_back(HeldFrame { frame: *frame, is_counted });
+        self.held.push_back(HeldFrame { frame: *frame, is_counted, withheld: None });
     }
 
     /// Whether a pair had an exchange with other data before; the present one is stored.
@@ -159,7 +219,9 @@ impl PairSearch {
 
     /// Bytes held.
     pub(in crate::session) fn memory_size(&self) -> usize {
-        self.held.capacity() * size_of::<HeldFrame>() + self.suspects.capacity() * size_of::<SuspectedPair>()
+        self.held.capacity() * size_of::<HeldFrame>()
+            + self.evicted.capacity() * size_of::<((usize, J1939Id), Frame)>()
+            + self.suspects.capacity() * size_of::<SuspectedPair>()
     }
 }
 

@@ -238,6 +238,57 @@ fn a_proven_pair_is_decoded_as_a_named_one() {
     }
 }
 
+/// Numbers of the frames that became messages of J1939.
+fn messages(scene: &Scene) -> Vec<u64> {
+    let messages = scene.events.iter().filter_map(|event| match &event.kind {
+        EventKind::J1939Message(_) => Some(event.frames.first),
+        _ => None,
+    });
+    messages.collect()
+}
+
+/// Frames before the proof do not become messages of J1939, although their identifiers have the form of TSC1 (PGN 0).
+#[test]
+fn frames_that_wait_for_a_response_are_not_printed_as_j1939() {
+    let mut scene = Scene::new("");
+    for (time, id, data) in talk(0x6CE, 0x7CE) {
+        scene.at(time, id, &data);
+    }
+    scene.finish();
+    assert_eq!((messages(&scene), scene.exchanges().len()), (vec![], 3));
+}
+
+/// Frames of the form of a request without a response: each becomes one message of J1939 in its order, after the time of a
+/// response at the latest.
+#[test]
+fn frames_without_a_response_become_messages_once() {
+    // TSC1 of 03 to 00 and EEC1 of 00, with contents that may be a request; a proof by an address claim, or none.
+    let ids = [0x0C00_0003, 0x0CF0_0400].map(CanId::from_extended);
+    let claim = (CanId::from_extended(0x18EE_FF00), [0x10, 0x21, 0xC3, 0x84, 0, 0, 0, 0x80]);
+    for (count, proof) in [(1, None), (5, None), (70, None), (300, None), (5, Some(3)), (70, Some(66))] {
+        let mut scene = Scene::new("");
+        for number in 0..count {
+            let id = ids[usize::try_from(number).unwrap() % 2];
+            scene.at(number * 10, id, &[3, 0x22, 0xF1, 0x90, 0, 0, 0, number.to_le_bytes()[0]]);
+            if proof == Some(number) {
+                scene.at(number * 10 + 1, claim.0, &claim.1);
+            }
+        }
+        scene.finish();
+        let found = messages(&scene);
+        let claim_frame = proof.map(|number| u64::try_from(number + 2).unwrap());
+        let expected = (1..=scene.number).filter(|frame| Some(*frame) != claim_frame);
+        assert!(found.iter().copied().eq(expected), "{count} {proof:?}: {found:?}");
+    }
+    // Live: the next frame after 5 s releases the first one.
+    let mut scene = Scene::new("");
+    scene.at(0, ids[0], &[3, 0x22, 0xF1, 0x90, 0, 0, 0, 0]);
+    scene.at(4_999, ids[1], &[0; 8]);
+    assert_eq!(messages(&scene).len(), 1);
+    scene.at(5_001, ids[1], &[0; 8]);
+    assert_eq!(messages(&scene), [2, 1, 3]);
+}
+
 #[test]
 fn frames_that_only_fit_prove_nothing() {
     let mut scene = Scene::new("");

@@ -44,6 +44,9 @@ impl ErrorBursts {
     /// Whether an event is a further error frame of a burst, which is not printed.
     pub(super) fn absorbs_event(&mut self, event: &Event, bus: &Bus) -> bool {
         let EventKind::CanError(error) = &event.kind else { return false };
+        if error.is_only_counters() {
+            return false;
+        }
         let known = self.0.iter_mut().find(|burst| burst.bus == event.bus);
         let known = known.filter(|burst| burst.is_alike(*error) && !burst.is_over(event.time));
         if let Some(burst) = known {

@@ -27,6 +27,14 @@ pub(super) fn time_line(milliseconds: u32, days: u16) -> LineContent {
 }
 
 pub(super) fn can_error(error: ErrorFrameFields) -> LineContent {
+    if error.is_only_counters() {
+        let (transmit, receive) = (error.transmit_errors, error.receive_errors);
+        return (
+            "STATE",
+            format!("error counters of the controller: tx {transmit} rx {receive}"),
+            LineTone::Plain,
+        );
+    }
     let mut what = can_error_text(error);
     if error.transmit_errors != 0 || error.receive_errors != 0 {
         let _ = write!(what, ", counters tx {} rx {}", error.transmit_errors, error.receive_errors);

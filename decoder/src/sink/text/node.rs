@@ -138,10 +138,13 @@ pub(super) fn node_back(silence: &NodeSilence) -> LineContent {
 fn lost_text(silence: &NodeSilence) -> String {
     let (gap, by) = (format_seconds(silence.gap), silence.monitored_by.name());
     let mut what = if silence.others_continue {
-        format!("{by} missing for {gap} s, PDOs continue")
+        format!("{by} missing for {gap} s, {}", silence.others_text())
     } else {
         format!("silent for {gap} s ({by})")
     };
+    if let Some(boot) = silence.boot_frame {
+        let _ = write!(what, " since the boot-up {{{boot}}}");
+    }
     let _ = write!(what, ", last frame {{{}}}", silence.last_frame);
     if let Some(state) = silence.last_state {
         let _ = write!(what, ", was {}", state.name());

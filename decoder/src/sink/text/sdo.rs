@@ -6,11 +6,11 @@ use super::LineTone;
 use super::parts::{push_bytes, push_millis, push_node_short, push_object, text_of};
 use super::transfer::TransferWords;
 use crate::ascii::{push_code, push_decimal};
-use crate::event::{Event, SdoDirection, SdoMode, SdoOutcome, SdoTransfer};
+use crate::event::{Event, MisplacedResponse, SdoDirection, SdoMode, SdoOutcome, SdoTransfer};
 use crate::profile::{self, DataType, DecodedValue, DeviceProfile, ObjectMeaning, Persistence, WriteEffect};
 use crate::query::record::event_device as device_of;
 use crate::session::Bus;
-use crate::words::group_digits;
+use crate::words::{count_noun, group_digits};
 
 /// Appends client and server in the direction of the transfer, and the text; returns the KIND column and the tone.
 pub(super) fn push_words(
@@ -155,6 +155,13 @@ fn push_order(transfer: &SdoTransfer, out: &mut Vec<u8>) {
         // Writing to a vector cannot fail.
         let _ = write!(out, " ({} {retries})", transfer.retries);
     }
+    if transfer.unrequested_responses > 0 {
+        let responses = count_noun(transfer.unrequested_responses, "response");
+        let _ = write!(out, " ({responses} without a request)");
+    }
+    if let Some(MisplacedResponse { id, frame }) = transfer.misplaced {
+        let _ = write!(out, " (response on {id} {{{frame}}} instead of {})", transfer.response);
+    }
     if transfer.is_ambiguous {
         out.extend_from_slice(b" (ambiguous: segments of two transfers)");
     }
@@ -236,6 +243,11 @@ fn push_outcome(transfer: &SdoTransfer, device: &DeviceProfile, out: &mut Vec<u8
         (SdoOutcome::Complete | SdoOutcome::Aborted, _) => {
             out.extend_from_slice(OK.as_bytes());
             LineTone::Plain
+        }
+        _ if transfer.is_unrequested && transfer.abort.is_none() => {
+            // Writing to a vector cannot fail.
+            let _ = write!(out, "{} without a request", count_noun(transfer.frame_count, "response"));
+            LineTone::Caution
         }
         (SdoOutcome::Timeout, _) if transfer.cut_start && transfer.awaits_client => {
             out.extend_from_slice(b"no further message");

@@ -114,7 +114,7 @@ pub(super) fn cell_text<'a>(
 
 /// Letter and role of the worst finding about an event, else of its tone.
 pub(super) fn severity_mark(core: &UiState, row: &EventRow) -> Option<(&'static str, TextRole)> {
-    if matches!(row.event.kind, EventKind::CanError(_)) {
+    if matches!(row.event.kind, EventKind::CanError(error) if !error.is_only_counters()) {
         return Some(("x", TextRole::Bad));
     }
     if let Some(severity) = of_findings(core, row) {

@@ -10,8 +10,9 @@ use crate::wire::{NodeId, NodeMap};
 declare_rule! {
     /// # What it checks
     /// The heartbeat state of a node alternates between two values without an NMT command. Or its heartbeat
-    /// intervals alternate between two phases of the producer time (1017), it boots twice within 500 ms, or
-    /// two SDO responses with different values answer one request.
+    /// intervals alternate between two phases of the producer time (1017), it boots twice within 500 ms, its
+    /// heartbeats continue in state and phase after a boot-up, or two SDO responses with different values answer one
+    /// request.
     /// Equal intervals are exempt, since one producer with half the time sends the same.
     ///
     /// # Why it matters
@@ -51,9 +52,46 @@ struct HeartbeatWatch {
     booted: Option<(i64, u64)>,
 }
 
+/// Heartbeats before a boot-up. A device that restarts sends its next ones in another phase.
+#[derive(Clone, Copy)]
+struct SteadyHeartbeats {
+    /// Time of the last one, period and tolerance, in nanoseconds.
+    last: i64,
+    period: i64,
+    tolerance: i64,
+    state: Option<NmtState>,
+    /// Frame of the boot-up.
+    boot: u64,
+    /// Heartbeats after the boot-up that continue the earlier ones.
+    continued: u32,
+}
+
+/// Heartbeats that must continue the earlier ones after a boot-up.
+const CONTINUED: u32 = 2;
+
+/// Minimum tolerance of a phase, in nanoseconds.
+const PHASE_TOLERANCE: i64 = 1_000_000;
+
+impl SteadyHeartbeats {
+    /// Distance from the phase of the earlier heartbeats, in nanoseconds.
+    fn phase_error(&self, time: i64) -> i64 {
+        let rest = time.saturating_sub(self.last).rem_euclid(self.period);
+        rest.min(self.period.saturating_sub(rest))
+    }
+
+    /// Whether a heartbeat after the boot-up proves a second device.
+    fn is_proven_by(&mut self, time: i64, state: Option<NmtState>) -> bool {
+        let continues = state == self.state && self.phase_error(time) <= self.tolerance;
+        self.continued += u32::from(continues);
+        continues && self.continued == CONTINUED
+    }
+}
+
 struct DuplicateNodeId {
     changes: u32,
     watches: NodeMap<HeartbeatWatch>,
+    /// Heartbeats before the last boot-up of each node.
+    steady: NodeMap<SteadyHeartbeats>,
     /// Last SDO response of each node.
     responses: NodeMap<SdoResponse>,
 }
@@ -69,7 +107,12 @@ struct SdoResponse {
 fn new(policy: &RulePolicy) -> DuplicateNodeId {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
     let changes = policy.tolerance_value(&DECLARATION, "changes") as u32;
-    DuplicateNodeId { changes: changes.max(2), watches: NodeMap::default(), responses: NodeMap::default() }
+    DuplicateNodeId {
+        changes: changes.max(2),
+        watches: NodeMap::default(),
+        steady: NodeMap::default(),
+        responses: NodeMap::default(),
+    }
 }
 
 impl HeartbeatWatch {
@@ -93,6 +136,18 @@ impl HeartbeatWatch {
             && (interval - last).abs() > tolerance
     }
 
+    /// Heartbeats before a boot-up at `now`, if their period is steady and the boot-up is not in their phase.
+    fn steady_heartbeats(&self, now: i64, boot: u64) -> Option<SteadyHeartbeats> {
+        let ([period, before], [state, other]) = (self.intervals, self.states);
+        let jitter = (period - before).abs();
+        if period <= 0 || before <= 0 || jitter > period / 25 || state != other {
+            return None;
+        }
+        let tolerance = jitter.saturating_mul(4).saturating_add(PHASE_TOLERANCE).min(period / 25);
+        let steady = SteadyHeartbeats { last: self.last?, period, tolerance, state, boot, continued: 0 };
+        (steady.phase_error(now) > tolerance.saturating_mul(2)).then_some(steady)
+    }
+
     fn forget_heartbeats(&mut self) {
         *self = Self { booted: self.booted, ..Self::default() };
     }
@@ -112,6 +167,18 @@ impl DuplicateNodeId {
             .filter(|time| *time > 0);
         let time = time.and_then(|time| i64::try_from(time).ok()).map(|time| time.saturating_mul(1_000_000));
         let limit = self.changes;
+        if let Some(steady) = self.steady.get_mut(node)
+            && steady.is_proven_by(context.now, state)
+        {
+            let frames = FrameRange { first: steady.boot, last: event.frames.last };
+            let period = crate::rules::general::facts::to_milliseconds(steady.period);
+            context.start_finding(event).with_frames(frames).report_finding(|| {
+                format!(
+                    "boot-up between heartbeats that continue every {period} ms in the same state and phase"
+                )
+            });
+            return;
+        }
         let Some(watch) = self.watches.entry(node) else { return };
         let takes_turn = watch.takes_turn(state);
         if !takes_turn || watch.changes == 0 {
@@ -141,7 +208,12 @@ impl DuplicateNodeId {
     fn on_boot(&mut self, event: &Event, node: NodeId, cause: BootCause, context: &mut RuleContext<'_>) {
         let Some(watch) = self.watches.entry(node) else { return };
         let before = watch.booted.replace((context.now, event.frames.last));
+        let steady = watch.steady_heartbeats(context.now, event.frames.last).filter(|_| context.has_time);
         watch.forget_heartbeats();
+        match steady.filter(|_| matches!(cause, BootCause::PresumedPowerOn { .. })) {
+            Some(steady) => self.steady.insert(node, steady),
+            None => drop(self.steady.remove(node)),
+        }
         let Some((at, frame)) = before.filter(|_| matches!(cause, BootCause::PresumedPowerOn { .. })) else {
             return;
         };

@@ -11,8 +11,9 @@ use crate::wire::{NodeId, NodeMap, NodeSet};
 declare_rule! {
     /// # What it checks
     /// The heartbeat of a node is later than its producer time (1017) allows, or a guarded node does not
-    /// respond for its life time (100C × 100D). If 1017 is unknown, the longest usual interval applies. There
-    /// is one finding per silence, with its duration.
+    /// respond for its life time (100C × 100D). If 1017 is unknown, the longest usual interval applies. Or a node with
+    /// a heartbeat restarts without an NMT reset, and sends none for 5 s and three intervals. There is one finding per
+    /// silence, with its duration.
     ///
     /// # Why it matters
     /// The node has no supply, has restarted, is off the bus, or is overloaded.
@@ -44,7 +45,12 @@ struct NodeLost {
     error: f64,
     last: NodeMap<(i64, u64)>,
     lost: NodeSet,
+    /// Losses by guarding that wait for other frames of the node, which would show that only guarding stopped.
+    held: NodeMap<Event>,
 }
+
+/// Time in ns for which a loss by guarding waits for other frames of the node.
+const HELD_TIME: i64 = 5_000_000_000;
 
 fn new(policy: &RulePolicy) -> NodeLost {
     let share = |key| policy.tolerance_value(&DECLARATION, key) / 100.0;
@@ -53,10 +59,20 @@ fn new(policy: &RulePolicy) -> NodeLost {
         error: share("error-percent"),
         last: NodeMap::default(),
         lost: NodeSet::default(),
+        held: NodeMap::default(),
     }
 }
 
 impl NodeLost {
+    /// Reports a loss by guarding that no other frame of the node contradicted.
+    fn report_held(&mut self, node: NodeId, context: &mut RuleContext<'_>) {
+        if let Some(event) = self.held.remove(node)
+            && let EventKind::NodeLost(silence) = &event.kind
+        {
+            self.on_lost(&event, silence, context);
+        }
+    }
+
     fn on_heartbeat(&mut self, event: &Event, node: NodeId, context: &mut RuleContext<'_>) {
         let now = context.now;
         let Some(last) = self.last.entry(node) else { return };
@@ -105,12 +121,15 @@ impl NodeLost {
                 heartbeat.map(|_| format!("last frame {{{last}}}")),
                 silence.last_state.map(|state| format!("last state {}", state.name())),
                 silence.last_emcy.map(|code| format!("last EMCY {code:04X}")),
-                silence.others_continue.then(|| "PDOs continue".to_owned()),
+                silence.others_continue.then(|| silence.others_text().to_owned()),
             ];
             let details: Vec<String> = details.into_iter().flatten().collect();
             let details =
                 if details.is_empty() { String::new() } else { format!(" ({})", details.join(", ")) };
-            format!("no {by} after {{{}}}{details}", heartbeat.unwrap_or(last))
+            match silence.boot_frame {
+                Some(boot) => format!("no {by} since the boot-up {{{boot}}}{details}"),
+                None => format!("no {by} after {{{}}}{details}", heartbeat.unwrap_or(last)),
+            }
         });
     }
 }
@@ -127,14 +146,36 @@ impl Rule for NodeLost {
             EventKind::Heartbeat { .. } => self.on_heartbeat(event, node, context),
             EventKind::NodeLost(silence) => {
                 self.lost.insert(node);
+                let is_held = self.held.remove(node).is_some();
+                if silence.monitored_by == MonitoringMethod::Guarding && !silence.others_continue && !is_held
+                {
+                    context.wake_at(context.now.saturating_add(HELD_TIME), node.number().into());
+                    return self.held.insert(node, event.clone());
+                }
                 self.on_lost(event, silence, context);
             }
-            EventKind::NodeBack(_) => context.close_condition(Some(node), FindingSubject::Whole),
+            EventKind::NodeBack(_) => {
+                self.report_held(node, context);
+                context.close_condition(Some(node), FindingSubject::Whole);
+            }
             // A restart starts a new series; other rules check the duration of a reset.
             EventKind::BootUp { .. } | EventKind::NmtCommand { to: Some(NmtState::Initialising), .. } => {
                 self.last.remove(node);
             }
             _ => {}
+        }
+    }
+
+    fn on_wake(&mut self, token: u64, context: &mut RuleContext<'_>) {
+        if let Ok(node) = u8::try_from(token) {
+            self.report_held(NodeId::Canopen(node), context);
+        }
+    }
+
+    fn on_end(&mut self, context: &mut RuleContext<'_>) {
+        let held: Vec<NodeId> = self.held.iter().map(|(node, _)| node).collect();
+        for node in held {
+            self.report_held(node, context);
         }
     }
 }

@@ -2,9 +2,10 @@
 
 use std::collections::VecDeque;
 
-use crate::event::{Event, EventKind, Kind, SdoOutcome, SdoTransfer};
-use crate::finding::FindingSubject;
+use crate::event::{Event, EventKind, Kind, MisplacedResponse, SdoOutcome, SdoTransfer};
+use crate::finding::{FindingSubject, Severity};
 use crate::frame::CanId;
+use crate::rules::general::facts::transfer_subject;
 use crate::rules::rule::declare_rule;
 use crate::rules::{Rule, RuleContext, RulePolicy};
 use crate::wire::canopen::ObjectAddress;
@@ -12,21 +13,24 @@ use crate::wire::{NodeId, NodeMap};
 
 declare_rule! {
     /// # What it checks
-    /// An SDO server sends a response for another object than the open request, which itself has no response.
+    /// An SDO server sends a response for another object than the open request, or on another identifier: that of the
+    /// requests, or of the responses of another node. The request itself has no response.
     /// A late response to one of the previous requests is exempt, and so is traffic after lost frames.
     ///
     /// # Why it matters
-    /// A master that does not compare the object uses the value of a wrong object.
+    /// A master that does not compare the object uses the value of a wrong object. A response on another identifier does
+    /// not arrive: the master reports a time-out of a node that responds.
     ///
     /// # Source
-    /// CiA 301 §7.2.4.3.3, §7.2.4.3.6 (multiplexer of the response)
+    /// CiA 301 §7.2.4.3.3, §7.2.4.3.6 (multiplexer of the response), §7.3.3 (identifiers of the SDO)
     ///
     /// # What to look at first
-    /// Check whether two clients use the same SDO channel. If not, the SDO server of the firmware is wrong.
+    /// Check object and identifier in the responses of the SDO server: its firmware may be wrong. Check whether two
+    /// clients use the same SDO channel.
     ///
     /// # Mutation
     /// change the index in a response
-    "sdo-answer-mismatch", Warning, "SDO response for another object",
+    "sdo-answer-mismatch", Warning, "SDO response with another object or identifier",
     kinds: [Kind::SdoTransfer, Kind::LostFrames, Kind::Link, Kind::BusSilent],
     needs: "an SDO transfer",
     cases: &["2.7"],
@@ -83,6 +87,9 @@ impl SdoAnswerMismatch {
             server.asked.pop_front();
         }
         server.asked.push_back(object);
+        if let Some(misplaced) = transfer.misplaced {
+            return report_misplaced(event, transfer, misplaced, context);
+        }
         match (transfer.outcome, stray) {
             (SdoOutcome::Complete, _) => context.count_pass(),
             (SdoOutcome::Timeout | SdoOutcome::Superseded, Some(stray)) => {
@@ -100,6 +107,25 @@ impl SdoAnswerMismatch {
             _ => {}
         }
     }
+}
+
+/// Reports a response on another identifier than that of the responses.
+fn report_misplaced(
+    event: &Event,
+    transfer: &SdoTransfer,
+    misplaced: MisplacedResponse,
+    context: &mut RuleContext<'_>,
+) {
+    let MisplacedResponse { id, frame } = misplaced;
+    if transfer.outcome == SdoOutcome::Unfinished {
+        return;
+    }
+    let alarm =
+        context.start_finding(event).with_subject(transfer_subject(transfer)).with_severity(Severity::Error);
+    alarm.with_reason("identifier").report_finding(|| {
+        let (response, request) = (transfer.response, event.frames.first);
+        format!("response on {id} {{{frame}}} instead of {response} to the request {{{request}}}")
+    });
 }
 
 impl Rule for SdoAnswerMismatch {

@@ -139,7 +139,9 @@ impl SdoNoResponse {
     fn on_slow_response(&self, event: &Event, transfer: &SdoTransfer, context: &mut RuleContext<'_>) {
         let (warning, error) =
             if is_store(transfer) { (self.store, self.store) } else { (self.warning, self.error) };
-        let is_single = transfer.mode == Some(SdoMode::Expedited) || transfer.outcome == SdoOutcome::Aborted;
+        let is_refused = transfer.abort.is_some_and(|abort| !abort.by_client)
+            && transfer.frame_count <= u64::from(transfer.retries).saturating_add(2);
+        let is_single = is_refused || transfer.mode == Some(SdoMode::Expedited) && transfer.abort.is_none();
         let Some(duration) = transfer.duration.filter(|_| is_single && !transfer.cut_start) else { return };
         if duration <= warning {
             return context.count_pass();
@@ -171,6 +173,8 @@ impl Rule for SdoNoResponse {
         };
         match (transfer.outcome, transfer.waited) {
             (SdoOutcome::Timeout, _) | (_, Some(_)) if self.serves_none(event) => {}
+            // The server responded on another identifier, which another rule reports.
+            _ if transfer.misplaced.is_some() => {}
             // The client did not continue the transfer, or did not start it.
             (SdoOutcome::Timeout, _) if transfer.awaits_client => {}
             (SdoOutcome::Timeout, _) => {

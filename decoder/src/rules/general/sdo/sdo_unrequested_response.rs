@@ -8,8 +8,8 @@ use crate::words::count_noun;
 
 declare_rule! {
     /// # What it checks
-    /// A server sends `responses` or more SDO responses in sequence without a request. A single one may be late, or its
-    /// request may be missing in the capture.
+    /// A server sends `responses` or more SDO responses in sequence without a request, also during a transfer of its
+    /// client that they contradict. A single one may be late, or its request may be missing in the capture.
     ///
     /// # Why it matters
     /// The responses load the bus, and a client may assign them to its next request.
@@ -29,6 +29,11 @@ declare_rule! {
     tolerances: &[define_tolerance("responses", 3.0, "", "responses in sequence without a request")],
 }
 
+/// Number of responses of one event; enough for each limit.
+fn counted(responses: u64) -> f64 {
+    f64::from(u32::try_from(responses).unwrap_or(u32::MAX))
+}
+
 struct SdoUnrequestedResponse {
     least: f64,
     /// Responses of a server without a request, since the last exchange.
@@ -46,15 +51,19 @@ impl Rule for SdoUnrequestedResponse {
     fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         let (EventKind::SdoTransfer(transfer), Some(node)) = (&event.kind, event.node) else { return };
         let Some(count) = self.counts.entry(node) else { return };
-        if !transfer.is_unrequested || transfer.outcome != SdoOutcome::Complete {
+        let within = transfer.unrequested_responses;
+        if !transfer.is_unrequested && within > 0 {
+            *count = counted(within);
+        } else if !transfer.is_unrequested || transfer.abort.is_some() {
             // The first response without a request is marked as one without start.
             *count = if transfer.cut_start && transfer.frame_count == 1 { 1.0 } else { 0.0 };
             if transfer.outcome == SdoOutcome::Complete && !transfer.cut_start {
                 context.count_pass();
             }
             return;
+        } else {
+            *count += counted(transfer.frame_count);
         }
-        *count += 1.0;
         let count = *count;
         if count >= self.least {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of events")]

@@ -7,6 +7,10 @@ use crate::wire::canopen::ObjectAddress;
 /// unknown. Also the factor of its life time in intervals.
 pub(in crate::session) const UNANSWERED: u8 = 3;
 
+/// Time in ns within which a master configures a node after its boot-up, and intervals of its earlier heartbeats.
+const RESTART_TIME: i64 = 5_000_000_000;
+const RESTART_INTERVALS: i64 = 3;
+
 /// Heartbeat state of a node.
 #[derive(Debug, Clone, Default)]
 pub(in crate::session) struct HeartbeatState {
@@ -20,6 +24,8 @@ pub(in crate::session) struct HeartbeatState {
     pub(in crate::session) queued: bool,
     /// Monotonic time of the last heartbeat before it was reported as missing, while PDOs of the node continue.
     pub(in crate::session) missing_since: Option<i64>,
+    /// Monotonic time and frame of a boot-up without an NMT reset, after heartbeats, until the next heartbeat.
+    pub(in crate::session) rebooted: Option<(i64, u64)>,
     /// Producer time (object 0x1017) in ns; 0 = heartbeat disabled, `None` = unknown.
     pub(in crate::session) configured: Option<i64>,
 }
@@ -40,6 +46,15 @@ impl HeartbeatState {
         self.last = None;
         self.intervals = [0; 4];
         self.deadline = None;
+        self.rebooted = None;
+    }
+
+    /// Time in ns after a restart without an NMT reset within which the next heartbeat must follow; `None` if the node
+    /// sent no heartbeats.
+    pub(in crate::session) fn restart_limit(&self) -> Option<i64> {
+        let usual = self.intervals.iter().copied().max().filter(|interval| *interval > 0);
+        let interval = self.configured.or(usual).filter(|interval| *interval > 0)?;
+        Some(interval.saturating_mul(RESTART_INTERVALS).max(RESTART_TIME))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use super::strays::UnrequestedResponses;
 use super::transfer::{FrameData, SdoTransferState, TransferStage};
 use crate::event::{SdoAbort, SdoDirection, SdoIrregularityKind, SdoMode, SdoOutcome};
 use crate::frame::{Frame, Timestamp, low_bits};
@@ -27,6 +28,10 @@ pub(super) struct ChannelState {
     answered: Option<AnsweredExchange>,
     /// Frames were seen before the open transfer.
     has_history: bool,
+    /// Frames of the client were seen.
+    pub(super) has_client: bool,
+    /// Responses that contradict the open transfer, since the last frame of the client.
+    pub(super) strays: UnrequestedResponses,
 }
 
 /// An exchange of one request and one response.
@@ -118,6 +123,8 @@ impl ChannelState {
         if side == SdoSide::Client {
             self.unrequested = 0;
             self.answered = None;
+            self.has_client = true;
+            self.settle_strays(index, &message, &mut ended);
         }
         if let SdoMessage::Abort { object, code } = message {
             self.select_request(&message);
@@ -128,6 +135,9 @@ impl ChannelState {
             self.select_request(&message);
             if let Some(stray) = self.stray_answer(index, &message, frame) {
                 ended.push(stray);
+                return ended;
+            }
+            if self.takes_stray(&message, frame) {
                 return ended;
             }
         }
@@ -151,7 +161,7 @@ impl ChannelState {
     }
 
     /// Applies a message to the open transfer.
-    fn apply_message(
+    pub(super) fn apply_message(
         &mut self,
         index: u16,
         side: SdoSide,
@@ -161,6 +171,7 @@ impl ChannelState {
     ) {
         if let Some(transfer) = &mut self.transfer {
             transfer.add_frame(frame);
+            transfer.misplaced = transfer.misplaced.filter(|_| side == SdoSide::Client);
         }
         let is_over = match side {
             SdoSide::Client => self.on_client(index, message, frame),
@@ -177,6 +188,10 @@ impl ChannelState {
         }
         if let Some(mut transfer) = self.transfer.take_if(|_| is_over) {
             transfer.complete_transfer();
+            if transfer.cut_start && !transfer.sides.0 && self.has_client {
+                self.unrequested = self.unrequested.saturating_add(1);
+                transfer.is_unrequested = self.unrequested > 1;
+            }
             self.answered =
                 AnsweredExchange::of_transfer(&transfer, frame).filter(|_| side == SdoSide::Server);
             self.next_request(&mut transfer);
@@ -256,7 +271,7 @@ impl ChannelState {
 
     /// Ends the open transfer if the message does not belong to it: the client starts another one, or
     /// direction or object differ because frames in between are missing.
-    fn superseded_by(&mut self, message: &SdoMessage<'_>) -> Option<Box<SdoTransferState>> {
+    pub(super) fn superseded_by(&mut self, message: &SdoMessage<'_>) -> Option<Box<SdoTransferState>> {
         let open = self.transfer.as_ref()?;
         let upload = open.direction.map(|direction| direction == SdoDirection::Upload);
         let other_way = matches!((upload, message.is_upload()), (Some(open), Some(this)) if open != this);
@@ -278,8 +293,10 @@ impl ChannelState {
         mode: SdoMode,
         frame: &Frame,
     ) -> &mut SdoTransferState {
+        let is_client_captured = self.has_client;
         let transfer = self.transfer.get_or_insert_with(|| {
             let mut cut = SdoTransferState::new(index, None, frame);
+            cut.is_client_captured = is_client_captured;
             cut.direction = Some(direction);
             cut.mode = Some(mode);
             cut.cut_start = true;

@@ -9,10 +9,12 @@ mod channel;
 mod pending;
 mod segmented;
 mod segments;
+mod strays;
 #[cfg(test)]
 mod tests;
 mod transfer;
 mod transfers;
+mod unrequested;
 
 use std::sync::Arc;
 
@@ -70,6 +72,9 @@ impl ProtocolMachine for SdoMachine {
         if !cx.is_settled(Some(node)) && !sdo::has_valid_command(frame.data(), side) {
             cx.bus.protocols.canopen.add_foreign_sdo();
         }
+        if side == SdoSide::Client && self.transfers.take_own_response(channel, frame) {
+            return None;
+        }
         let message = self.parse_frame(node, (side, channel), frame, cx)?;
         let now = cx.bus.clock.now();
         if !cx.is_settled(Some(node)) && !message.starts_transfer() && !self.transfers.is_answered(channel) {
@@ -82,7 +87,8 @@ impl ProtocolMachine for SdoMachine {
         let finished = self.transfers.take_message(channel, side, message, frame, elsewhere);
         cx.open_data.sdo = self.transfers.open_bytes();
         let mut value = None;
-        for transfer in finished {
+        for mut transfer in finished {
+            transfer.is_unrequested |= self.transfers.link_misplaced(channel, &transfer, frame);
             value = emit_transfer(node, transfer, frame, cx);
         }
         if self.transfers.take_overflow() {
@@ -256,6 +262,10 @@ fn transfer_event(
     let (previous, previous_assumed) = previous_value(bus, server, transfer.object);
     let (effect, persists) = write_consequence(bus, server, transfer);
     let (missing_segments, losses, first_loss) = transfer.count_losses();
+    if transfer.is_flood() {
+        (transfer.size, transfer.unseen) = (0, 0);
+        (transfer.data, transfer.later_data) = (Vec::new(), Vec::new());
+    }
     SdoTransfer {
         meaning: data_meaning(bus, server, transfer).map(Arc::new),
         effect,
@@ -286,7 +296,9 @@ fn transfer_event(
         overlap: transfer.overlap,
         retries: transfer.retries,
         is_ambiguous: transfer.is_ambiguous,
-        is_unrequested: transfer.is_unrequested,
+        is_unrequested: transfer.is_unrequested || transfer.is_flood(),
+        unrequested_responses: transfer.unrequested_responses,
+        misplaced: transfer.misplaced,
         awaits_client: transfer.last_side == Some(SdoSide::Server),
         cut_start: transfer.cut_start,
         cut_end: transfer.outcome == SdoOutcome::Unfinished,

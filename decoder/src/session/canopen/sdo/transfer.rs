@@ -2,9 +2,10 @@
 
 use super::block::{BlockLoss, BlockProgress, DataPart};
 use super::segments::SegmentProgress;
+use super::strays::SegmentCheckpoint;
 use crate::event::{
-    CrcCheck, DataRange, FrameRange, SdoAbort, SdoDirection, SdoIrregularity, SdoIrregularityKind, SdoMode,
-    SdoOutcome,
+    CrcCheck, DataRange, FrameRange, MisplacedResponse, SdoAbort, SdoDirection, SdoIrregularity,
+    SdoIrregularityKind, SdoMode, SdoOutcome,
 };
 use crate::frame::Frame;
 use crate::session::limits::TRANSFER_DATA_LIMIT;
@@ -59,8 +60,18 @@ pub(super) struct SdoTransferState {
     pub(super) is_absorbed: bool,
     /// Segments may belong to another transfer.
     pub(super) is_ambiguous: bool,
+    /// The capture has frames of the client before the first frame.
+    pub(super) is_client_captured: bool,
     /// A response or abort without a request.
     pub(super) is_unrequested: bool,
+    /// Responses that the client did not request.
+    pub(super) unrequested_responses: u64,
+    /// State before responses without a segment or request of the client, until these are judged.
+    pub(super) checkpoint: Option<SegmentCheckpoint>,
+    /// Responses of the server since the last frame of the client.
+    pub(super) responses_in_row: u32,
+    /// Response on the identifier of the requests, or of another server.
+    pub(super) misplaced: Option<MisplacedResponse>,
     /// Sender of the last frame.
     pub(super) last_side: Option<SdoSide>,
     /// Monotonic time at which the transfer ends without a further message.
@@ -115,7 +126,12 @@ impl SdoTransferState {
             retries: 0,
             is_absorbed: false,
             is_ambiguous: false,
+            is_client_captured: false,
             is_unrequested: false,
+            unrequested_responses: 0,
+            checkpoint: None,
+            responses_in_row: 0,
+            misplaced: None,
             last_side: None,
             deadline: None,
             is_touched: true,
@@ -334,7 +350,8 @@ impl SdoTransferState {
 
     /// Segments missing in the capture, and blocks with a loss on the bus.
     pub(super) fn count_losses(&self) -> (u64, u64, Option<BlockLoss>) {
-        let of_segments = (self.segments.missing, 0, None);
+        let missing = if self.is_flood() { 0 } else { self.segments.missing };
+        let of_segments = (missing, 0, None);
         self.blocks.as_ref().map_or(of_segments, |blocks| (blocks.missing, blocks.losses, blocks.first_loss))
     }
 

@@ -118,7 +118,34 @@ impl SdoTransfers {
     pub(in crate::session) fn footprint(&self) -> usize {
         let open = self.channels.iter().flat_map(|channel| channel.transfer.iter().chain(&channel.queue));
         self.channels.capacity() * size_of::<ChannelState>()
+            + self.channels.iter().map(|channel| channel.strays.footprint()).sum::<usize>()
             + open.map(|transfer| transfer.footprint()).sum::<usize>()
+    }
+
+    /// Notes a response on the identifier of the requests of a channel; `false` if the frame is not one.
+    pub(in crate::session) fn take_own_response(&mut self, channel: u16, frame: &Frame) -> bool {
+        self.get_mut(channel).is_some_and(|channel| channel.take_own_response(frame))
+    }
+
+    /// Whether a response without a request of its own is that to the only open request for its object, of another
+    /// channel; the request is marked.
+    pub(in crate::session) fn link_misplaced(
+        &mut self,
+        channel: u16,
+        response: &SdoTransferState,
+        frame: &Frame,
+    ) -> bool {
+        let is_response = response.cut_start && response.frame_count == 1 && !response.sides.0;
+        let (Some(object), Some(direction), true) = (response.object, response.direction, is_response) else {
+            return false;
+        };
+        let others = self.channels.iter_mut().enumerate().filter(|(place, _)| *place != usize::from(channel));
+        let mut awaiting = others.filter_map(|(_, other)| {
+            Some(other).filter(|other| other.is_awaiting(object, direction, frame.time))
+        });
+        let (Some(request), None) = (awaiting.next(), awaiting.next()) else { return false };
+        request.note_misplaced(frame.id, frame.number);
+        true
     }
 
     /// Stores a frame with an undefined command; it may be a segment of a block whose start is missing.

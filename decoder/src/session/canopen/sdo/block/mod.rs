@@ -4,10 +4,13 @@
 //! numbered from 1. So the segments of the present block are buffered until the acknowledgement. Bytes of
 //! acknowledged segments that the capture lacks are gaps.
 
-use crate::event::CrcCheck;
+mod captured;
+#[cfg(test)]
+mod tests;
 
-/// Data bytes per segment.
-const SEGMENT: usize = 7;
+use captured::{CapturedSegment, PartialBlock, SEGMENT};
+
+use crate::event::CrcCheck;
 
 /// Max segments per block.
 const MOST_SEGMENTS: usize = 127;
@@ -22,28 +25,6 @@ pub(super) enum DataPart<'a> {
     Bytes(&'a [u8]),
     /// Number of bytes that were transferred, but not captured.
     Gap(usize),
-}
-
-/// A segment as captured; length 0 if it was not.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-struct CapturedSegment {
-    bytes: [u8; SEGMENT],
-    length: u8,
-}
-
-impl CapturedSegment {
-    fn from_data(data: &[u8]) -> Self {
-        let mut segment = Self::default();
-        for (target, source) in segment.bytes.iter_mut().zip(data) {
-            *target = *source;
-            segment.length += 1;
-        }
-        segment
-    }
-
-    fn is_seen(self) -> bool {
-        self.length > 0
-    }
 }
 
 /// First acknowledgement of a block that excludes segments of the block.
@@ -64,6 +45,10 @@ pub(super) struct BlockProgress {
     repeated: Vec<CapturedSegment>,
     /// Number of the final segment among `repeated`.
     repeated_last: Option<u8>,
+    /// Last acknowledgement of only a part of a block, until the sender continues.
+    partial: Option<PartialBlock>,
+    /// Segments of the present block that an earlier acknowledgement covers: the sender did not restart at 1.
+    base: u8,
     /// Latest sequence number of the present block.
     latest: u8,
     /// Sequence number of the final segment, if it is in the present block.
@@ -115,14 +100,20 @@ impl BlockProgress {
         data: &[u8],
         keep: impl FnMut(DataPart<'_>),
     ) {
-        let place = usize::from(sequence);
-        if place == 0 || place > MOST_SEGMENTS {
+        if sequence == 0 || usize::from(sequence) > MOST_SEGMENTS {
+            return;
+        }
+        let segment = CapturedSegment::from_data(data);
+        if self.continues_block(sequence, segment, last) {
             return;
         }
         if let Some(loss) = self.possible_loss.take() {
             self.add_loss(loss);
         }
-        let segment = CapturedSegment::from_data(data);
+        let Some(sequence) = sequence.checked_sub(self.base).filter(|sequence| *sequence > 0) else {
+            return;
+        };
+        let place = usize::from(sequence);
         let known = self.present.get(place - 1).copied().filter(|known| known.is_seen());
         if sequence == self.latest && known == Some(segment) {
             // The same frame twice.
@@ -143,9 +134,52 @@ impl BlockProgress {
         }
     }
 
+    /// Evaluates the first segments after the acknowledgement of a part of a block; `true` if the segment is held.
+    fn continues_block(&mut self, sequence: u8, segment: CapturedSegment, last: bool) -> bool {
+        let Some(partial) = &mut self.partial else { return false };
+        let next = usize::from(partial.sent).saturating_add(partial.held.len()).saturating_add(1);
+        if usize::from(sequence) == next {
+            partial.held.push((segment, last));
+            return true;
+        }
+        let follows = sequence == partial.count.saturating_add(1) && partial.held.is_empty();
+        if follows && self.repeated.first() == Some(&segment) {
+            self.base = partial.count;
+        }
+        // The receiver did not accept the held ones: they are sent again.
+        let unaccepted = std::mem::take(&mut partial.held);
+        let after = usize::from(partial.sent.saturating_sub(partial.count));
+        if !unaccepted.is_empty() {
+            self.repeated.resize(after, CapturedSegment::default());
+            self.repeated_last = unaccepted
+                .iter()
+                .position(|(_, last)| *last)
+                .and_then(|place| u8::try_from(after.saturating_add(place).saturating_add(1)).ok());
+            self.repeated.extend(unaccepted.into_iter().map(|(segment, _)| segment));
+        }
+        self.partial = None;
+        false
+    }
+
+    /// The sender did not restart the numbers after the acknowledgement of a part of a block: the held segments follow
+    /// the acknowledged ones.
+    fn accept_held(&mut self) {
+        let Some(partial) = self.partial.take() else { return };
+        if partial.held.is_empty() || partial.count != partial.sent {
+            return;
+        }
+        (self.base, self.possible_loss) = (partial.count, None);
+        for (segment, last) in partial.held {
+            self.present.push(segment);
+            self.latest = self.latest.saturating_add(1);
+            self.last_sequence = self.last_sequence.or(last.then_some(self.latest));
+        }
+    }
+
     /// Whether a sequence number belongs to another block than the segments before it.
     fn starts_again(&self, sequence: u8, is_known: bool) -> bool {
-        let is_full = self.last_sequence.is_some() || self.size.is_some_and(|size| self.latest >= size);
+        let is_full = self.last_sequence.is_some()
+            || self.size.is_some_and(|size| self.latest.saturating_add(self.base) >= size);
         let is_reordered = !is_full && sequence.saturating_add(REORDERED) >= self.latest;
         is_known || sequence < self.latest && !is_reordered
     }
@@ -180,7 +214,13 @@ impl BlockProgress {
             self.clear_block();
             return;
         }
-        self.apply_segments(sequence, Some(frame), keep);
+        if self.partial.as_ref().is_some_and(|partial| partial.is_exceeded_by(sequence)) {
+            self.accept_held();
+        }
+        let (base, sent) = (self.base, self.latest.saturating_add(self.base));
+        self.apply_segments(sequence.saturating_sub(base), Some(frame), keep);
+        let is_partial = sequence > 0 && !self.is_complete && self.size.is_some_and(|size| sequence < size);
+        self.partial = is_partial.then(|| PartialBlock::new(sequence, sent));
     }
 
     fn apply_segments(&mut self, count: u8, frame: Option<u64>, mut keep: impl FnMut(DataPart<'_>)) {
@@ -217,7 +257,7 @@ impl BlockProgress {
             self.add_loss(loss);
         } else if self.last_sequence.is_none()
             && self.latest > 0
-            && self.size.is_some_and(|size| count < size)
+            && self.size.is_some_and(|size| count.saturating_add(self.base) < size)
         {
             self.possible_loss = Some(loss);
         }
@@ -230,7 +270,7 @@ impl BlockProgress {
 
     fn clear_block(&mut self) {
         self.present.clear();
-        self.latest = 0;
+        (self.latest, self.base) = (0, 0);
         self.last_sequence = None;
     }
 
@@ -238,7 +278,8 @@ impl BlockProgress {
     /// that is missing in the capture.
     pub(super) fn expects_end(&self) -> bool {
         let lacks_tail = self.present.is_empty() && self.tail.is_some_and(|tail| !tail.is_seen());
-        self.last_sequence.is_some() || lacks_tail
+        let is_held = self.partial.as_ref().is_some_and(PartialBlock::has_last);
+        self.last_sequence.is_some() || lacks_tail || is_held
     }
 
     /// Applies the end message: unused bytes of the last segment, and the CRC.
@@ -272,6 +313,7 @@ impl BlockProgress {
     /// Acknowledges the rest of the present block, whose acknowledgement is missing in the capture.
     pub(super) fn presume_rest(&mut self, keep: impl FnMut(DataPart<'_>)) {
         self.possible_loss = None;
+        self.accept_held();
         if !self.present.is_empty() {
             self.is_presumed = true;
             self.apply_segments(self.last_sequence.unwrap_or(self.latest), None, keep);
@@ -325,7 +367,8 @@ impl BlockProgress {
 
     /// Bytes held by the buffers.
     pub(super) fn footprint(&self) -> usize {
-        (self.present.capacity() + self.repeated.capacity()) * size_of::<CapturedSegment>()
+        let held = self.partial.as_ref().map_or(0, PartialBlock::footprint);
+        (self.present.capacity() + self.repeated.capacity()) * size_of::<CapturedSegment>() + held
     }
 }
 
@@ -336,153 +379,4 @@ fn crc16(start: u16, data: &[u8]) -> u16 {
         x ^= x >> 4;
         (crc << 8) ^ (x << 12) ^ (x << 5) ^ x
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Collects parts; a gap is written as one `?` per byte.
-    fn into(text: &mut Vec<u8>) -> impl FnMut(DataPart<'_>) {
-        |part| match part {
-            DataPart::Bytes(bytes) => text.extend_from_slice(bytes),
-            DataPart::Gap(count) => text.resize(text.len() + count, b'?'),
-        }
-    }
-
-    fn segments(blocks: &mut BlockProgress, text: &mut Vec<u8>, list: &[(u8, &[u8])]) {
-        for (byte, data) in list {
-            blocks.add_segment(byte & 0x7F, byte & 0x80 != 0, data, into(text));
-        }
-    }
-
-    #[test]
-    fn the_check_value_of_the_standard() {
-        // CiA 301 §7.2.4.3.16: the CRC of "123456789" is 0x31C3.
-        assert_eq!(crc16(0, b"123456789"), 0x31C3);
-    }
-
-    #[test]
-    fn two_segments_in_one_block() {
-        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
-        blocks.client_offers(true);
-        blocks.server_offers(true);
-        segments(&mut blocks, &mut data, &[(1, b"1234567"), (0x82, b"89\0\0\0\0\0")]);
-        blocks.acknowledge_segments(2, 9, into(&mut data));
-        assert!(blocks.is_complete);
-        blocks.end_block(5, 0x31C3, into(&mut data));
-        assert_eq!((data.as_slice(), blocks.crc_verdict()), (&b"123456789"[..], Some(CrcCheck::Correct)));
-        assert_eq!((blocks.missing, blocks.losses), (0, 0));
-    }
-
-    #[test]
-    fn segments_without_acknowledgement_are_repeated() {
-        // §7.2.4.3.9: after ackseq 1 the sender continues with the next segment as number 1.
-        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
-        segments(&mut blocks, &mut data, &[(1, b"1234567"), (0x82, b"89\0\0\0\0\0")]);
-        blocks.acknowledge_segments(1, 9, into(&mut data));
-        assert!(!blocks.is_complete);
-        segments(&mut blocks, &mut data, &[(0x81, b"89\0\0\0\0\0")]);
-        blocks.acknowledge_segments(1, 11, into(&mut data));
-        assert!(blocks.is_complete);
-        blocks.end_block(5, 0x31C3, into(&mut data));
-        assert_eq!((data.as_slice(), blocks.crc_verdict()), (&b"123456789"[..], Some(CrcCheck::Correct)));
-        assert_eq!((blocks.missing, blocks.losses), (0, 1));
-        assert_eq!(blocks.first_loss, Some(BlockLoss { sequence: 2, frame: Some(9) }));
-    }
-
-    #[test]
-    fn a_repeated_segment_that_is_not_captured_is_known_from_its_first_transmission() {
-        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
-        segments(&mut blocks, &mut data, &[(1, b"1234567"), (0x82, b"89\0\0\0\0\0")]);
-        blocks.acknowledge_segments(1, 9, into(&mut data));
-        blocks.acknowledge_segments(1, 11, into(&mut data));
-        assert!(blocks.is_complete);
-        blocks.end_block(5, 0x31C3, into(&mut data));
-        assert_eq!((data.as_slice(), blocks.missing), (&b"123456789"[..], 0));
-    }
-
-    #[test]
-    fn an_acknowledged_segment_that_was_not_captured_is_a_gap() {
-        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
-        segments(&mut blocks, &mut data, &[(0x82, b"89\0\0\0\0\0")]);
-        blocks.acknowledge_segments(2, 9, into(&mut data));
-        blocks.end_block(5, 0x31C3, into(&mut data));
-        assert_eq!((data.as_slice(), blocks.crc_verdict()), (&b"???????89"[..], Some(CrcCheck::Unchecked)));
-        assert_eq!((blocks.missing, blocks.losses), (1, 0));
-    }
-
-    #[test]
-    fn a_final_segment_that_was_not_captured_is_a_gap() {
-        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
-        segments(&mut blocks, &mut data, &[(1, b"1234567")]);
-        blocks.acknowledge_segments(2, 9, into(&mut data));
-        assert!(!blocks.is_complete && blocks.expects_end());
-        blocks.end_block(5, 0x31C3, into(&mut data));
-        assert_eq!((data.as_slice(), blocks.missing), (&b"1234567??"[..], 1));
-    }
-
-    #[test]
-    fn a_sequence_that_starts_again_overwrites_nothing() {
-        // Blocks of 2 segments; the first acknowledgement is missing in the capture. The CRC confirms it.
-        let (mut blocks, mut data) =
-            (BlockProgress { size: Some(2), ..BlockProgress::default() }, Vec::new());
-        let list: [(u8, &[u8]); 3] = [(1, b"abcdefg"), (2, b"hijklmn"), (0x81, b"op\0\0\0\0\0")];
-        segments(&mut blocks, &mut data, &list);
-        blocks.acknowledge_segments(1, 9, into(&mut data));
-        blocks.end_block(5, crc16(0, b"abcdefghijklmnop"), into(&mut data));
-        assert_eq!(
-            (data.as_slice(), blocks.crc_verdict()),
-            (&b"abcdefghijklmnop"[..], Some(CrcCheck::Correct))
-        );
-        assert!(!blocks.is_unreliable());
-    }
-
-    #[test]
-    fn a_hole_over_an_acknowledgement_is_a_gap_and_no_loss() {
-        // Blocks of 3; segment 3, the acknowledgement and segment 1 of the next block are missing.
-        let (mut blocks, mut data) =
-            (BlockProgress { size: Some(3), ..BlockProgress::default() }, Vec::new());
-        segments(&mut blocks, &mut data, &[(1, b"abcdefg"), (2, b"hijklmn"), (2, b"vwxyz01")]);
-        blocks.acknowledge_segments(2, 9, into(&mut data));
-        blocks.give_up(into(&mut data));
-        assert_eq!(data, b"abcdefghijklmn??????????????vwxyz01");
-        assert_eq!((blocks.missing, blocks.losses), (2, 0));
-        assert!(blocks.is_unreliable());
-    }
-
-    #[test]
-    fn an_end_without_acknowledgement_keeps_the_last_block() {
-        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
-        segments(&mut blocks, &mut data, &[(1, b"1234567"), (0x82, b"89\0\0\0\0\0")]);
-        assert!(blocks.expects_end());
-        blocks.end_block(5, 0x31C3, into(&mut data));
-        assert_eq!((data.as_slice(), blocks.crc_verdict()), (&b"123456789"[..], Some(CrcCheck::Correct)));
-    }
-
-    #[test]
-    fn a_frame_twice_and_a_short_segment() {
-        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
-        segments(&mut blocks, &mut data, &[(1, b"1234567"), (1, b"1234567"), (2, b"89"), (0x83, b"x")]);
-        blocks.acknowledge_segments(3, 9, into(&mut data));
-        blocks.end_block(6, 0, into(&mut data));
-        assert_eq!(data, b"123456789?????x", "bytes that were not sent are not invented");
-    }
-
-    #[test]
-    fn an_acknowledgement_of_more_than_a_block_has_acknowledges_nothing() {
-        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
-        segments(&mut blocks, &mut data, &[(0x81, b"1234567")]);
-        blocks.acknowledge_segments(128, 9, into(&mut data));
-        assert!(data.is_empty() && !blocks.is_complete);
-    }
-
-    #[test]
-    fn a_wrong_crc_is_seen() {
-        let (mut blocks, mut data) = (BlockProgress::default(), Vec::new());
-        segments(&mut blocks, &mut data, &[(0x81, b"1234567")]);
-        blocks.acknowledge_segments(1, 9, into(&mut data));
-        blocks.end_block(0, 0, into(&mut data));
-        assert_eq!(blocks.crc_verdict(), Some(CrcCheck::Wrong));
-    }
 }
