@@ -5,6 +5,7 @@ use crate::finding::{FindingSubject, Severity};
 use crate::frame::Timestamp;
 use crate::rules::rule::{declare_rule, define_tolerance};
 use crate::rules::{Rule, RuleContext, RulePolicy};
+use crate::session::StreamService;
 use crate::wire::canopen::{NmtState, ObjectAddress};
 use crate::wire::{NodeId, NodeMap, NodeSet};
 
@@ -136,6 +137,12 @@ impl NodeLost {
 
 const PRODUCER_TIME: ObjectAddress = ObjectAddress::new(0x1017, 0);
 
+/// Whether a node sent PDOs in the capture.
+fn sends_pdos(node: NodeId, context: &RuleContext<'_>) -> bool {
+    let mut streams = context.bus.streams();
+    streams.any(|stream| stream.service == StreamService::TransmittedPdo && stream.node == Some(node))
+}
+
 impl Rule for NodeLost {
     fn on_event(&mut self, event: &Event, context: &mut RuleContext<'_>) {
         if let EventKind::NmtCommand { to: Some(NmtState::Initialising), target: 0, .. } = event.kind {
@@ -147,8 +154,8 @@ impl Rule for NodeLost {
             EventKind::NodeLost(silence) => {
                 self.lost.insert(node);
                 let is_held = self.held.remove(node).is_some();
-                if silence.monitored_by == MonitoringMethod::Guarding && !silence.others_continue && !is_held
-                {
+                let is_by_guarding = silence.monitored_by == MonitoringMethod::Guarding;
+                if is_by_guarding && !silence.others_continue && !is_held && sends_pdos(node, context) {
                     context.wake_at(context.now.saturating_add(HELD_TIME), node.number().into());
                     return self.held.insert(node, event.clone());
                 }
