@@ -297,6 +297,12 @@ fn a_node_without_a_start_waits() {
     };
     assert_eq!(waiting("181002", "181002"), ["not-started 5"]);
     assert_eq!(waiting("181001", "181002"), ["not-accepted 5"], "its identity was not read to the end");
+    let mut machine = nodes();
+    machine.retain(|message| !["705", "185", "285"].contains(&message.id));
+    machine.push(message("705", 100, |_| "7F".to_owned()));
+    let refused =
+        [(1_000_000, "605#2B171000E8030000".to_owned()), (1_002_000, "585#8017100022000008".to_owned())];
+    assert_eq!(concluded(&machine, &refused), [""; 0], "the refused write is the cause");
 }
 
 #[test]

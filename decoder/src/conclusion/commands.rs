@@ -122,6 +122,10 @@ fn not_started(bus: &Bus, node: &Node, moments: &NodeMoments) -> Option<Conclusi
         .nodes()
         .any(|other| other.id() != id && other.nmt().is_some_and(|nmt| nmt.state == NmtState::Operational));
     let last = moments.last_transfer(bus.index(), id);
+    // A refused request is the cause, and has a rule of its own.
+    if last.is_some_and(|last| !last.is_complete) {
+        return None;
+    }
     let idle = last.map_or(start, |last| last.at.0).max(start);
     let waits = end.saturating_sub(idle) > WAITED && !node.is_lost();
     if !is_addressed || has_started || !others || !waits {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::event::{Event, EventKind, SdoDirection, SdoTransfer, StateCertainty, StateChange};
+use crate::event::{Event, EventKind, SdoDirection, SdoOutcome, SdoTransfer, StateCertainty, StateChange};
 use crate::frame::BusIndex;
 use crate::wire::NodeId;
 use crate::wire::canopen::nmt::NmtService;
@@ -61,6 +61,8 @@ pub(crate) struct NodeMoments {
 pub(crate) struct LastTransfer {
     pub(crate) object: Option<ObjectAddress>,
     pub(crate) is_upload: bool,
+    /// The server accepted it.
+    pub(crate) is_complete: bool,
     /// Monotonic time in ns, and frame.
     pub(crate) at: (i64, u64),
 }
@@ -134,7 +136,9 @@ impl NodeMoments {
     fn note_transfer(&mut self, event: &Event, transfer: &SdoTransfer, time: i64) {
         let Some(node) = event.node else { return };
         let is_upload = transfer.direction == Some(SdoDirection::Upload);
-        let last = LastTransfer { object: transfer.object, is_upload, at: (time, event.frames.last) };
+        let is_complete = transfer.outcome == SdoOutcome::Complete;
+        let last =
+            LastTransfer { object: transfer.object, is_upload, is_complete, at: (time, event.frames.last) };
         self.transfers.insert((event.bus, node), last);
         if let Some(object) = transfer.object.filter(|object| is_upload && object.index == IDENTITY) {
             let read = self.identities.entry((event.bus, node)).or_default();
