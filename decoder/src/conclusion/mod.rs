@@ -24,7 +24,7 @@ use crate::session::Bus;
 pub(crate) use failure::Conclusion;
 pub use hypothesis::{ExplainedFindings, Hypothesis, all_hypotheses, find_hypothesis};
 
-/// What fails on a bus. `end` is the monotonic time of its last frame.
+/// What fails on a bus up to its last frame; nothing if its clock was set.
 pub(crate) fn conclude(bus: &Bus, moments: &NodeMoments, groups: &[FindingGroup]) -> Vec<Conclusion> {
     let end = bus.now();
     // Times before the clock was set have no place on the present one.
