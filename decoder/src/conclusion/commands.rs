@@ -21,16 +21,23 @@ pub(super) fn conclude_commands(
     senders: &[SenderStreams],
     moments: &NodeMoments,
 ) -> Vec<Conclusion> {
-    let mut all: Vec<Conclusion> =
-        second_master(bus, senders, moments).or_else(|| stopped_node(bus, moments)).into_iter().collect();
-    all.extend(bus.nodes().filter_map(|node| not_started(bus, node, moments)));
+    let commanded: Vec<BusStream> =
+        bus.streams().filter(|stream| stream.service == StreamService::ReceivedPdo).collect();
+    let mut all: Vec<Conclusion> = second_master(bus, senders, &commanded, moments)
+        .or_else(|| stopped_node(bus, moments))
+        .into_iter()
+        .collect();
+    all.extend(bus.nodes().filter_map(|node| not_started(bus, node, &commanded, moments)));
     all
 }
 
 /// A command that ends operation while the set points of the controller continue.
-fn second_master(bus: &Bus, senders: &[SenderStreams], moments: &NodeMoments) -> Option<Conclusion> {
-    let streams: Vec<BusStream> =
-        bus.streams().filter(|stream| stream.service == StreamService::ReceivedPdo).collect();
+fn second_master(
+    bus: &Bus,
+    senders: &[SenderStreams],
+    commanded: &[BusStream],
+    moments: &NodeMoments,
+) -> Option<Conclusion> {
     let controller = senders.iter().find(|sender| sender.sender == Sender::Controller)?;
     moments.switch_offs(bus.index()).find_map(|(target, (time, frame))| {
         let is_meant = |stream: &&BusStream| target.is_none() || stream.node == target;
@@ -47,7 +54,7 @@ fn second_master(bus: &Bus, senders: &[SenderStreams], moments: &NodeMoments) ->
                         && pause.times.1 >= time
                 })
         };
-        let meant: Vec<_> = streams.iter().filter(is_meant).collect();
+        let meant: Vec<_> = commanded.iter().filter(is_meant).collect();
         let is_ignored = !meant.is_empty() && meant.iter().all(continues);
         // The controller may start what it stopped.
         let range = (time, time.saturating_add(CONTINUED));
@@ -103,7 +110,7 @@ fn stopped_node(bus: &Bus, moments: &NodeMoments) -> Option<Conclusion> {
 }
 
 /// A node that waits in pre-operational up to the end, although its controller asked it or sends to it.
-fn not_started(bus: &Bus, node: &Node, moments: &NodeMoments) -> Option<Conclusion> {
+fn not_started(bus: &Bus, node: &Node, commanded: &[BusStream], moments: &NodeMoments) -> Option<Conclusion> {
     let id = node.id();
     let number = id.canopen()?;
     let nmt = node.nmt().filter(|nmt| nmt.state == NmtState::PreOperational)?;
@@ -111,9 +118,7 @@ fn not_started(bus: &Bus, node: &Node, moments: &NodeMoments) -> Option<Conclusi
     let (start, frame) = since.unwrap_or((bus.now().saturating_sub(nmt_age(bus, node)), nmt.frame));
     let request = CanId::from_standard(SDO_REQUEST + u16::from(number));
     let is_addressed = bus.identifiers().find_slot(request).is_some()
-        || bus
-            .streams()
-            .any(|stream| stream.service == StreamService::ReceivedPdo && stream.node == Some(id));
+        || commanded.iter().any(|stream| stream.node == Some(id));
     let end = bus.now();
     let has_started = moments.has_moment(NodeMoment::Start, (bus.index(), Some(id)), (start, end))
         || moments.has_moment(NodeMoment::SwitchOff, (bus.index(), Some(id)), (start.saturating_add(1), end))
